@@ -1,0 +1,2 @@
+//! dsfms command line
+fn main() {}

@@ -1,0 +1,1 @@
+//! Energy terms of eqs. 3 and 4, one file per term (in progress).

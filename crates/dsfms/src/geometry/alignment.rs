@@ -1,0 +1,77 @@
+//! Least-squares rigid and similarity alignment of corresponding points (Umeyama 1991).
+
+use super::{Isometry, Point3, Similarity, Vector3};
+use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
+
+/// The rigid motion `T` that minimises `Σ‖T·sourceᵢ − targetᵢ‖²`.
+///
+/// `None` for fewer than three pairs, slices of different lengths, or collinear points.
+pub fn align_rigid(source: &[Point3], target: &[Point3]) -> Option<Isometry> {
+    let s = umeyama(source, target, false)?;
+    Some(s.isometry)
+}
+
+/// The similarity `S` that minimises `Σ‖S·sourceᵢ − targetᵢ‖²`; `None` as for [`align_rigid`].
+pub fn align_similarity(source: &[Point3], target: &[Point3]) -> Option<Similarity> {
+    umeyama(source, target, true)
+}
+
+fn centroid(points: &[Point3]) -> Vector3 {
+    points.iter().map(|p| p.coords).sum::<Vector3>() / points.len() as f64
+}
+
+fn umeyama(source: &[Point3], target: &[Point3], with_scale: bool) -> Option<Similarity> {
+    if source.len() < 3 || source.len() != target.len() {
+        return None;
+    }
+    let (cs, ct) = (centroid(source), centroid(target));
+    let (mut covariance, mut spread) = (Matrix3::zeros(), 0.0);
+    for (s, t) in source.iter().zip(target) {
+        let (ds, dt) = (s.coords - cs, t.coords - ct);
+        covariance += dt * ds.transpose();
+        spread += ds.norm_squared();
+    }
+    let svd = covariance.svd(true, true);
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    if svd.singular_values[1] <= 1e-14 * svd.singular_values[0] {
+        return None;
+    }
+    let mut sign = Vector3::repeat(1.0);
+    if (u * v_t).determinant() < 0.0 {
+        sign.z = -1.0;
+    }
+    let rotation = Rotation3::from_matrix_unchecked(u * Matrix3::from_diagonal(&sign) * v_t);
+    let scale = if with_scale { svd.singular_values.dot(&sign) / spread } else { 1.0 };
+    let translation = ct - rotation * cs * scale;
+    let isometry = Isometry::from_parts(
+        Translation3::from(translation),
+        UnitQuaternion::from_rotation_matrix(&rotation),
+    );
+    (scale > 0.0).then(|| Similarity::from_isometry(isometry, scale))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recovers_a_known_similarity() {
+        let source: Vec<_> = [[0., 0., 0.], [1., 0., 0.], [0., 2., 0.], [0.3, 0.1, 3.]]
+            .iter()
+            .map(|p| Point3::new(p[0], p[1], p[2]))
+            .collect();
+        let truth = Similarity::new(Vector3::new(1., -2., 3.), Vector3::new(0.3, -0.2, 0.9), 2.5);
+        let target: Vec<_> = source.iter().map(|p| truth * p).collect();
+        let found = align_similarity(&source, &target).unwrap();
+        for (s, t) in source.iter().zip(&target) {
+            assert!((found * s - t).norm() < 1e-12);
+        }
+        assert!((found.scaling() - 2.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn refuses_collinear_points() {
+        let line: Vec<_> = (0..5).map(|i| Point3::new(i as f64, 0.0, 0.0)).collect();
+        assert!(align_rigid(&line, &line).is_none());
+    }
+}

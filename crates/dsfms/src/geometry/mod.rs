@@ -1,0 +1,20 @@
+//! Pure functions on points: triangles, barycentric coordinates, rigid and similarity alignment.
+
+pub mod alignment;
+pub mod triangle;
+
+pub use alignment::{align_rigid, align_similarity};
+pub use triangle::{area, area_normal, barycentric, normal, point_at};
+
+/// A point of 3-space; mm or template units, the frame named where it is used.
+pub type Point3 = nalgebra::Point3<f64>;
+/// A free vector of 3-space.
+pub type Vector3 = nalgebra::Vector3<f64>;
+/// A point of the image plane in px, pixel centres at integers.
+pub type Point2 = nalgebra::Point2<f64>;
+/// A free vector of the image plane in px.
+pub type Vector2 = nalgebra::Vector2<f64>;
+/// A rigid motion, written right to left: `camera_from_world * point_in_world`.
+pub type Isometry = nalgebra::Isometry3<f64>;
+/// A rigid motion with a scale.
+pub type Similarity = nalgebra::Similarity3<f64>;

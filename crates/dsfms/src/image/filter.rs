@@ -1,0 +1,1 @@
+//! Gaussian blur, with and without a mask.

@@ -1,0 +1,38 @@
+//! Pixels in memory: encoded frames, linear colour, one-channel planes, masks, tone curves.
+
+pub mod filter;
+pub mod mask;
+pub mod plane;
+pub mod tone;
+
+pub use mask::Mask;
+pub use plane::{ColorImage, Plane};
+pub use tone::ToneCurve;
+
+/// One decoded frame: 8-bit encoded RGB exactly as the file holds it, row major.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// File stem or `frame_NNN` for video; names outputs and error messages.
+    pub name: String,
+    /// Width and height in px.
+    pub size: [usize; 2],
+    /// Encoded (not linear) RGB, `size[0] * size[1]` pixels.
+    pub rgb: Vec<[u8; 3]>,
+}
+
+impl Frame {
+    /// Linear light in `[0, 1]` per channel: the only form photometric code may see.
+    pub fn linear(&self, tone: &ToneCurve) -> ColorImage {
+        let table = tone.table();
+        let data = self.rgb.iter().map(|p| p.map(|v| table[v as usize])).collect();
+        ColorImage { size: self.size, data }
+    }
+
+    /// Encoded grey in `[0, 1]` (Rec. 601 luma): for feature detection, never for photometry.
+    pub fn luma(&self) -> Plane {
+        let luma = |p: &[u8; 3]| {
+            (0.299 * p[0] as f32 + 0.587 * p[1] as f32 + 0.114 * p[2] as f32) / 255.0
+        };
+        Plane { size: self.size, data: self.rgb.iter().map(luma).collect() }
+    }
+}

@@ -1,0 +1,84 @@
+//! One- and three-channel images of `f32` with bilinear sampling and its exact gradient.
+
+use crate::geometry::{Point2, Vector2};
+
+/// A one-channel image, row major.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plane {
+    /// Width and height in px.
+    pub size: [usize; 2],
+    /// `size[0] * size[1]` values.
+    pub data: Vec<f32>,
+}
+
+/// A three-channel image in linear light, row major.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColorImage {
+    /// Width and height in px.
+    pub size: [usize; 2],
+    /// `size[0] * size[1]` pixels, RGB in `[0, 1]`.
+    pub data: Vec<[f32; 3]>,
+}
+
+impl ColorImage {
+    /// Mean of the three channels: the grey of the photometric terms (linear light).
+    pub fn grey(&self) -> Plane {
+        let data = self.data.iter().map(|p| (p[0] + p[1] + p[2]) / 3.0).collect();
+        Plane { size: self.size, data }
+    }
+
+    /// Channel `c` (0 red, 1 green, 2 blue).
+    pub fn channel(&self, c: usize) -> Plane {
+        Plane { size: self.size, data: self.data.iter().map(|p| p[c]).collect() }
+    }
+}
+
+impl Plane {
+    /// A plane of one value.
+    pub fn filled(size: [usize; 2], value: f32) -> Self {
+        Self { size, data: vec![value; size[0] * size[1]] }
+    }
+
+    /// Value at column `x`, row `y`.
+    pub fn at(&self, x: usize, y: usize) -> f32 {
+        self.data[y * self.size[0] + x]
+    }
+
+    /// Bilinear value at a sub-pixel position and its gradient (per px), exact for the bilinear
+    /// interpolant; `None` outside the rectangle of pixel centres.
+    pub fn sample(&self, p: &Point2) -> Option<(f64, Vector2)> {
+        let [w, h] = self.size;
+        if !(p.x >= 0.0 && p.y >= 0.0 && p.x <= (w as f64 - 1.0) && p.y <= (h as f64 - 1.0)) {
+            return None;
+        }
+        let (x0, y0) =
+            ((p.x as usize).min(w.saturating_sub(2)), (p.y as usize).min(h.saturating_sub(2)));
+        let (x1, y1) = ((x0 + 1).min(w - 1), (y0 + 1).min(h - 1));
+        let (u, v) = (p.x - x0 as f64, p.y - y0 as f64);
+        let (a, b) = (self.at(x0, y0) as f64, self.at(x1, y0) as f64);
+        let (c, d) = (self.at(x0, y1) as f64, self.at(x1, y1) as f64);
+        let value = (1.0 - v) * ((1.0 - u) * a + u * b) + v * ((1.0 - u) * c + u * d);
+        let gradient = Vector2::new(
+            (1.0 - v) * (b - a) + v * (d - c),
+            (1.0 - u) * (c - a) + u * (d - b),
+        );
+        Some((value, gradient))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bilinear_reproduces_a_plane_and_its_slope() {
+        let size = [5, 4];
+        let data = (0..20).map(|i| 2.0 * (i % 5) as f32 - 3.0 * (i / 5) as f32).collect();
+        let plane = Plane { size, data };
+        let (value, gradient) = plane.sample(&Point2::new(1.25, 2.5)).unwrap();
+        assert!((value - (2.5 - 7.5)).abs() < 1e-6);
+        assert!((gradient - Vector2::new(2.0, -3.0)).norm() < 1e-6);
+        assert!(plane.sample(&Point2::new(4.001, 0.0)).is_none());
+        assert!(plane.sample(&Point2::new(f64::NAN, 0.0)).is_none());
+    }
+}

@@ -1,0 +1,32 @@
+//! Lights rigidly mounted on the laparoscope: how much light a surface point gets, and where a
+//! highlight sits.
+//!
+//! Albedo, the diffuse and specular terms and the renderer all go through [`Light`], so synthetic
+//! images and the energy cannot disagree about the physics.
+
+use crate::geometry::{Point3, Vector3};
+
+/// Diffuse shading `s` of one surface point and its derivatives.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Shade {
+    /// `s ≥ 0`: irradiance over that of a fronto-parallel point at the reference distance on the
+    /// axis (the paper's `L·N`); 0 where the surface faces away.
+    pub value: f64,
+    /// `∂s/∂normal` (the normal taken as a free vector, not projected to the sphere).
+    pub d_normal: Vector3,
+    /// `∂s/∂point`, per length unit.
+    pub d_point: Vector3,
+}
+
+/// What every light can do. Points and normals are in camera axes; outward unit normals point
+/// towards the camera where the surface is visible (`N·z < 0`).
+pub trait Light: Send + Sync {
+    /// Diffuse shading of a point.
+    fn shade(&self, point: &Point3, normal: &Vector3) -> Shade;
+    /// Unit normal that a perfect mirror at `point` needs to send the light into the camera:
+    /// the half vector between the directions to the camera and to the light.
+    fn mirror_normal(&self, point: &Point3) -> Vector3;
+}
+
+pub mod model;
+pub use model::{LightModel, PointLight, Spot};

@@ -1,0 +1,196 @@
+//! Connectivity: faces, edges, one-rings, boundary. Never mentions a position.
+
+use std::collections::BTreeMap;
+
+/// Connectivity of an oriented, edge-manifold triangle mesh; vertex and face order are the file's.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Topology {
+    /// Number of vertices; those that no face uses are allowed and stay in every output.
+    pub vertex_count: usize,
+    /// Corner vertices of each face, counter-clockwise seen from outside.
+    pub faces: Vec<[u32; 3]>,
+    /// Undirected edges `[a, b]`, `a < b`, in lexicographic order.
+    pub edges: Vec<[u32; 2]>,
+    /// The one or two faces of each edge; the second is `u32::MAX` on the boundary.
+    pub edge_faces: Vec<[u32; 2]>,
+    /// Neighbour vertices of each vertex, ascending, without itself.
+    pub one_ring: Vec<Vec<u32>>,
+    /// Faces around each vertex, ascending.
+    pub vertex_faces: Vec<Vec<u32>>,
+    /// Whether the vertex lies on a boundary edge.
+    pub boundary: Vec<bool>,
+}
+
+/// Why a face list is not a usable surface.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TopologyError {
+    /// The file held no triangle.
+    #[error("the mesh has no faces; expected a triangle mesh")]
+    NoFaces,
+    /// A corner index past the vertex list.
+    #[error("face {face} names vertex {vertex}, but the mesh has {count} vertices (indices start at 0)")]
+    VertexOutOfRange {
+        /// 0-based face.
+        face: usize,
+        /// The index found.
+        vertex: u32,
+        /// Vertices in the mesh.
+        count: usize,
+    },
+    /// A face that uses one vertex twice.
+    #[error("face {face} uses vertex {vertex} twice; remove degenerate faces first")]
+    DegenerateFace {
+        /// 0-based face.
+        face: usize,
+        /// The repeated vertex.
+        vertex: u32,
+    },
+    /// Two faces with the same three corners.
+    #[error("faces {first} and {second} have the same three corners; remove duplicate faces first")]
+    DuplicateFace {
+        /// 0-based face.
+        first: usize,
+        /// 0-based face.
+        second: usize,
+    },
+    /// An edge with three or more faces.
+    #[error("edge {a}-{b} is shared by {count} faces: the mesh is not manifold; repair it (MeshLab: 'Repair non manifold edges')")]
+    NonManifoldEdge {
+        /// Vertex of the edge.
+        a: u32,
+        /// Vertex of the edge.
+        b: u32,
+        /// Faces that share it.
+        count: usize,
+    },
+    /// Neighbouring faces wound against each other.
+    #[error("faces {first} and {second} run along edge {a}-{b} in the same direction: orient the faces consistently first")]
+    InconsistentOrientation {
+        /// 0-based face.
+        first: usize,
+        /// 0-based face.
+        second: usize,
+        /// Vertex of the edge.
+        a: u32,
+        /// Vertex of the edge.
+        b: u32,
+    },
+}
+
+impl Topology {
+    /// Build and check: indices in range, no degenerate or duplicate face, at most two faces per
+    /// edge, consistently oriented.
+    pub fn new(vertex_count: usize, faces: Vec<[u32; 3]>) -> Result<Self, TopologyError> {
+        check_faces(vertex_count, &faces)?;
+        let by_edge = faces_by_edge(&faces);
+        let (mut edges, mut edge_faces) = (Vec::new(), Vec::new());
+        let mut boundary = vec![false; vertex_count];
+        let mut one_ring = vec![Vec::new(); vertex_count];
+        for (&[a, b], users) in &by_edge {
+            check_edge([a, b], users)?;
+            edges.push([a, b]);
+            edge_faces.push([users[0].0, users.get(1).map_or(u32::MAX, |u| u.0)]);
+            one_ring[a as usize].push(b);
+            one_ring[b as usize].push(a);
+            if users.len() == 1 {
+                boundary[a as usize] = true;
+                boundary[b as usize] = true;
+            }
+        }
+        one_ring.iter_mut().for_each(|ring| ring.sort_unstable());
+        let mut vertex_faces = vec![Vec::new(); vertex_count];
+        for (f, face) in faces.iter().enumerate() {
+            face.iter().for_each(|&v| vertex_faces[v as usize].push(f as u32));
+        }
+        Ok(Self { vertex_count, faces, edges, edge_faces, one_ring, vertex_faces, boundary })
+    }
+
+    /// `V − E + F` over the vertices that faces use: 1 for a disc, 2 for a closed sphere.
+    pub fn euler_characteristic(&self) -> i64 {
+        let used = self.vertex_faces.iter().filter(|f| !f.is_empty()).count();
+        used as i64 - self.edges.len() as i64 + self.faces.len() as i64
+    }
+}
+
+fn check_faces(vertex_count: usize, faces: &[[u32; 3]]) -> Result<(), TopologyError> {
+    if faces.is_empty() {
+        return Err(TopologyError::NoFaces);
+    }
+    let mut seen = BTreeMap::new();
+    for (f, face) in faces.iter().enumerate() {
+        if let Some(&vertex) = face.iter().find(|&&v| v as usize >= vertex_count) {
+            return Err(TopologyError::VertexOutOfRange { face: f, vertex, count: vertex_count });
+        }
+        let [a, b, c] = *face;
+        if a == b || b == c || c == a {
+            let vertex = if b == c { b } else { a };
+            return Err(TopologyError::DegenerateFace { face: f, vertex });
+        }
+        let mut key = *face;
+        key.sort_unstable();
+        if let Some(first) = seen.insert(key, f) {
+            return Err(TopologyError::DuplicateFace { first, second: f });
+        }
+    }
+    Ok(())
+}
+
+/// For each undirected edge its faces, with `true` where the face runs from the smaller vertex.
+type FacesByEdge = BTreeMap<[u32; 2], Vec<(u32, bool)>>;
+
+fn faces_by_edge(faces: &[[u32; 3]]) -> FacesByEdge {
+    let mut by_edge = FacesByEdge::new();
+    for (f, &[a, b, c]) in faces.iter().enumerate() {
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            by_edge.entry([from.min(to), from.max(to)]).or_default().push((f as u32, from < to));
+        }
+    }
+    by_edge
+}
+
+fn check_edge([a, b]: [u32; 2], users: &[(u32, bool)]) -> Result<(), TopologyError> {
+    match users {
+        [_] => Ok(()),
+        [first, second] if first.1 != second.1 => Ok(()),
+        [first, second] => Err(TopologyError::InconsistentOrientation {
+            first: first.0 as usize,
+            second: second.0 as usize,
+            a,
+            b,
+        }),
+        _ => Err(TopologyError::NonManifoldEdge { a, b, count: users.len() }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_triangles_by_hand() {
+        let t = Topology::new(4, vec![[0, 1, 2], [2, 1, 3]]).unwrap();
+        assert_eq!(t.edges.len(), 5);
+        assert_eq!(t.edge_faces[t.edges.iter().position(|e| e == &[1, 2]).unwrap()], [0, 1]);
+        assert_eq!(t.one_ring[1], [0, 2, 3]);
+        assert_eq!(t.euler_characteristic(), 1);
+        assert!(t.boundary.iter().all(|&b| b));
+    }
+
+    #[test]
+    fn names_what_is_wrong() {
+        use TopologyError::*;
+        assert_eq!(Topology::new(3, vec![]), Err(NoFaces));
+        assert!(matches!(Topology::new(2, vec![[0, 1, 2]]), Err(VertexOutOfRange { vertex: 2, .. })));
+        assert!(matches!(Topology::new(3, vec![[0, 1, 1]]), Err(DegenerateFace { vertex: 1, .. })));
+        assert!(matches!(Topology::new(3, vec![[0, 1, 2], [1, 2, 0]]), Err(DuplicateFace { .. })));
+        assert!(matches!(
+            Topology::new(4, vec![[0, 1, 2], [1, 2, 3]]),
+            Err(InconsistentOrientation { .. })
+        ));
+        assert!(matches!(
+            Topology::new(5, vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]]),
+            Err(NonManifoldEdge { count: 3, .. })
+        ));
+    }
+}

@@ -1,0 +1,142 @@
+//! One deformed frame through all stages of a method.
+
+use crate::camera::CameraModel;
+use crate::geometry::{Isometry, Point3};
+use crate::image::{Frame, Mask, ToneCurve};
+use crate::register::Match;
+use crate::solver::Summary;
+use crate::template::Template;
+use serde::{Deserialize, Serialize};
+
+/// How a deformed frame is reconstructed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Rigid pose of the template only.
+    Rigid,
+    /// Shape from shading alone (perspective, light at the camera), given the rigid registration.
+    Sfs,
+    /// Motion only (eq. 3).
+    Dsfm,
+    /// Motion and shading (eq. 4).
+    Dsfms,
+}
+
+/// What is known of one deformed frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Observation<'a> {
+    /// The image.
+    pub frame: &'a Frame,
+    /// Camera of this frame.
+    pub camera: &'a CameraModel,
+    /// Tone curve of this frame.
+    pub tone: &'a ToneCurve,
+    /// Given matches; `None` = find them by the template's descriptors.
+    pub matches: Option<&'a [Match]>,
+    /// `true` where an instrument covers the organ.
+    pub instrument: Option<&'a Mask>,
+    /// `true` where the organ is the first surface hit.
+    pub organ: Option<&'a Mask>,
+}
+
+/// Whether a reconstruction can be trusted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "status", content = "reasons", rename_all = "snake_case")]
+pub enum Status {
+    /// Nothing to complain about.
+    Ok,
+    /// A surface, with named reservations.
+    Degraded(Vec<String>),
+}
+
+/// The surface of one frame.
+#[derive(Clone, Debug)]
+pub struct Reconstruction {
+    /// Trust.
+    pub status: Status,
+    /// Vertices in camera axes, template's unit and vertex order.
+    pub vertices: Vec<Point3>,
+    /// Rigid part: `camera_from_template`.
+    pub pose: Isometry,
+    /// Seen by the camera (z-buffer, instruments and organ mask applied).
+    pub visible: Vec<bool>,
+    /// Expected error per vertex, length units, where the method gives one.
+    pub confidence: Option<Vec<f64>>,
+    /// Exposure gain relative to the template's albedo; 1 for methods without shading.
+    pub gain: f64,
+    /// Ambient light, linear; 0 for methods without shading.
+    pub ambient: f64,
+    /// Matches used: all given or found, with `true` for those that were kept.
+    pub matches: Vec<(Match, bool)>,
+    /// Name, wall time in seconds and solver report of every stage, in order.
+    pub stages: Vec<StageReport>,
+}
+
+/// One stage of a reconstruction.
+#[derive(Clone, Debug, Serialize)]
+pub struct StageReport {
+    /// `pose`, `matching`, `register (eq. 3)`, `refine (eq. 4)`, `sfs`.
+    pub name: String,
+    /// Wall time, seconds.
+    pub seconds: f64,
+    /// The solve, where the stage has one.
+    pub summary: Option<Summary>,
+}
+
+/// Why a frame gave no surface.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReconstructError {
+    /// Fewer matches than a pose needs.
+    #[error("{found} usable matches, at least {needed} are needed; give more with --matches, or check that the frame shows the organ")]
+    TooFewMatches {
+        /// Matches left after checks.
+        found: usize,
+        /// Minimum.
+        needed: usize,
+    },
+    /// A rigid pose explains too few of the matches.
+    #[error("no pose of the template explains the matches ({inliers} of {found} agree); check the camera file, the matches' template, and that the frame shows the organ")]
+    NoPose {
+        /// Agreeing matches.
+        inliers: usize,
+        /// All matches.
+        found: usize,
+    },
+    /// The template has no descriptors and no matches were given.
+    #[error("the template holds no descriptors, so matches cannot be found automatically; give them with --matches")]
+    NoDescriptors,
+    /// A shading method without albedo.
+    #[error("method {0:?} needs an albedo, and the template has none; build it from frames or give --albedo")]
+    NoAlbedo(Method),
+    /// Image and camera disagree.
+    #[error("the frame is {found:?} px but the camera file says {expected:?}; use the camera file of this resolution")]
+    SizeMismatch {
+        /// Size of the frame.
+        found: [usize; 2],
+        /// Size in the camera file.
+        expected: [usize; 2],
+    },
+    /// Nothing visible in the frame.
+    #[error("the frame is black (brightest pixel {0} of 255); nothing can be reconstructed")]
+    Black(u8),
+}
+
+/// Options of a reconstruction.
+#[derive(Clone, Debug, Default)]
+pub struct ReconstructOptions {
+    /// Seed of every random draw.
+    pub seed: u64,
+    /// Solve eqs. 3 and 4 as printed in the paper instead of the repaired form.
+    pub literal: bool,
+}
+
+/// Reconstruct one deformed frame.
+pub fn reconstruct(
+    _template: &Template,
+    _observation: &Observation,
+    _method: Method,
+    _options: &ReconstructOptions,
+) -> Result<Reconstruction, ReconstructError> {
+    todo!()
+}

@@ -1,0 +1,1 @@
+//! DSfMS: shading and specularities refine the coarse shape (paper §7, eq. 4; in progress).

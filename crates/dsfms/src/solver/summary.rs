@@ -1,0 +1,52 @@
+//! What a solve did, term by term.
+
+use serde::{Deserialize, Serialize};
+
+/// Why the solver stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stop {
+    /// An accepted step lowered the cost by less than the relative tolerance.
+    Cost,
+    /// An accepted step was shorter than the tolerance.
+    Step,
+    /// The gradient vanished.
+    Gradient,
+    /// The step limit was reached: an outcome, not an error.
+    StepLimit,
+    /// No damping up to the largest gave a step that lowers the cost.
+    NoProgress,
+}
+
+/// Weighted cost of one term.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TermCost {
+    /// Role and equation, e.g. `motion (eq. 3)`.
+    pub label: String,
+    /// `weight · Σ ρ` at the start.
+    pub before: f64,
+    /// `weight · Σ ρ` at the end.
+    pub after: f64,
+}
+
+/// The report of one solve.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// Why it stopped.
+    pub stop: Stop,
+    /// Accepted steps.
+    pub iterations: usize,
+    /// Refused steps.
+    pub refused: usize,
+    /// Every term before and after.
+    pub terms: Vec<TermCost>,
+    /// Wall time, seconds.
+    pub seconds: f64,
+}
+
+impl Summary {
+    /// Total cost before and after.
+    pub fn cost(&self) -> (f64, f64) {
+        self.terms.iter().fold((0.0, 0.0), |(b, a), t| (b + t.before, a + t.after))
+    }
+}

@@ -1,0 +1,85 @@
+//! The template: rest surface, flattening, texture, albedo, descriptors (paper §4, §5).
+
+pub mod texels;
+
+use crate::camera::CameraModel;
+use crate::geometry::{Isometry, Point2};
+use crate::image::ToneCurve;
+use crate::light::LightModel;
+use crate::mesh::Mesh;
+use serde::{Deserialize, Serialize};
+pub use texels::SurfaceTexels;
+
+/// Unit of every length in a template and in what is reconstructed from it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LengthUnit {
+    /// Metric: the scale came from a metric mesh, known poses or a reference length.
+    Millimetre,
+    /// SfM alone: similar to the true shape, of unknown scale.
+    #[default]
+    TemplateUnit,
+}
+
+/// The organ at rest, with all that registration and shading need.
+#[derive(Clone, Debug)]
+pub struct Template {
+    /// Unit of `mesh` and of every pose.
+    pub unit: LengthUnit,
+    /// Rest surface in the template frame; vertex order is that of the user's mesh if one was given.
+    pub mesh: Mesh,
+    /// Number of exploration frames that saw each vertex; empty when there were no frames.
+    pub seen: Vec<u32>,
+    /// Conformal flattening, where the topology allows it (cut automatically).
+    pub flattening: Option<Flattening>,
+    /// Albedo on the surface (eqs. 1, 2), linear units, up to one global factor shared with `light`.
+    pub albedo: Option<SurfaceTexels>,
+    /// Descriptors on the surface, for automatic matching.
+    pub features: Option<Features>,
+    /// Registered exploration frames.
+    pub views: Vec<View>,
+    /// Camera of the exploration.
+    pub camera: Option<CameraModel>,
+    /// Tone curve of the exploration frames.
+    pub tone: ToneCurve,
+    /// Light as calibrated on the exploration frames (or as given).
+    pub light: Option<LightModel>,
+}
+
+/// One registered exploration frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct View {
+    /// Name of the frame.
+    pub name: String,
+    /// `camera_from_template * point_in_template` is in camera axes.
+    pub camera_from_template: Isometry,
+    /// Exposure gain of the frame relative to the albedo's unit.
+    pub gain: f64,
+    /// Root mean square reprojection error, px (0 for given poses).
+    pub reprojection_px: f64,
+}
+
+/// A conformal flattening: one UV per face corner, so that a seam needs no duplicated vertex.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Flattening {
+    /// UV of the three corners of each face, in `[0, 1]²`.
+    pub corners: Vec<[Point2; 3]>,
+    /// Edges (vertex pairs) along which the surface was cut open; empty for a disc.
+    pub seam: Vec<[u32; 2]>,
+    /// Per face: ratio of the singular values of the flattening, 1 = conformal.
+    pub quasi_conformal: Vec<f64>,
+    /// Per face: ln of (UV area / surface area), centred to mean 0: 0 = equal area.
+    pub log_area: Vec<f64>,
+}
+
+/// Descriptors anchored to the surface.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Features {
+    /// 128 bytes (RootSIFT scaled to u8) per feature.
+    pub descriptors: Vec<[u8; 128]>,
+    /// Face of each feature.
+    pub faces: Vec<u32>,
+    /// Barycentrics of each feature on its face.
+    pub barycentrics: Vec<[f64; 3]>,
+}

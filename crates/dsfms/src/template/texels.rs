@@ -1,0 +1,84 @@
+//! Values stored on the surface itself: every face carries its own triangular lattice of texels,
+//! so no UV chart, seam or cut stands between an image and the albedo (cf. Yuksel et al. 2010,
+//! "Mesh colors").
+
+/// RGB values on a lattice of `r²` equal sub-triangles per face.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SurfaceTexels {
+    /// Subdivisions `r` of every face's edges, at least 1.
+    pub resolution: Vec<u16>,
+    /// Index of the first texel of every face, and the total count last.
+    pub offset: Vec<u32>,
+    /// Linear RGB per texel.
+    pub value: Vec<[f32; 3]>,
+    /// Standard deviation of the grey value across views, linear units; NaN where never observed.
+    pub spread: Vec<f32>,
+    /// Number of views that contributed; 0 = filled in from neighbours.
+    pub views: Vec<u16>,
+}
+
+impl SurfaceTexels {
+    /// Empty (black, never observed) texels for faces of the given resolutions.
+    pub fn new(resolution: Vec<u16>) -> Self {
+        let mut offset = vec![0u32];
+        for &r in &resolution {
+            offset.push(offset[offset.len() - 1] + r as u32 * r as u32);
+        }
+        let n = offset[resolution.len()] as usize;
+        Self {
+            resolution,
+            offset,
+            value: vec![[0.0; 3]; n],
+            spread: vec![f32::NAN; n],
+            views: vec![0; n],
+        }
+    }
+
+    /// Texel that holds a point of a face.
+    pub fn index(&self, face: usize, barycentric: [f64; 3]) -> usize {
+        let r = self.resolution[face] as usize;
+        let cell = |b: f64| (b.max(0.0) * r as f64) as usize;
+        let i = cell(barycentric[1]).min(r - 1);
+        let j = cell(barycentric[2]).min(r - 1 - i);
+        let (u, v) = (barycentric[1] * r as f64 - i as f64, barycentric[2] * r as f64 - j as f64);
+        let upper = u + v > 1.0 && i + j + 1 < r;
+        // Row i holds 2(r−i)−1 sub-triangles: upright at even, inverted at odd places.
+        self.offset[face] as usize + 2 * r * i - i * i + 2 * j + usize::from(upper)
+    }
+
+    /// Barycentrics of the centre of every texel of a face, in storage order.
+    pub fn centres(&self, face: usize) -> impl Iterator<Item = [f64; 3]> + use<> {
+        let r = self.resolution[face] as usize;
+        (0..r).flat_map(move |i| {
+            (0..2 * (r - i) - 1).map(move |k| {
+                let (j, third) = (k / 2, if k % 2 == 0 { 1.0 } else { 2.0 } / 3.0);
+                let (b1, b2) = ((i as f64 + third) / r as f64, (j as f64 + third) / r as f64);
+                [1.0 - b1 - b2, b1, b2]
+            })
+        })
+    }
+
+    /// Value at a point of a face (nearest texel).
+    pub fn at(&self, face: usize, barycentric: [f64; 3]) -> [f32; 3] {
+        self.value[self.index(face, barycentric)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_centre_maps_to_its_own_texel() {
+        let texels = SurfaceTexels::new(vec![1, 4, 7]);
+        let mut next = 0;
+        for face in 0..3 {
+            for b in texels.centres(face) {
+                assert_eq!(texels.index(face, b), next);
+                assert!(b.iter().all(|&x| x > 0.0) && (b.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+                next += 1;
+            }
+        }
+        assert_eq!(next, texels.value.len());
+    }
+}
