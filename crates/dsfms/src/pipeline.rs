@@ -88,7 +88,9 @@ pub struct StageReport {
 #[non_exhaustive]
 pub enum ReconstructError {
     /// Fewer matches than a pose needs.
-    #[error("{found} usable matches, at least {needed} are needed; give more with --matches, or check that the frame shows the organ")]
+    #[error(
+        "{found} usable matches, at least {needed} are needed; give more with --matches, or check that the frame shows the organ"
+    )]
     TooFewMatches {
         /// Matches left after checks.
         found: usize,
@@ -96,7 +98,9 @@ pub enum ReconstructError {
         needed: usize,
     },
     /// A rigid pose explains too few of the matches.
-    #[error("no pose of the template explains the matches ({inliers} of {found} agree); check the camera file, the matches' template, and that the frame shows the organ")]
+    #[error(
+        "no pose of the template explains the matches ({inliers} of {found} agree); check the camera file, the matches' template, and that the frame shows the organ"
+    )]
     NoPose {
         /// Agreeing matches.
         inliers: usize,
@@ -104,13 +108,19 @@ pub enum ReconstructError {
         found: usize,
     },
     /// The template has no descriptors and no matches were given.
-    #[error("the template holds no descriptors, so matches cannot be found automatically; give them with --matches")]
+    #[error(
+        "the template holds no descriptors, so matches cannot be found automatically; give them with --matches"
+    )]
     NoDescriptors,
     /// A shading method without albedo.
-    #[error("method {0:?} needs an albedo, and the template has none; build it from frames or give --albedo")]
+    #[error(
+        "method {0:?} needs an albedo, and the template has none; build it from frames or give --albedo"
+    )]
     NoAlbedo(Method),
     /// Image and camera disagree.
-    #[error("the frame is {found:?} px but the camera file says {expected:?}; use the camera file of this resolution")]
+    #[error(
+        "the frame is {found:?} px but the camera file says {expected:?}; use the camera file of this resolution"
+    )]
     SizeMismatch {
         /// Size of the frame.
         found: [usize; 2],

@@ -58,10 +58,8 @@ impl Plane {
         let (a, b) = (self.at(x0, y0) as f64, self.at(x1, y0) as f64);
         let (c, d) = (self.at(x0, y1) as f64, self.at(x1, y1) as f64);
         let value = (1.0 - v) * ((1.0 - u) * a + u * b) + v * ((1.0 - u) * c + u * d);
-        let gradient = Vector2::new(
-            (1.0 - v) * (b - a) + v * (d - c),
-            (1.0 - u) * (c - a) + u * (d - b),
-        );
+        let gradient =
+            Vector2::new((1.0 - v) * (b - a) + v * (d - c), (1.0 - u) * (c - a) + u * (d - b));
         Some((value, gradient))
     }
 }

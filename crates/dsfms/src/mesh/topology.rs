@@ -29,7 +29,9 @@ pub enum TopologyError {
     #[error("the mesh has no faces; expected a triangle mesh")]
     NoFaces,
     /// A corner index past the vertex list.
-    #[error("face {face} names vertex {vertex}, but the mesh has {count} vertices (indices start at 0)")]
+    #[error(
+        "face {face} names vertex {vertex}, but the mesh has {count} vertices (indices start at 0)"
+    )]
     VertexOutOfRange {
         /// 0-based face.
         face: usize,
@@ -55,7 +57,9 @@ pub enum TopologyError {
         second: usize,
     },
     /// An edge with three or more faces.
-    #[error("edge {a}-{b} is shared by {count} faces: the mesh is not manifold; repair it (MeshLab: 'Repair non manifold edges')")]
+    #[error(
+        "edge {a}-{b} is shared by {count} faces: the mesh is not manifold; repair it (MeshLab: 'Repair non manifold edges')"
+    )]
     NonManifoldEdge {
         /// Vertex of the edge.
         a: u32,
@@ -65,7 +69,9 @@ pub enum TopologyError {
         count: usize,
     },
     /// Neighbouring faces wound against each other.
-    #[error("faces {first} and {second} run along edge {a}-{b} in the same direction: orient the faces consistently first")]
+    #[error(
+        "faces {first} and {second} run along edge {a}-{b} in the same direction: orient the faces consistently first"
+    )]
     InconsistentOrientation {
         /// 0-based face.
         first: usize,
@@ -181,7 +187,10 @@ mod tests {
     fn names_what_is_wrong() {
         use TopologyError::*;
         assert_eq!(Topology::new(3, vec![]), Err(NoFaces));
-        assert!(matches!(Topology::new(2, vec![[0, 1, 2]]), Err(VertexOutOfRange { vertex: 2, .. })));
+        assert!(matches!(
+            Topology::new(2, vec![[0, 1, 2]]),
+            Err(VertexOutOfRange { vertex: 2, .. })
+        ));
         assert!(matches!(Topology::new(3, vec![[0, 1, 1]]), Err(DegenerateFace { vertex: 1, .. })));
         assert!(matches!(Topology::new(3, vec![[0, 1, 2], [1, 2, 0]]), Err(DuplicateFace { .. })));
         assert!(matches!(
