@@ -9,7 +9,6 @@ use crate::geometry::{Isometry, Point3};
 use crate::image::{Frame, Mask, ToneCurve};
 use crate::register::{Match, RegisterError};
 use crate::solver::Summary;
-use crate::template::Template;
 use serde::{Deserialize, Serialize};
 
 /// How a deformed frame is reconstructed.
