@@ -6,7 +6,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 
 /// For every descriptor of `a` its nearest of `b`, when its distance is at most `max_distance` and
-/// at most `ratio` times that to the nearest descriptor of any **other** place, farther than
+/// less than `ratio` times that to the nearest descriptor of any **other** place, farther than
 /// `radius` from the first. Every place is matched at most once, to the nearest of `a`.
 ///
 /// `places`: where on the surface each descriptor of `b` lies. Ordered by `a`.
@@ -40,7 +40,7 @@ pub fn match_places(
             let best = argmax(row, |_| true);
             let other = argmax(row, |j| (places[j] - places[best]).norm() > radius);
             let nearest = distance(row[best]);
-            if nearest <= max_distance && nearest <= ratio * distance(row[other]) {
+            if nearest <= max_distance && nearest < ratio * distance(row[other]) {
                 let (a, b) = ((start + i) as u32, best as u32);
                 found.push(DescriptorMatch { a, b, distance: nearest });
             }
