@@ -1,5 +1,15 @@
 //! The template: rest surface, flattening, texture, albedo, descriptors (paper §4, §5).
 
+pub mod albedo;
+pub mod coat;
+pub mod light_fit;
+mod log_linear;
+pub mod photometric;
+mod robust;
+mod spots;
+#[cfg(test)]
+mod test_scene;
+pub mod texel_fill;
 pub mod texels;
 
 use crate::camera::CameraModel;
