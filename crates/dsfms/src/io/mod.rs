@@ -1,1 +1,23 @@
-//! (in progress)
+//! Files in and out: frames, masks, cameras, poses, matches, meshes and the template container;
+//! everything is written to a temporary file first and renamed.
+
+pub mod atomic;
+pub mod camera;
+pub mod error;
+pub mod gltf_mesh;
+pub mod images;
+pub mod masks;
+pub mod matches;
+pub mod mesh;
+pub mod names;
+pub mod obj;
+pub mod ply;
+mod ply_read;
+pub mod poses;
+pub mod stl;
+pub mod template;
+mod template_glb;
+mod template_manifest;
+mod yaml;
+
+pub use error::InputError;
