@@ -8,5 +8,7 @@ pub mod ply;
 mod ply_read;
 pub mod stl;
 pub mod template;
+mod template_arrays;
 mod template_glb;
 mod template_manifest;
+mod template_sparse;
