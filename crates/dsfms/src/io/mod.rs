@@ -1,5 +1,6 @@
 //! Files: meshes, the template container, and writing without half-written results.
 
+pub mod albedo;
 pub mod atomic;
 pub mod gltf_mesh;
 pub mod mesh;
