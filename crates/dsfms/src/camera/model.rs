@@ -167,8 +167,7 @@ impl Camera for CameraModel {
     }
 
     fn project(&self, point: &Point3) -> Option<Projection> {
-        // NaN fails the comparison too.
-        if !(point.z > 0.0) {
+        if point.z.is_nan() || point.z <= 0.0 {
             return None;
         }
         let iz = 1.0 / point.z;
@@ -178,8 +177,7 @@ impl Camera for CameraModel {
             self.focal[0] * value.x + self.centre[0],
             self.focal[1] * value.y + self.centre[1],
         );
-        let perspective =
-            Matrix2x3::new(iz, 0.0, -normalised.x * iz, 0.0, iz, -normalised.y * iz);
+        let perspective = Matrix2x3::new(iz, 0.0, -normalised.x * iz, 0.0, iz, -normalised.y * iz);
         let mut jacobian = jacobian * perspective;
         jacobian.row_mut(0).scale_mut(self.focal[0]);
         jacobian.row_mut(1).scale_mut(self.focal[1]);

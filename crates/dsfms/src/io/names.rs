@@ -64,18 +64,19 @@ pub(super) fn files_in(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf
 
 /// Whether a file name matches a pattern of literal characters, `*` and `?`.
 pub(super) fn matches_pattern(name: &str, pattern: &str) -> bool {
-    let (name, pattern): (Vec<char>, Vec<char>) = (name.chars().collect(), pattern.chars().collect());
+    let (name, pattern): (Vec<char>, Vec<char>) =
+        (name.chars().collect(), pattern.chars().collect());
     // reachable[i]: the pattern so far matches the first i characters.
     let mut reachable = vec![false; name.len() + 1];
     reachable[0] = true;
     for p in pattern {
         let mut next = vec![false; name.len() + 1];
         next[0] = p == '*' && reachable[0];
-        for i in 0..name.len() {
+        for (i, &character) in name.iter().enumerate() {
             next[i + 1] = match p {
                 '*' => reachable[i + 1] || next[i],
                 '?' => reachable[i],
-                _ => reachable[i] && p == name[i],
+                _ => reachable[i] && p == character,
             };
         }
         reachable = next;
