@@ -65,7 +65,7 @@ impl Default for DenseOptions {
             fill_px: 12,
             target_vertices: 60_000,
             voxel: None,
-            min_support: 0.6,
+            min_support: 0.3,
             max_hole_edges: 60,
             smoothing: 6,
             largest_only: true,

@@ -42,7 +42,7 @@ pub(super) fn run(pairs: &Pairs, field: &mut Field, range: [f64; 2], options: &D
         .zip(field.sigma.par_iter_mut())
         .enumerate()
         .for_each(|(i, ((plane, cost), sigma))| {
-            if *cost >= 1.0 {
+            if *cost >= NONE {
                 (*cost, *sigma) = (NONE, f32::INFINITY);
                 return;
             }
