@@ -21,7 +21,7 @@ const NEIGHBOURHOODS: [&[[i32; 2]]; 8] = [
     &[[3, 0], [5, 0], [9, 0]],
 ];
 /// Planes seen at less than this cosine are not tried: the window degenerates.
-const MIN_FACING: f32 = 0.15;
+const MIN_FACING: f32 = 0.1;
 
 /// Planes drawn at random: inverse depth uniform over the range, normals within 60 degrees of the
 /// sightline.

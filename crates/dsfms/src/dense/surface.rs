@@ -62,7 +62,7 @@ fn tidy(triangles: &mut Triangles, options: &DenseOptions) {
     }
     clean::compact(triangles);
     holes::close_small(triangles, options.max_hole_edges);
-    clean::smooth(triangles, options.smoothing);
+    clean::smooth(triangles, options.smoothing, &[]);
 }
 
 /// Which depth maps agree with a point, and how closely.
