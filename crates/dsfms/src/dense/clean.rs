@@ -151,8 +151,7 @@ pub(super) fn compact(triangles: &mut Triangles) {
 }
 
 /// Taubin's smoothing against the noise of the grid; the rim is smoothed along itself only.
-/// `strength` in `[0, 1]` scales the steps of each vertex; empty = 1 everywhere.
-pub(super) fn smooth(triangles: &mut Triangles, rounds: usize, strength: &[f64]) {
+pub(super) fn smooth(triangles: &mut Triangles, rounds: usize) {
     let n = triangles.positions.len();
     let boundary = boundary_edges(&triangles.faces);
     let mut rim = vec![false; n];
@@ -169,7 +168,7 @@ pub(super) fn smooth(triangles: &mut Triangles, rounds: usize, strength: &[f64])
     neighbours.iter_mut().for_each(|ring| ring.dedup());
     for _ in 0..rounds {
         for factor in TAUBIN {
-            triangles.positions = step(&triangles.positions, &neighbours, factor, strength);
+            triangles.positions = step(&triangles.positions, &neighbours, factor);
         }
     }
 }
@@ -178,21 +177,16 @@ fn is_boundary(boundary: &[[u32; 2]], a: u32, b: u32) -> bool {
     boundary.binary_search(&[a, b]).is_ok() || boundary.binary_search(&[b, a]).is_ok()
 }
 
-/// Move every vertex towards the mean of its neighbours by `factor` times its strength of the way.
-fn step(
-    positions: &[Point3],
-    neighbours: &[Vec<u32>],
-    factor: f64,
-    strength: &[f64],
-) -> Vec<Point3> {
-    let moved = |(v, (p, ring)): (usize, (&Point3, &Vec<u32>))| {
+/// Move every vertex towards the mean of its neighbours by `factor` of the way.
+fn step(positions: &[Point3], neighbours: &[Vec<u32>], factor: f64) -> Vec<Point3> {
+    let moved = |(p, ring): (&Point3, &Vec<u32>)| {
         if ring.is_empty() {
             return *p;
         }
         let sum: Vector3 = ring.iter().map(|&v| positions[v as usize] - p).sum();
-        p + sum * (factor * strength.get(v).copied().unwrap_or(1.0) / ring.len() as f64)
+        p + sum * (factor / ring.len() as f64)
     };
-    positions.iter().zip(neighbours).enumerate().map(moved).collect()
+    positions.iter().zip(neighbours).map(moved).collect()
 }
 
 #[cfg(test)]

@@ -24,6 +24,8 @@ mod polish;
 mod score;
 mod smooth;
 mod surface;
+#[cfg(test)]
+mod tests;
 mod tetrahedra;
 mod view;
 mod volume;

@@ -62,7 +62,7 @@ fn tidy(triangles: &mut Triangles, options: &DenseOptions) {
     }
     clean::compact(triangles);
     holes::close_small(triangles, options.max_hole_edges);
-    clean::smooth(triangles, options.smoothing, &[]);
+    clean::smooth(triangles, options.smoothing);
 }
 
 /// Which depth maps agree with a point, and how closely.
@@ -78,11 +78,12 @@ fn support(maps: &[DepthMap], point: &Point3) -> VertexSupport {
         }
         let i = v as usize * m.camera.size[0] + u as usize;
         let z = m.depth[i] as f64;
-        if z <= 0.0 || (z - p.z).abs() > SAME_SURFACE * p.z {
+        let facing = -m.normal[i][2] as f64;
+        if z <= 0.0 || (z - p.z).abs() > SAME_SURFACE * p.z / facing.max(0.25) {
             continue;
         }
-        let sigma = (m.sigma[i] as f64).max(1e-4 * z);
-        let facing = -m.normal[i][2] as f64;
+        // Across the surface, not along the sightline.
+        let sigma = (m.sigma[i] as f64).max(1e-4 * z) * facing;
         frames += 1;
         information += 1.0 / (sigma * sigma);
         squares += ((z - p.z) * facing / sigma).powi(2);
