@@ -67,7 +67,7 @@ fn tidy(triangles: &mut Triangles, options: &DenseOptions) {
 
 /// Which depth maps agree with a point, and how closely.
 fn support(maps: &[DepthMap], point: &Point3) -> VertexSupport {
-    let (mut frames, mut information, mut squares, mut weights) = (0, 0.0, 0.0, 0.0);
+    let (mut frames, mut information, mut squares, mut weights) = (0, 0.0f64, 0.0f64, 0.0f64);
     for m in maps {
         let p = m.pose * point;
         let u = (m.camera.focal[0] * p.x / p.z + m.camera.centre[0]).round();
@@ -93,6 +93,6 @@ fn support(maps: &[DepthMap], point: &Point3) -> VertexSupport {
         return VertexSupport { frames, sigma: f64::INFINITY };
     }
     // Scatter beyond what the noise explains widens the error (Birge ratio).
-    let ratio = (squares / weights as f64).sqrt().max(1.0);
-    VertexSupport { frames, sigma: ratio / f64::sqrt(information) }
+    let ratio = (squares / weights).sqrt().max(1.0);
+    VertexSupport { frames, sigma: ratio / information.sqrt() }
 }
