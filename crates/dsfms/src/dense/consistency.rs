@@ -7,6 +7,9 @@ use super::view::Pyramid;
 use crate::geometry::Point3;
 use rayon::prelude::*;
 
+/// Cosine below which a more grazing view earns no more tolerance.
+const MIN_FACING: f32 = 0.25;
+
 /// How many other frames agree with each pixel of each frame.
 pub(super) fn check(views: &[Pyramid], fields: &[Field], options: &DenseOptions) -> Vec<Vec<u8>> {
     (0..views.len())
@@ -69,8 +72,12 @@ fn agrees(
     if !correlates(field, pixel, options) {
         return false;
     }
-    let w = field.planes[pixel].at((u - x) as f32, (v - y) as f32) as f64;
-    if w <= 0.0 || (w * z - 1.0).abs() > options.max_relative_depth {
+    let plane = &field.planes[pixel];
+    let w = plane.at((u - x) as f32, (v - y) as f32) as f64;
+    // Seen at a grazing angle, a small step across the surface is a large one in depth.
+    let facing = plane.facing(other.levels[1].k.map(|k| k as f32), x as f32, y as f32);
+    let tolerance = options.max_relative_depth / facing.max(MIN_FACING) as f64;
+    if w <= 0.0 || (w * z - 1.0).abs() > tolerance {
         return false;
     }
     let back = projected(from, &lifted(other, [u, v], w));

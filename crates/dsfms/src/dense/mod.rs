@@ -24,6 +24,8 @@ mod polish;
 mod score;
 mod smooth;
 mod surface;
+#[cfg(test)]
+mod tests;
 mod tetrahedra;
 mod view;
 mod volume;
@@ -95,9 +97,9 @@ pub fn depth_maps(
     let sources = neighbours::select(&pyramids, sparse, options);
     let total = views.len();
     let mut fields: Vec<Field> = Vec::with_capacity(total);
-    for i in 0..total {
-        let range = neighbours::depth_range(&pyramids, i, &sources[i], sparse);
-        fields.push(estimate(&pyramids, i, &sources[i], range, options));
+    for (i, others) in sources.iter().enumerate() {
+        let range = neighbours::depth_range(&pyramids, i, others, sparse);
+        fields.push(estimate(&pyramids, i, others, range, options));
         progress(i + 1, total);
     }
     let agreement = consistency::check(&pyramids, &fields, options);

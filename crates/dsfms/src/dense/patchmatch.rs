@@ -21,7 +21,7 @@ const NEIGHBOURHOODS: [&[[i32; 2]]; 8] = [
     &[[3, 0], [5, 0], [9, 0]],
 ];
 /// Planes seen at less than this cosine are not tried: the window degenerates.
-const MIN_FACING: f32 = 0.15;
+const MIN_FACING: f32 = 0.1;
 
 /// Planes drawn at random: inverse depth uniform over the range, normals within 60 degrees of the
 /// sightline.
@@ -100,26 +100,34 @@ impl Search<'_> {
     ) {
         let Some(patch) = Patch::new(self.pairs.reference, x, y) else { return };
         let at = [x as f32, y as f32];
-        let mut attempt = |candidate: InversePlane| {
-            if self.feasible(&candidate, at) {
-                let score = patch.score(self.pairs, &candidate, self.options);
-                if score < *cost {
-                    (*plane, *cost) = (candidate, score);
-                }
-            }
-            *plane
-        };
         for neighbourhood in NEIGHBOURHOODS {
             if let Some(candidate) = best_neighbour(old, [x, y], neighbourhood) {
-                attempt(candidate);
+                self.attempt(&patch, candidate, at, plane, cost);
             }
         }
         let pixel = (y * old.size[0] + x) as u64;
         let mut noise = Noise::new(self.seed, 1 + iteration as u64, pixel);
         let reach = 0.5f32.powi(iteration as i32 + 1);
         for kind in 0..3 {
-            let current = attempt(InversePlane::default());
-            attempt(self.perturbed(&current, at, kind, reach, &mut noise));
+            let candidate = self.perturbed(plane, at, kind, reach, &mut noise);
+            self.attempt(&patch, candidate, at, plane, cost);
+        }
+    }
+
+    /// Take the candidate where it explains the other views better.
+    fn attempt(
+        &self,
+        patch: &Patch,
+        candidate: InversePlane,
+        at: [f32; 2],
+        plane: &mut InversePlane,
+        cost: &mut f32,
+    ) {
+        if self.feasible(&candidate, at) {
+            let score = patch.score(self.pairs, &candidate, self.options);
+            if score < *cost {
+                (*plane, *cost) = (candidate, score);
+            }
         }
     }
 

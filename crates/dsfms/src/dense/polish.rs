@@ -42,7 +42,7 @@ pub(super) fn run(pairs: &Pairs, field: &mut Field, range: [f64; 2], options: &D
         .zip(field.sigma.par_iter_mut())
         .enumerate()
         .for_each(|(i, ((plane, cost), sigma))| {
-            if *cost >= 1.0 {
+            if *cost >= NONE {
                 (*cost, *sigma) = (NONE, f32::INFINITY);
                 return;
             }
@@ -240,7 +240,7 @@ fn with_gradient(view: &PairView, x: f32, y: f32) -> Option<(f32, f32, f32)> {
     let (a, b, c, d) = (grey[i], grey[i + 1], grey[i + w], grey[i + w + 1]);
     let (top, bottom) = (a + fx * (b - a), c + fx * (d - c));
     let value = top + fy * (bottom - top);
-    (!value.is_nan()).then(|| (value, (b - a) + fy * (d - c - b + a), bottom - top))
+    (!value.is_nan()).then_some((value, (b - a) + fy * (d - c - b + a), bottom - top))
 }
 
 /// Weighted moments of reference, warped window and Jacobian.
@@ -270,8 +270,8 @@ impl Sums {
         self.rr += w * r * r;
         self.rs += w * r * s;
         self.ss += w * s * s;
-        for k in 0..3 {
-            let wj = w * j[k];
+        for (k, jk) in j.iter().enumerate() {
+            let wj = w * jk;
             self.j[k] += wj;
             self.jr[k] += wj * r;
             self.js[k] += wj * s;

@@ -10,7 +10,8 @@ use rayon::prelude::*;
 
 /// Radius of the fit around a trusted pixel, px.
 const RADIUS: i32 = 3;
-/// Neighbours whose plane misses the pixel by more than this fraction of depth are another surface.
+/// Neighbours whose plane misses the pixel by more than this fraction of depth (seen from the front)
+/// are another surface.
 const SAME_SURFACE: f32 = 0.01;
 /// Trust in a filled pixel, at most.
 const FILLED: f32 = 0.1;
@@ -23,8 +24,8 @@ pub(super) fn depth_map(
     options: &DenseOptions,
 ) -> DepthMap {
     let trust = trust(field, agreement, options);
-    let grid = Grid { field, trust: &trust };
     let k = view.levels[1].k.map(|v| v as f32);
+    let grid = Grid { field, trust: &trust, k };
     let w = field.size[0];
     let rows: Vec<Option<Estimate>> = (0..field.planes.len())
         .into_par_iter()
@@ -86,6 +87,7 @@ struct Estimate {
 struct Grid<'a> {
     field: &'a Field,
     trust: &'a [f32],
+    k: [f32; 4],
 }
 
 /// Weighted least squares of a plane in inverse depth, about a centre.
@@ -141,11 +143,13 @@ impl Grid<'_> {
     /// The neighbours' observations and this one's, each by its variance.
     fn smoothed(&self, at: [i32; 2], centre: usize) -> Option<Estimate> {
         let own = self.field.planes[centre];
+        let [u, v] = at.map(|c| c as f32);
+        let tolerance = SAME_SURFACE * own.w / own.facing(self.k, u, v).max(0.25);
         let mut fit = Fit::default();
         for (offset, i) in self.around(at, RADIUS) {
             let plane = self.field.planes[i];
             let here = plane.at(-offset[0] as f32, -offset[1] as f32);
-            if (here - own.w).abs() < SAME_SURFACE * own.w {
+            if (here - own.w).abs() < tolerance {
                 fit.add(
                     offset,
                     plane.w,

@@ -67,7 +67,7 @@ fn tidy(triangles: &mut Triangles, options: &DenseOptions) {
 
 /// Which depth maps agree with a point, and how closely.
 fn support(maps: &[DepthMap], point: &Point3) -> VertexSupport {
-    let (mut frames, mut information, mut squares, mut weights) = (0, 0.0, 0.0, 0.0);
+    let (mut frames, mut information, mut squares, mut weights) = (0, 0.0f64, 0.0f64, 0.0f64);
     for m in maps {
         let p = m.pose * point;
         let u = (m.camera.focal[0] * p.x / p.z + m.camera.centre[0]).round();
@@ -78,11 +78,12 @@ fn support(maps: &[DepthMap], point: &Point3) -> VertexSupport {
         }
         let i = v as usize * m.camera.size[0] + u as usize;
         let z = m.depth[i] as f64;
-        if z <= 0.0 || (z - p.z).abs() > SAME_SURFACE * p.z {
+        let facing = -m.normal[i][2] as f64;
+        if z <= 0.0 || (z - p.z).abs() > SAME_SURFACE * p.z / facing.max(0.25) {
             continue;
         }
-        let sigma = (m.sigma[i] as f64).max(1e-4 * z);
-        let facing = -m.normal[i][2] as f64;
+        // Across the surface, not along the sightline.
+        let sigma = (m.sigma[i] as f64).max(1e-4 * z) * facing;
         frames += 1;
         information += 1.0 / (sigma * sigma);
         squares += ((z - p.z) * facing / sigma).powi(2);
@@ -92,6 +93,6 @@ fn support(maps: &[DepthMap], point: &Point3) -> VertexSupport {
         return VertexSupport { frames, sigma: f64::INFINITY };
     }
     // Scatter beyond what the noise explains widens the error (Birge ratio).
-    let ratio = (squares / weights as f64).sqrt().max(1.0);
-    VertexSupport { frames, sigma: ratio / f64::sqrt(information) }
+    let ratio = (squares / weights).sqrt().max(1.0);
+    VertexSupport { frames, sigma: ratio / information.sqrt() }
 }

@@ -23,11 +23,11 @@ pub(super) struct Triangles {
 /// An edge of the grid, from its lower to its upper corner: the place of a vertex.
 type Key = (u64, u64);
 
-/// The surface through all cubes whose eight corners have at least `min_weight`.
-pub(super) fn extract(volume: &Volume, min_weight: f32) -> Triangles {
+/// The surface through all cubes whose eight corners have at least `min_support`.
+pub(super) fn extract(volume: &Volume, min_support: f32) -> Triangles {
     let faces: Vec<[Key; 3]> = (0..volume.blocks.len())
         .into_par_iter()
-        .flat_map_iter(|b| block_faces(volume, b, min_weight))
+        .flat_map_iter(|b| block_faces(volume, b, min_support))
         .collect();
     let mut keys: Vec<Key> = faces.iter().flatten().copied().collect();
     keys.par_sort_unstable();
@@ -47,7 +47,7 @@ fn crossing(volume: &Volume, &(a, b): &Key) -> Point3 {
     place(a) + t * (place(b) - place(a))
 }
 
-fn block_faces(volume: &Volume, b: usize, min_weight: f32) -> Vec<[Key; 3]> {
+fn block_faces(volume: &Volume, b: usize, min_support: f32) -> Vec<[Key; 3]> {
     let neighbours: [Option<usize>; 8] = std::array::from_fn(|n| {
         let at = volume.blocks[b];
         volume.find([0, 1, 2].map(|k| at[k] + (n >> k & 1) as i32))
@@ -55,7 +55,7 @@ fn block_faces(volume: &Volume, b: usize, min_weight: f32) -> Vec<[Key; 3]> {
     let mut faces = Vec::new();
     for g in 0..BLOCK {
         let Some(corners) = cube(&neighbours, g) else { continue };
-        if corners.iter().any(|&c| volume.weight[c as usize] < min_weight) {
+        if corners.iter().any(|&c| volume.support[c as usize] < min_support) {
             continue;
         }
         let values = corners.map(|c| volume.distance[c as usize]);
@@ -126,7 +126,7 @@ mod tests {
             (0..64).map(|i| [i / 16 - 2, i / 4 % 4 - 2, i % 4 - 2]).collect();
         let n = blocks.len() * BLOCK;
         let mut volume =
-            Volume { voxel: 1.0, blocks, distance: vec![0.0; n], weight: vec![1.0; n] };
+            Volume { voxel: 1.0, blocks, distance: vec![0.0; n], support: vec![1.0; n] };
         for i in 0..n {
             let p = volume.position(i / BLOCK, i % BLOCK);
             volume.distance[i] = (p.coords.norm() - r) as f32;
@@ -154,9 +154,9 @@ mod tests {
     #[test]
     fn no_support_no_surface() {
         let mut volume = ball(9.3);
-        for i in 0..volume.weight.len() {
+        for i in 0..volume.support.len() {
             if volume.position(i / BLOCK, i % BLOCK).z > 0.0 {
-                volume.weight[i] = 0.1;
+                volume.support[i] = 0.1;
             }
         }
         let half = extract(&volume, 0.5);

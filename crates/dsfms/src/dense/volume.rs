@@ -17,7 +17,10 @@ pub(super) const BLOCK: usize = EDGE * EDGE * EDGE;
 /// Truncation distance in grid edges.
 const TRUNCATION: f64 = 3.0;
 /// Weight of free space against that of the surface itself.
-const FREE_SPACE: f32 = 0.2;
+const FREE_SPACE: f64 = 0.2;
+/// A pixel says nothing about points farther behind it than this many truncation distances, however
+/// grazing its plane.
+const MAX_BEHIND: f64 = 4.0;
 /// Organ masks are widened by this fraction of the image width before they carve.
 const MASK_MARGIN: f64 = 0.006;
 
@@ -28,8 +31,8 @@ pub(super) struct Volume {
     pub blocks: Vec<[i32; 3]>,
     /// Signed distance in units of the truncation distance.
     pub distance: Vec<f32>,
-    /// Sum of trust.
-    pub weight: Vec<f32>,
+    /// Trust of the frames that see a surface here, summed.
+    pub support: Vec<f32>,
 }
 
 impl Volume {
@@ -41,19 +44,19 @@ impl Volume {
         let mut volume = Self {
             voxel,
             distance: vec![0.0; blocks.len() * BLOCK],
-            weight: vec![0.0; blocks.len() * BLOCK],
+            support: vec![0.0; blocks.len() * BLOCK],
             blocks,
         };
         let blocks = &volume.blocks;
         volume
             .distance
             .par_chunks_mut(BLOCK)
-            .zip(volume.weight.par_chunks_mut(BLOCK))
+            .zip(volume.support.par_chunks_mut(BLOCK))
             .enumerate()
-            .for_each(|(b, (distance, weight))| {
+            .for_each(|(b, (distance, support))| {
                 for g in 0..BLOCK {
                     let point = position(voxel, &blocks[b], g);
-                    (distance[g], weight[g]) = average(&lenses, &point, TRUNCATION * voxel);
+                    (distance[g], support[g]) = average(&lenses, &point, TRUNCATION * voxel);
                 }
             });
         volume
@@ -170,8 +173,8 @@ impl<'a> View<'a> {
         inside && self.posed.valid.is_none_or(|m| m.at_pixel(&p)) && !organ.at_pixel(&p)
     }
 
-    /// Signed distance to the plane seen along the sightline, and its weight.
-    fn observe(&self, point: &Point3, truncation: f64) -> Option<(f32, f32)> {
+    /// What the frame says of a point; `None` where it sees no depth or something in front of it.
+    fn observe(&self, point: &Point3, truncation: f64) -> Option<Observation> {
         let m = self.map;
         let p = m.pose * point;
         if p.z <= 0.0 {
@@ -183,37 +186,60 @@ impl<'a> View<'a> {
         if !(u >= -0.5 && v >= -0.5 && u < w as f64 - 0.5 && v < h as f64 - 0.5) {
             return None;
         }
-        let (mut distance, mut weight, mut share) = (0.0, 0.0, 0.0);
-        for (x, y) in [(0, 0), (1, 0), (0, 1), (1, 1)]
-            .map(|(i, j)| (u.floor() + i as f64, v.floor() + j as f64))
-        {
+        let mut sum = Observation::default();
+        let mut share = 0.0;
+        for (i, j) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+            let (x, y) = (u.floor() + i, v.floor() + j);
             if x < 0.0 || y < 0.0 || x >= w as f64 || y >= h as f64 {
                 continue;
             }
             let bilinear = (1.0 - (u - x).abs()) * (1.0 - (v - y).abs());
-            let i = y as usize * w + x as usize;
-            if m.depth[i] > 0.0 {
-                let (d, trust) = tangent_distance(m, i, [x, y], &p);
-                distance += bilinear * d;
-                weight += bilinear * trust;
+            let pixel = y as usize * w + x as usize;
+            if m.depth[pixel] > 0.0 {
+                sum.add(bilinear, tangent_plane(m, pixel, [x, y], &p));
                 share += bilinear;
             }
         }
-        if share < 0.25 {
-            return None;
-        }
-        let (distance, weight) = (distance / share / truncation, weight / share);
-        if distance < -1.0 {
-            return None;
-        }
-        let free = if distance > 1.0 { FREE_SPACE } else { 1.0 };
-        Some((distance.min(1.0) as f32, weight as f32 * free))
+        (share >= 0.25).then(|| sum.truncated(share, truncation)).flatten()
     }
 }
 
-/// Distance of a point (camera axes) from the plane of pixel `i`, positive towards the camera, and
-/// the trust in it: less when seen at a grazing angle.
-fn tangent_distance(m: &DepthMap, i: usize, [x, y]: [f64; 2], p: &Point3) -> (f64, f64) {
+/// Signed distance from the plane of a pixel, its weight in the mean, and trust that a surface is
+/// there.
+#[derive(Clone, Copy, Default)]
+struct Observation {
+    distance: f64,
+    weight: f64,
+    support: f64,
+    /// How far the point lies behind the pixel's surface along the optical axis.
+    behind: f64,
+}
+
+impl Observation {
+    fn add(&mut self, share: f64, other: Self) {
+        self.distance += share * other.distance;
+        self.weight += share * other.weight;
+        self.support += share * other.support;
+        self.behind += share * other.behind;
+    }
+
+    /// Divide by the share of pixels that had depth; `None` for points hidden by the surface.
+    fn truncated(self, share: f64, truncation: f64) -> Option<Self> {
+        let [distance, weight, support, behind] =
+            [self.distance, self.weight, self.support, self.behind].map(|v| v / share);
+        let distance = distance / truncation;
+        if distance < -1.0 || behind > MAX_BEHIND * truncation {
+            return None;
+        }
+        if distance > 1.0 {
+            return Some(Self { distance: 1.0, weight: FREE_SPACE * weight, support: 0.0, behind });
+        }
+        Some(Self { distance, weight, support, behind })
+    }
+}
+
+/// A point (camera axes) against the plane of pixel `i`: what is seen at a grazing angle weighs less.
+fn tangent_plane(m: &DepthMap, i: usize, [x, y]: [f64; 2], p: &Point3) -> Observation {
     let z = m.depth[i] as f64;
     let on = [
         (x - m.camera.centre[0]) / m.camera.focal[0] * z,
@@ -224,17 +250,18 @@ fn tangent_distance(m: &DepthMap, i: usize, [x, y]: [f64; 2], p: &Point3) -> (f6
     let distance = n[0] * (p.x - on[0]) + n[1] * (p.y - on[1]) + n[2] * (p.z - on[2]);
     let length = (on[0] * on[0] + on[1] * on[1] + on[2] * on[2]).sqrt();
     let facing = -(n[0] * on[0] + n[1] * on[1] + n[2] * on[2]) / length;
-    (distance, m.confidence[i] as f64 * facing * facing)
+    let support = m.confidence[i] as f64;
+    Observation { distance, weight: support * facing * facing, support, behind: p.z - z }
 }
 
-/// Mean signed distance over the views, weighted; weight 0 where the point is not organ.
+/// Mean signed distance over the frames, weighted, and their support; none where the point is not
+/// organ.
 fn average(views: &[View], point: &Point3, truncation: f64) -> (f32, f32) {
-    let (mut distance, mut weight) = (0.0, 0.0);
-    for view in views {
-        if let Some((d, w)) = view.observe(point, truncation) {
-            distance += w * d;
-            weight += w;
-        }
+    let (mut distance, mut weight, mut support) = (0.0, 0.0, 0.0);
+    for seen in views.iter().filter_map(|v| v.observe(point, truncation)) {
+        distance += seen.weight * seen.distance;
+        weight += seen.weight;
+        support += seen.support;
     }
     if weight <= 0.0 {
         return (1.0, 0.0);
@@ -244,7 +271,7 @@ fn average(views: &[View], point: &Point3, truncation: f64) -> (f32, f32) {
     if against >= 2 || against == 1 && views.len() <= 4 {
         return (1.0, 0.0);
     }
-    (distance / weight, weight)
+    ((distance / weight) as f32, support as f32)
 }
 
 /// The mask with everything within `radius` px (a square) added.
