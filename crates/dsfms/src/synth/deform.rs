@@ -11,7 +11,7 @@ pub struct Attraction {
     pub direction: Vector3,
     /// The point `g`.
     pub point: Point3,
-    /// Angle from `F` at which the effect has fallen to `e^{-1/2}`, radians.
+    /// Angle from `F` at which the effect ends, radians, below π/2.
     pub angle: f64,
 }
 
@@ -29,8 +29,8 @@ pub struct Deformation {
 /// Fraction of the largest displacement from which a vertex belongs to the zone.
 const ZONE: f64 = 0.1;
 
-/// `v′ = v + Σⱼ k(∠(Fⱼ, gⱼ − v)) (gⱼ − v) + ε N` with `k(θ) = κ exp(−θ²/2θ₀²)`, where κ is found so
-/// that the mean absolute edge-length change in the zone is `extension` (0.1 for the paper's 10 %),
+/// `v′ = v + Σⱼ k(∠(Fⱼ, gⱼ − v)) (gⱼ − v) + ε N` with `k(θ) = κ (1 − θ²/θ₀²)²` inside θ₀ and 0
+/// outside, where κ is found so that the mean absolute edge-length change in the zone is `extension` (0.1 for the paper's 10 %),
 /// and `ε` is `lift` times the local displacement.
 pub fn deform(mesh: &Mesh, attractions: &[Attraction], extension: f64, lift: f64) -> Deformation {
     let normals = vertex_normals(&mesh.topology, &mesh.positions);
@@ -61,7 +61,7 @@ fn pull(v: &Point3, normal: &Vector3, attractions: &[Attraction], lift: f64) -> 
         .map(|a| {
             let offset = a.point - v;
             let angle = a.direction.angle(&offset);
-            offset * (-0.5 * (angle / a.angle).powi(2)).exp()
+            offset * (1.0 - (angle / a.angle).min(1.0).powi(2)).powi(2)
         })
         .sum();
     towards + normal * (lift * towards.norm())
@@ -93,7 +93,7 @@ mod tests {
         let pull = Attraction {
             direction: -Vector3::z(),
             point: Point3::new(3.0, 2.0, -15.0),
-            angle: 0.25,
+            angle: 0.6,
         };
         for extension in [0.0, 0.05, 0.2] {
             let deformed = deform(&mesh, &[pull], extension, 0.0);
