@@ -243,8 +243,9 @@ mod tests {
         let found: Vec<Point3> = one.poses.iter().flatten().map(centre_of).collect();
         let truth: Vec<Point3> = poses().iter().map(centre_of).collect();
         let fit = align_similarity(&found, &truth).unwrap();
+        // A pixel is 0.28 units at this depth, and overlapping blobs shift one another.
         for (f, t) in found.iter().zip(&truth) {
-            assert!((fit * f - t).norm() < 0.1, "{}", (fit * f - t).norm());
+            assert!((fit * f - t).norm() < 0.2, "{}", (fit * f - t).norm());
         }
     }
 
