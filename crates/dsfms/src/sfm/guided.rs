@@ -54,7 +54,7 @@ pub fn match_guided(a: &GuidedView, b: &GuidedView, limits: &GuidedLimits) -> Ve
             offer(&mut backward[j], i as u32, dot);
         }
     }
-    let clear = |c: &(u32, f32, f32)| distance(c.1) <= limits.ratio * distance(c.2);
+    let clear = |c: &(u32, f32, f32)| distance(c.1) < limits.ratio * distance(c.2);
     let keep = |(i, best): (usize, &(u32, f32, f32))| {
         let back = backward.get(best.0 as usize)?;
         let good = back.0 as usize == i

@@ -86,14 +86,6 @@ impl Map<'_> {
         self.drop_weak(limits.min_parallax_deg);
     }
 
-    /// Forget all points.
-    pub fn clear_points(&mut self) {
-        for track in &mut self.tracks {
-            track.point = None;
-            track.used.fill(false);
-        }
-    }
-
     /// Drop sightings farther than `max_error_px` from their point, then weak points.
     pub fn filter(&mut self, limits: &TriangulationLimits) {
         let keep = |track: &MapTrack| -> Vec<bool> {

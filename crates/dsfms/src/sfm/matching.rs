@@ -77,7 +77,7 @@ fn two_best(row: &[f32]) -> (usize, f32, f32) {
     (index, best, second)
 }
 
-/// Mutual nearest neighbours whose distance is at most `ratio` times that to the second nearest
+/// Mutual nearest neighbours whose distance is less than `ratio` times that to the second nearest
 /// (both ways) and at most `max_distance`; ordered by `a`.
 pub fn match_unit(
     a: &UnitDescriptors,
@@ -117,7 +117,7 @@ pub fn match_unit(
             }
         }
     }
-    let clear = |best: f32, second: f32| distance(best) <= ratio * distance(second);
+    let clear = |best: f32, second: f32| distance(best) < ratio * distance(second);
     let keep = |(i, &(j, best, second)): (usize, &(usize, f32, f32))| {
         let (back, _, column_second) = columns[j];
         let good = back as usize == i

@@ -11,8 +11,10 @@
 //! same bits at any number of threads.
 
 pub mod bundle;
+mod collect;
 pub mod essential;
 pub mod features;
+mod frames;
 pub mod guided;
 mod incremental;
 pub mod intrinsics;
@@ -24,16 +26,18 @@ pub mod places;
 pub mod random;
 mod reconstruct;
 pub mod reconstruction;
+mod rematch;
 pub mod resection;
 mod schur;
 pub mod tracks;
 pub mod triangulation;
 pub mod two_view;
 
-pub use features::{Features2d, detect, viewport};
+pub use features::{Features2d, detect};
+pub use frames::{Progress, SfmStage};
 pub use intrinsics::RefineIntrinsics;
 pub use matching::{DescriptorMatch, match_descriptors};
 pub use options::SfmOptions;
-pub use reconstruct::{Progress, SfmStage, reconstruct, triangulate_known};
+pub use reconstruct::{reconstruct, triangulate_known};
 pub use reconstruction::{Reconstruction, ScenePoint, SfmError, TrackedPixel};
 pub use resection::{Resection, refine_pose, resect};

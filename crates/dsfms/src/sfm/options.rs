@@ -26,7 +26,7 @@ pub struct SfmOptions {
     /// Keep features on and near saturated pixels (highlights move with the camera).
     pub keep_saturated: bool,
     /// Width of the border around saturated pixels that is left out, px.
-    pub saturation_margin_px: usize,
+    pub saturation_margin_px: f64,
     /// Find the lit viewport of the endoscope and leave out features near its rim.
     pub find_viewport: bool,
     /// Largest ratio of the distances to the nearest and second nearest descriptor, below 1.
@@ -65,7 +65,7 @@ impl Default for SfmOptions {
             clahe_clip: 2.0,
             clahe_tiles: 8,
             keep_saturated: false,
-            saturation_margin_px: 4,
+            saturation_margin_px: 4.0,
             find_viewport: true,
             ratio: 0.85,
             max_distance: 0.8,
@@ -91,6 +91,7 @@ impl SfmOptions {
             (self.contrast_threshold >= 0.0, "contrast_threshold", "0 or more"),
             (self.clahe_clip > 0.0, "clahe_clip", "positive"),
             (self.clahe_tiles >= 1, "clahe_tiles", "at least 1"),
+            (self.saturation_margin_px >= 0.0, "saturation_margin_px", "0 or more"),
             (self.ratio > 0.0 && self.ratio < 1.0, "ratio", "between 0 and 1"),
             (self.max_distance > 0.0, "max_distance", "positive"),
             (self.min_matches >= 8, "min_matches", "at least 8"),

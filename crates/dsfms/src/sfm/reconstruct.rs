@@ -1,39 +1,20 @@
 //! The stage: frames and intrinsics in, poses and points out.
 
-use super::features::{Features2d, detect, viewport};
-use super::guided::{GuidedLimits, GuidedView, match_guided};
+use super::collect::{collect, normalise};
+use super::features::Features2d;
+use super::frames::{Counter, Progress, SfmStage, check_input, check_usable, detect_all, unusable};
 use super::incremental::{grow, settle};
-use super::map::{Map, MapTrack};
+use super::map::Map;
 use super::matching::UnitDescriptors;
-use super::reconstruction::{Reconstruction, ScenePoint, SfmError, TrackedPixel};
+use super::reconstruction::{Reconstruction, SfmError};
+use super::rematch::rematch;
 use super::tracks::{PairMatches, build_tracks};
-use super::two_view::{VerifiedPair, candidate_pairs, mean_focal, verify_pairs};
+use super::two_view::{VerifiedPair, candidate_pairs, verify_pairs};
 use super::{RefineIntrinsics, SfmOptions};
-use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Isometry, Point2};
+use crate::camera::CameraModel;
+use crate::geometry::Isometry;
 use crate::image::{Frame, Mask};
 use crate::solver::Loss;
-use rayon::prelude::*;
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// Steps of the stage, for progress displays.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SfmStage {
-    /// Frames whose features were detected.
-    Features,
-    /// Pairs of frames compared.
-    Matching,
-    /// Frames registered.
-    Registration,
-    /// Pairs compared along epipolar lines.
-    GuidedMatching,
-}
-
-/// Receives the stage, the number of things done and of all things; may be called from any thread.
-pub type Progress<'a> = &'a (dyn Fn(SfmStage, usize, usize) + Sync);
-
-/// Fewest features of a usable frame.
-const MIN_FEATURES: usize = 30;
 
 /// Reconstruct camera poses and sparse points from overlapping frames of a rigid scene.
 ///
@@ -105,96 +86,6 @@ pub fn triangulate_known(
     Ok(collect(map, frames, rejected))
 }
 
-fn check_input(
-    frames: &[Frame],
-    masks: &[Option<Mask>],
-    camera: &CameraModel,
-    options: &SfmOptions,
-) -> Result<(), SfmError> {
-    options.validate()?;
-    if frames.len() < 2 {
-        return Err(SfmError::TooFewFrames(frames.len()));
-    }
-    if !masks.is_empty() && masks.len() != frames.len() {
-        return Err(SfmError::Count { what: "masks", found: masks.len(), frames: frames.len() });
-    }
-    let [fx, fy] = camera.focal;
-    let [cx, cy] = camera.centre;
-    for (field, value, positive) in
-        [("fx", fx, true), ("fy", fy, true), ("cx", cx, false), ("cy", cy, false)]
-    {
-        if !value.is_finite() || (positive && value <= 0.0) {
-            return Err(SfmError::Camera { field, value, positive });
-        }
-    }
-    for (i, frame) in frames.iter().enumerate() {
-        let (frame, found, expected) = (frame.name.clone(), frame.size, camera.size);
-        if found != expected {
-            return Err(SfmError::Size { frame, found, expected });
-        }
-        if let Some(mask) = masks.get(i).and_then(Option::as_ref).filter(|m| m.size != found) {
-            return Err(SfmError::MaskSize { frame, found: mask.size, expected: found });
-        }
-    }
-    Ok(())
-}
-
-fn detect_all(
-    frames: &[Frame],
-    masks: &[Option<Mask>],
-    options: &SfmOptions,
-    progress: Progress,
-) -> Vec<Features2d> {
-    const RIM_PX: usize = 12;
-    let lit = if options.find_viewport { viewport(frames, RIM_PX) } else { None };
-    let count = Counter::new(SfmStage::Features, frames.len(), progress);
-    let one = |(i, frame): (usize, &Frame)| {
-        let own = masks.get(i).and_then(Option::as_ref);
-        let mask = match (own, &lit) {
-            (Some(own), Some(lit)) => Some(both(own, lit)),
-            (own, lit) => own.or(lit.as_ref()).cloned(),
-        };
-        let features = detect(frame, mask.as_ref(), options);
-        count.next();
-        features
-    };
-    frames.par_iter().enumerate().with_max_len(1).map(one).collect()
-}
-
-fn both(a: &Mask, b: &Mask) -> Mask {
-    let data = a.data.iter().zip(&b.data).map(|(a, b)| *a && *b).collect();
-    Mask { size: a.size, data }
-}
-
-/// Frames with too few features, and why.
-fn unusable(frames: &[Frame], features: &[Features2d]) -> Vec<(usize, String)> {
-    let reason = |(i, f): (usize, &Features2d)| {
-        (f.len() < MIN_FEATURES).then(|| {
-            let brightest = frames[i].rgb.iter().flatten().max().copied().unwrap_or(0);
-            let why = if brightest < 16 {
-                format!("the frame is black (brightest value {brightest} of 255)")
-            } else {
-                format!(
-                    "{} features inside the valid area, at least {MIN_FEATURES} are needed",
-                    f.len()
-                )
-            };
-            (i, why)
-        })
-    };
-    features.iter().enumerate().filter_map(reason).collect()
-}
-
-fn check_usable(frames: &[Frame], rejected: &[(usize, String)]) -> Result<(), SfmError> {
-    let usable = frames.len() - rejected.len();
-    if usable >= 2 {
-        return Ok(());
-    }
-    let reasons: Vec<String> =
-        rejected.iter().take(5).map(|(i, why)| format!("{}: {why}", frames[*i].name)).collect();
-    Err(SfmError::TooFewFeatures { usable, frames: frames.len(), reasons: reasons.join("; ") })
-}
-
 /// Grow models until no pair of unregistered frames starts another; keep the largest.
 fn largest_model<'a>(
     camera: &CameraModel,
@@ -262,62 +153,6 @@ fn explain(
     rejected.sort_by_key(|r| r.0);
 }
 
-/// Match all registered pairs again along epipolar lines; new tracks, new points.
-fn rematch(
-    map: &mut Map,
-    descriptors: &[UnitDescriptors],
-    options: &SfmOptions,
-    progress: Progress,
-) {
-    let views: Vec<Option<GuidedView>> = (0..map.poses.len())
-        .map(|v| {
-            let rays = map.features[v].points.iter().map(|p| map.camera.unproject(p)).collect();
-            Some(GuidedView { pose: map.poses[v]?, rays, descriptors: descriptors[v].clone() })
-        })
-        .collect();
-    let limits = GuidedLimits {
-        angle: options.max_epipolar_px / mean_focal(&map.camera),
-        ratio: 0.5 * (1.0 + options.ratio),
-        max_distance: options.max_distance,
-        depth: depth_range(map),
-    };
-    let pairs = candidate_pairs(map.poses.len(), options);
-    let count = Counter::new(SfmStage::GuidedMatching, pairs.len(), progress);
-    let guided = |&(a, b): &(usize, usize)| {
-        let matches = match (&views[a], &views[b]) {
-            (Some(from), Some(to)) => match_guided(from, to, &limits),
-            _ => Vec::new(),
-        };
-        count.next();
-        PairMatches { a, b, matches }
-    };
-    let matched: Vec<PairMatches> = pairs.par_iter().with_max_len(1).map(guided).collect();
-    let counts: Vec<usize> = map.features.iter().map(Features2d::len).collect();
-    map.tracks = build_tracks(&counts, &matched).into_iter().map(MapTrack::new).collect();
-    map.triangulate(&options.limits());
-}
-
-/// Distances between which points are looked for: those of the known points with room, or, without
-/// points, from a tenth of the camera path's extent to infinity.
-fn depth_range(map: &Map) -> [f64; 2] {
-    let mut depths: Vec<f64> = Vec::new();
-    for track in &map.tracks {
-        let Some(point) = track.point else { continue };
-        depths.extend(
-            track.seen().filter_map(|m| Some((map.poses[m.view as usize]? * point).coords.norm())),
-        );
-    }
-    depths.sort_by(f64::total_cmp);
-    if let (Some(near), Some(far)) =
-        (depths.get(depths.len() / 100), depths.get(depths.len() * 99 / 100))
-    {
-        return [0.7 * near, 1.5 * far];
-    }
-    let centres: Vec<_> = map.poses.iter().flatten().map(super::triangulation::centre_of).collect();
-    let extent = centres.iter().map(|c| (c - centres[0]).norm()).fold(0.0, f64::max);
-    [0.1 * extent, 1e4 * extent]
-}
-
 /// Last adjustment: a loss that gives far sightings no say, then only what fits.
 fn finish_adjustment(map: &mut Map, first: usize, options: &SfmOptions) {
     for loss in [Loss::GemanMcClure(1.5), Loss::GemanMcClure(1.0)] {
@@ -327,79 +162,125 @@ fn finish_adjustment(map: &mut Map, first: usize, options: &SfmOptions) {
     }
 }
 
-/// World axes of the first registered camera, median depth 50.
-fn normalise(map: &mut Map, first: usize) {
-    const MEDIAN_DEPTH: f64 = 50.0;
-    if let Some(pose) = map.poses[first] {
-        map.poses.iter_mut().flatten().for_each(|p| *p *= pose.inverse());
-        map.tracks.iter_mut().filter_map(|t| t.point.as_mut()).for_each(|p| *p = pose * *p);
-    }
-    let depth = map.median_depth();
-    if depth > 0.0 {
-        map.rescale(MEDIAN_DEPTH / depth);
-    }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Lens;
+    use crate::geometry::{Point3, Vector3, align_similarity};
+    use crate::sfm::random::Random;
+    use crate::sfm::triangulation::centre_of;
 
-fn collect(map: Map, frames: &[Frame], rejected: Vec<(usize, String)>) -> Reconstruction {
-    let errors = map.errors();
-    let mut sums = vec![(0.0, 0usize); frames.len()];
-    for &(_, view, error) in &errors {
-        sums[view] = (sums[view].0 + error * error, sums[view].1 + 1);
+    const SIZE: [usize; 2] = [200, 150];
+
+    fn camera() -> CameraModel {
+        CameraModel { size: SIZE, focal: [180.0; 2], centre: [99.5, 74.5], lens: Lens::Pinhole }
     }
-    let points = errors.chunk_by(|x, y| x.0 == y.0).filter_map(|of_track| {
-        let track = &map.tracks[of_track[0].0];
-        let pixel = |m: super::tracks::Member| TrackedPixel {
-            frame: m.view as usize,
-            feature: m.feature as usize,
-            pixel: map.pixel(m),
+
+    fn poses() -> Vec<Isometry> {
+        let pose = |i: i32| {
+            let x = (i - 2) as f64;
+            let turn = Vector3::new(0.01 * x, -0.07 * x, 0.02 * x * x);
+            Isometry::new(Vector3::new(-3.5 * x, 0.4 * x * x, 50.0), turn)
         };
-        let seen: Vec<TrackedPixel> = track.seen().map(pixel).collect();
-        Some(ScenePoint {
-            position: track.point?,
-            rgb: mean_colour(frames, &seen),
-            error_px: of_track.iter().map(|e| e.2).sum::<f64>() / of_track.len() as f64,
-            track: seen,
-        })
-    });
-    Reconstruction {
-        points: points.collect(),
-        rejected,
-        reprojection_px: sums.iter().map(|(s, n)| (s / (*n).max(1) as f64).sqrt()).collect(),
-        features: map.features.to_vec(),
-        poses: map.poses,
-        camera: map.camera,
-    }
-}
-
-/// Mean encoded colour at the pixels of a track.
-fn mean_colour(frames: &[Frame], seen: &[TrackedPixel]) -> [u8; 3] {
-    let colour = |frame: &Frame, p: &Point2| {
-        let at = |v: f64, n: usize| (v.round().max(0.0) as usize).min(n - 1);
-        frame.rgb[at(p.y, frame.size[1]) * frame.size[0] + at(p.x, frame.size[0])]
-    };
-    let mut sum = [0.0; 3];
-    for s in seen {
-        let rgb = colour(&frames[s.frame], &s.pixel);
-        (0..3).for_each(|c| sum[c] += rgb[c] as f64);
-    }
-    sum.map(|v| (v / seen.len().max(1) as f64).round() as u8)
-}
-
-/// Counts things done on several threads and reports them.
-struct Counter<'a> {
-    stage: SfmStage,
-    total: usize,
-    done: AtomicUsize,
-    progress: Progress<'a>,
-}
-
-impl<'a> Counter<'a> {
-    fn new(stage: SfmStage, total: usize, progress: Progress<'a>) -> Self {
-        Self { stage, total, done: AtomicUsize::new(0), progress }
+        (0..5).map(pose).collect()
     }
 
-    fn next(&self) {
-        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-        (self.progress)(self.stage, done, self.total);
+    /// Gaussian blobs of several sizes on a wavy sheet.
+    fn frame(pose: &Isometry, index: usize) -> Frame {
+        let mut random = Random::new(11, 0);
+        let mut unit = || random.below(1_000_000) as f64 / 1e6 - 0.5;
+        let mut grey = vec![0.4; SIZE[0] * SIZE[1]];
+        for _ in 0..500 {
+            let (x, y) = (70.0 * unit(), 55.0 * unit());
+            let point = Point3::new(x, y, 4.0 * (0.15 * x).sin() + 3.0 * (0.2 * y).cos());
+            let (sigma, height) = (1.0 + 1.5 * (unit() + 0.5), 0.8 * unit());
+            let Some(seen) = crate::camera::Camera::project(&camera(), &(pose * point)) else {
+                continue;
+            };
+            let reach = (4.0 * sigma) as i64;
+            let (u, v) = (seen.pixel.x.round() as i64, seen.pixel.y.round() as i64);
+            for (i, j) in
+                (v - reach..=v + reach).flat_map(|j| (u - reach..=u + reach).map(move |i| (i, j)))
+            {
+                if (0..SIZE[0] as i64).contains(&i) && (0..SIZE[1] as i64).contains(&j) {
+                    let (dx, dy) = (i as f64 - seen.pixel.x, j as f64 - seen.pixel.y);
+                    let bell = (-(dx * dx + dy * dy) / (2.0 * sigma * sigma)).exp();
+                    grey[j as usize * SIZE[0] + i as usize] += height * bell;
+                }
+            }
+        }
+        let rgb =
+            grey.iter().map(|g: &f64| [(g.clamp(0.02, 0.95) * 255.0).round() as u8; 3]).collect();
+        Frame { name: format!("frame_{index:03}"), size: SIZE, rgb }
+    }
+
+    fn frames() -> Vec<Frame> {
+        poses().iter().enumerate().map(|(i, p)| frame(p, i)).collect()
+    }
+
+    fn run(frames: &[Frame], threads: usize) -> Result<Reconstruction, SfmError> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| reconstruct(frames, &[], &camera(), &SfmOptions::default(), &|_, _, _| ()))
+    }
+
+    #[test]
+    fn poses_come_back_with_the_same_bits_at_any_thread_count_and_a_black_frame_is_named() {
+        let mut frames = frames();
+        frames.push(Frame {
+            name: "dark".into(),
+            size: SIZE,
+            rgb: vec![[2; 3]; SIZE[0] * SIZE[1]],
+        });
+        let (one, two) = (run(&frames, 1).unwrap(), run(&frames, 2).unwrap());
+        assert_eq!(one.poses, two.poses);
+        assert_eq!(one.points, two.points);
+        assert_eq!(one.registered(), 5);
+        assert!(
+            one.rejected.len() == 1 && one.rejected[0].1.contains("black"),
+            "{:?}",
+            one.rejected
+        );
+        let found: Vec<Point3> = one.poses.iter().flatten().map(centre_of).collect();
+        let truth: Vec<Point3> = poses().iter().map(centre_of).collect();
+        let fit = align_similarity(&found, &truth).unwrap();
+        // A pixel is 0.28 units at this depth, and overlapping blobs shift one another.
+        for (f, t) in found.iter().zip(&truth) {
+            assert!((fit * f - t).norm() < 0.2, "{}", (fit * f - t).norm());
+        }
+    }
+
+    #[test]
+    fn known_poses_give_points_on_the_sheet() {
+        let poses: Vec<_> = poses().into_iter().map(Some).collect();
+        let options = SfmOptions::default();
+        let found =
+            triangulate_known(&frames(), &[], &camera(), &poses, &options, &|_, _, _| ()).unwrap();
+        assert_eq!(found.poses, poses);
+        assert!(found.points.len() > 50, "{}", found.points.len());
+        let height = |p: &Point3| (p.z - 4.0 * (0.15 * p.x).sin() - 3.0 * (0.2 * p.y).cos()).abs();
+        let mut heights: Vec<f64> = found.points.iter().map(|p| height(&p.position)).collect();
+        heights.sort_by(f64::total_cmp);
+        assert!(heights[heights.len() / 2] < 0.5, "{}", heights[heights.len() / 2]);
+    }
+
+    #[test]
+    fn bad_input_is_named() {
+        let frames = frames();
+        assert!(matches!(run(&frames[..1], 1), Err(SfmError::TooFewFrames(1))));
+        let mut small = frames[..2].to_vec();
+        small[1].size = [100, 300];
+        assert!(run(&small, 1).unwrap_err().to_string().contains("frame_001"));
+        let still = vec![frames[0].clone(); 3];
+        assert!(matches!(run(&still, 1), Err(SfmError::NoInitialPair { .. })));
+        let black = Frame { name: "b".into(), size: SIZE, rgb: vec![[0; 3]; SIZE[0] * SIZE[1]] };
+        let error = run(&[black.clone(), black], 1).unwrap_err();
+        assert!(
+            matches!(error, SfmError::TooFewFeatures { usable: 0, .. })
+                && error.to_string().contains("black")
+        );
+        let mut bad = camera();
+        bad.focal[0] = f64::NAN;
+        let result = reconstruct(&frames, &[], &bad, &SfmOptions::default(), &|_, _, _| ());
+        assert!(matches!(result, Err(SfmError::Camera(_))));
     }
 }

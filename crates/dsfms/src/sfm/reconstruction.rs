@@ -1,7 +1,7 @@
 //! What structure from motion returns, and how it fails.
 
 use super::features::Features2d;
-use crate::camera::CameraModel;
+use crate::camera::{CameraError, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3};
 
 /// Where a scene point was seen.
@@ -103,16 +103,9 @@ pub enum SfmError {
         /// Size of the frame.
         expected: [usize; 2],
     },
-    /// A camera value that is not finite or not positive.
-    #[error("the camera's {field} is {value}; a finite{} value is needed", if *.positive { ", positive" } else { "" })]
-    Camera {
-        /// Field of the camera.
-        field: &'static str,
-        /// Value found.
-        value: f64,
-        /// Whether it must be positive.
-        positive: bool,
-    },
+    /// The intrinsics make no sense.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
     /// Not enough frames with features.
     #[error(
         "only {usable} of {frames} frames can be used: {reasons}; check the exposure and the masks (white = valid), or lower contrast_threshold"

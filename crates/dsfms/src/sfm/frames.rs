@@ -1,0 +1,129 @@
+//! The frames as they come in: checks, features, what cannot be used, and progress.
+
+use super::SfmOptions;
+use super::features::{Features2d, detect};
+use super::reconstruction::SfmError;
+use crate::camera::CameraModel;
+use crate::image::{Frame, Mask, viewport};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Steps of the stage, for progress displays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SfmStage {
+    /// Frames whose features were detected.
+    Features,
+    /// Pairs of frames compared.
+    Matching,
+    /// Frames registered.
+    Registration,
+    /// Pairs compared along epipolar lines.
+    GuidedMatching,
+}
+
+/// Receives the stage, the number of things done and of all things; may be called from any thread.
+pub type Progress<'a> = &'a (dyn Fn(SfmStage, usize, usize) + Sync);
+
+/// Fewest features of a usable frame.
+const MIN_FEATURES: usize = 30;
+
+/// Check sizes, counts, camera and options.
+pub(super) fn check_input(
+    frames: &[Frame],
+    masks: &[Option<Mask>],
+    camera: &CameraModel,
+    options: &SfmOptions,
+) -> Result<(), SfmError> {
+    options.validate()?;
+    if frames.len() < 2 {
+        return Err(SfmError::TooFewFrames(frames.len()));
+    }
+    if !masks.is_empty() && masks.len() != frames.len() {
+        return Err(SfmError::Count { what: "masks", found: masks.len(), frames: frames.len() });
+    }
+    camera.validate()?;
+    for (i, frame) in frames.iter().enumerate() {
+        let (frame, found, expected) = (frame.name.clone(), frame.size, camera.size);
+        if found != expected {
+            return Err(SfmError::Size { frame, found, expected });
+        }
+        if let Some(mask) = masks.get(i).and_then(Option::as_ref).filter(|m| m.size != found) {
+            return Err(SfmError::MaskSize { frame, found: mask.size, expected: found });
+        }
+    }
+    Ok(())
+}
+
+/// Features of every frame inside its mask and the viewport.
+pub(super) fn detect_all(
+    frames: &[Frame],
+    masks: &[Option<Mask>],
+    options: &SfmOptions,
+    progress: Progress,
+) -> Vec<Features2d> {
+    /// The blurred rim gives strong keypoints that move with the camera.
+    const RIM_PX: f64 = 8.0;
+    let lit = if options.find_viewport { viewport(frames) } else { None };
+    let lit = lit.map(|m| m.erode(RIM_PX));
+    let count = Counter::new(SfmStage::Features, frames.len(), progress);
+    let one = |(i, frame): (usize, &Frame)| {
+        let own = masks.get(i).and_then(Option::as_ref);
+        let mask = match (own, &lit) {
+            (Some(own), Some(lit)) => Some(own.and(lit)),
+            (own, lit) => own.or(lit.as_ref()).cloned(),
+        };
+        let features = detect(frame, mask.as_ref(), options);
+        count.next();
+        features
+    };
+    frames.par_iter().enumerate().with_max_len(1).map(one).collect()
+}
+
+/// Frames with too few features, and why.
+pub(super) fn unusable(frames: &[Frame], features: &[Features2d]) -> Vec<(usize, String)> {
+    let reason = |(i, f): (usize, &Features2d)| {
+        (f.len() < MIN_FEATURES).then(|| {
+            let brightest = frames[i].rgb.iter().flatten().max().copied().unwrap_or(0);
+            let why = if brightest < 16 {
+                format!("the frame is black (brightest value {brightest} of 255)")
+            } else {
+                format!(
+                    "{} features inside the valid area, at least {MIN_FEATURES} are needed",
+                    f.len()
+                )
+            };
+            (i, why)
+        })
+    };
+    features.iter().enumerate().filter_map(reason).collect()
+}
+
+/// At least two frames must have features.
+pub(super) fn check_usable(frames: &[Frame], rejected: &[(usize, String)]) -> Result<(), SfmError> {
+    let usable = frames.len() - rejected.len();
+    if usable >= 2 {
+        return Ok(());
+    }
+    let reasons: Vec<String> =
+        rejected.iter().take(5).map(|(i, why)| format!("{}: {why}", frames[*i].name)).collect();
+    Err(SfmError::TooFewFeatures { usable, frames: frames.len(), reasons: reasons.join("; ") })
+}
+
+/// Counts things done on several threads and reports them.
+pub(super) struct Counter<'a> {
+    stage: SfmStage,
+    total: usize,
+    done: AtomicUsize,
+    progress: Progress<'a>,
+}
+
+impl<'a> Counter<'a> {
+    pub fn new(stage: SfmStage, total: usize, progress: Progress<'a>) -> Self {
+        Self { stage, total, done: AtomicUsize::new(0), progress }
+    }
+
+    pub fn next(&self) {
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        (self.progress)(self.stage, done, self.total);
+    }
+}

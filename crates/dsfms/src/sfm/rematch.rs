@@ -1,0 +1,86 @@
+//! Matching again once the poses are known.
+
+use super::SfmOptions;
+use super::features::Features2d;
+use super::frames::{Counter, Progress, SfmStage};
+use super::guided::{GuidedLimits, GuidedView, match_guided};
+use super::map::{Map, MapTrack};
+use super::matching::UnitDescriptors;
+use super::tracks::{PairMatches, build_tracks};
+use super::two_view::{candidate_pairs, mean_focal};
+use crate::camera::Camera;
+use rayon::prelude::*;
+
+/// Match all registered pairs again along epipolar lines; new tracks, new points.
+pub(super) fn rematch(
+    map: &mut Map,
+    descriptors: &[UnitDescriptors],
+    options: &SfmOptions,
+    progress: Progress,
+) {
+    let views: Vec<Option<GuidedView>> = (0..map.poses.len())
+        .map(|v| {
+            let rays = map.features[v].points.iter().map(|p| map.camera.unproject(p)).collect();
+            Some(GuidedView { pose: map.poses[v]?, rays, descriptors: descriptors[v].clone() })
+        })
+        .collect();
+    let limits = GuidedLimits {
+        angle: options.max_epipolar_px / mean_focal(&map.camera),
+        ratio: 0.5 * (1.0 + options.ratio),
+        max_distance: options.max_distance,
+        depth: depth_range(map),
+    };
+    let pairs = related_pairs(map, options);
+    let count = Counter::new(SfmStage::GuidedMatching, pairs.len(), progress);
+    let guided = |&(a, b): &(usize, usize)| {
+        let matches = match (&views[a], &views[b]) {
+            (Some(from), Some(to)) => match_guided(from, to, &limits),
+            _ => Vec::new(),
+        };
+        count.next();
+        PairMatches { a, b, matches }
+    };
+    let matched: Vec<PairMatches> = pairs.par_iter().with_max_len(1).map(guided).collect();
+    let counts: Vec<usize> = map.features.iter().map(Features2d::len).collect();
+    map.tracks = build_tracks(&counts, &matched).into_iter().map(MapTrack::new).collect();
+    map.triangulate(&options.limits());
+}
+
+/// Candidate pairs that share some points already; all candidates while there are no points.
+fn related_pairs(map: &Map, options: &SfmOptions) -> Vec<(usize, usize)> {
+    const SHARED: usize = 5;
+    let n = map.poses.len();
+    let mut shared = vec![0usize; n * n];
+    for track in map.tracks.iter().filter(|t| t.point.is_some()) {
+        let views: Vec<usize> = track.seen().map(|m| m.view as usize).collect();
+        for (i, a) in views.iter().enumerate() {
+            views[i + 1..].iter().for_each(|b| shared[a * n + b] += 1);
+        }
+    }
+    let mut pairs = candidate_pairs(n, options);
+    if map.points() > 0 {
+        pairs.retain(|&(a, b)| shared[a * n + b] >= SHARED);
+    }
+    pairs
+}
+
+/// Distances between which points are looked for: those of the known points with room, or, without
+/// points, from a tenth of the camera path's extent to infinity.
+fn depth_range(map: &Map) -> [f64; 2] {
+    let mut depths: Vec<f64> = Vec::new();
+    for track in &map.tracks {
+        let Some(point) = track.point else { continue };
+        depths.extend(
+            track.seen().filter_map(|m| Some((map.poses[m.view as usize]? * point).coords.norm())),
+        );
+    }
+    depths.sort_by(f64::total_cmp);
+    if let (Some(near), Some(far)) =
+        (depths.get(depths.len() / 100), depths.get(depths.len() * 99 / 100))
+    {
+        return [0.7 * near, 1.5 * far];
+    }
+    let centres: Vec<_> = map.poses.iter().flatten().map(super::triangulation::centre_of).collect();
+    let extent = centres.iter().map(|c| (c - centres[0]).norm()).fold(0.0, f64::max);
+    [0.1 * extent, 1e4 * extent]
+}
