@@ -1,7 +1,17 @@
 //! Cameras: from a point in camera axes (x right, y down, z forward) to a pixel and back.
+//!
+//! ```
+//! use dsfms::camera::{Camera, CameraModel, Lens};
+//! use dsfms::geometry::Point3;
+//! let lens = Lens::BrownConrady { k: [-0.2, 0.1, 0.0], p: [0.0, 0.0] };
+//! let camera = CameraModel { size: [640, 480], focal: [548.0, 549.0], centre: [316.4, 243.2], lens };
+//! let pixel = camera.project(&Point3::new(5.0, -3.0, 60.0)).unwrap().pixel;
+//! let ray = camera.unproject(&pixel).unwrap();
+//! assert!((ray * 60.0 / ray.z - Point3::new(5.0, -3.0, 60.0).coords).norm() < 1e-9);
+//! ```
 
-use crate::geometry::{Point2, Point3, Vector3};
-use nalgebra::Matrix2x3;
+use crate::geometry::{Point2, Point3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x3};
 
 /// A pixel and `∂pixel/∂point`, px per length unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -10,6 +20,15 @@ pub struct Projection {
     pub pixel: Point2,
     /// Derivative with respect to the point in camera axes.
     pub jacobian: Matrix2x3<f64>,
+}
+
+/// Distorted normalised coordinates and their derivative.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Distorted {
+    /// `(x_d, y_d)`, without unit.
+    pub value: Vector2,
+    /// `∂(x_d, y_d)/∂(x/z, y/z)`.
+    pub jacobian: Matrix2<f64>,
 }
 
 /// What every camera model can do.
@@ -23,5 +42,12 @@ pub trait Camera: Send + Sync {
     fn unproject(&self, pixel: &Point2) -> Option<Vector3>;
 }
 
+pub mod brown_conrady;
+#[cfg(test)]
+mod check;
+pub mod kannala_brandt;
 pub mod model;
-pub use model::{CameraModel, Lens};
+pub mod pinhole;
+mod polynomial;
+
+pub use model::{CameraError, CameraModel, Lens};

@@ -1,1 +1,81 @@
-//! Energy terms of eqs. 3 and 4, one file per term (in progress).
+//! Energy terms of eqs. 3 and 4, one file per term, and the objective that sums them.
+//!
+//! A term is a family of residual blocks; it sees only the vertices it declares, so the sparsity
+//! pattern cannot be wrong and is factorised symbolically once. A new term is one new file.
+
+pub mod anisotropy;
+pub mod boundary;
+pub mod check;
+pub mod diffuse;
+pub mod face;
+pub mod globals;
+pub mod motion;
+pub mod objective;
+pub mod reprojection;
+pub mod ring;
+pub mod shearing;
+pub mod smoothing;
+pub mod specular;
+pub mod stay;
+pub mod stretch;
+
+use crate::geometry::Point3;
+pub use anisotropy::Anisotropy;
+pub use boundary::Boundary;
+pub use diffuse::Diffuse;
+pub use face::RestFaces;
+pub use globals::GlobalsPrior;
+pub use motion::Motion;
+use nalgebra::{SMatrix, SVector};
+pub use objective::{Objective, Unknowns};
+pub use reprojection::Reprojection;
+pub use shearing::Shearing;
+pub use smoothing::Smoothing;
+pub use specular::Specular;
+pub use stay::Stay;
+pub use stretch::Stretch;
+
+/// A residual has no value here (a point behind the camera, a collapsed face): the trial step
+/// fails. Treating it as zero would let the cost fall by failing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Infeasible;
+
+/// Where a term writes the derivatives of one block.
+pub struct Jacobian<'a, const R: usize> {
+    /// `∂r/∂vₖ` for every vertex of the stencil.
+    pub vertices: &'a mut [SMatrix<f64, R, 3>],
+    /// `∂r/∂gₖ` for every global of the term.
+    pub globals: &'a mut [SVector<f64, R>],
+}
+
+/// A family of residual blocks `rᵢ : (ℝ³)ᵏ × ℝᵐ → ℝᴿ`, one per correspondence, face or vertex.
+pub trait EnergyTerm<const R: usize>: Send + Sync {
+    /// Role and equation, as the solve report prints it: `"motion (eq. 3)"`.
+    const LABEL: &'static str;
+
+    /// Number of blocks in `Σᵢ wᵢ ρ(‖rᵢ‖²)`.
+    fn count(&self) -> usize;
+
+    /// The vertices block `i` reads: a face, a one-ring; fixed for the life of the term.
+    fn stencil(&self, i: usize) -> &[u32];
+
+    /// The global unknowns (gain, ambient, …) every block of the term reads.
+    fn globals(&self) -> &[usize] {
+        &[]
+    }
+
+    /// Weight `wᵢ` of a block, outside the loss.
+    fn weight(&self, _i: usize) -> f64 {
+        1.0
+    }
+
+    /// `rᵢ` at the gathered stencil `v` and globals `g`; and its derivatives, when asked for.
+    /// The Jacobian arrives zeroed.
+    fn residual(
+        &self,
+        i: usize,
+        v: &[Point3],
+        g: &[f64],
+        jacobian: Option<Jacobian<'_, R>>,
+    ) -> Result<SVector<f64, R>, Infeasible>;
+}

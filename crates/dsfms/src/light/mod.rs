@@ -28,5 +28,18 @@ pub trait Light: Send + Sync {
     fn mirror_normal(&self, point: &Point3) -> Vector3;
 }
 
+/// Angle in rad, `[0, π]`, between a unit normal and the one that would mirror the light into
+/// the camera: highlights sit where it is small.
+pub fn specular_angle(light: &impl Light, point: &Point3, normal: &Vector3) -> f64 {
+    let mirror = light.mirror_normal(point);
+    // atan2 keeps its precision near zero, where acos loses half the digits.
+    mirror.cross(normal).norm().atan2(mirror.dot(normal))
+}
+
+#[cfg(test)]
+mod check;
+pub mod collinear;
 pub mod model;
-pub use model::{LightModel, PointLight, Spot};
+pub mod point;
+
+pub use model::{LightError, LightModel, PointLight, Spot};

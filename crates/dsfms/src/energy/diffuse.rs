@@ -1,0 +1,132 @@
+//! Diffuse condition of eq. 4: brightness is albedo times shading.
+
+use super::ring::OneRing;
+use super::{EnergyTerm, Infeasible, Jacobian};
+use crate::camera::Camera;
+use crate::geometry::Point3;
+use crate::image::Plane;
+use crate::light::Light;
+use crate::mesh::Topology;
+use nalgebra::SVector;
+
+/// `r = (I′(π(xᵢ)) − e^γ αᵢ s(xᵢ, Nᵢ) − κ) / σᵢ` for the diffuse vertices `𝒟ᵥ`, with the log gain
+/// `γ = g₀` and the ambient light `κ = g₁` as global unknowns.
+///
+/// The image gradient is kept in the derivative of `I′(π(xᵢ))`. A vertex that leaves the image makes
+/// the trial step fail.
+#[derive(Clone, Debug)]
+pub struct Diffuse<'a, C, L> {
+    /// Camera of the frame.
+    pub camera: &'a C,
+    /// Light of the frame.
+    pub light: &'a L,
+    /// Grey image in linear light, smoothed like the albedo.
+    pub image: &'a Plane,
+    rings: Vec<OneRing>,
+    albedo: Vec<f64>,
+    sigma: Vec<f64>,
+}
+
+/// What the diffuse condition knows of one vertex.
+#[derive(Clone, Copy, Debug)]
+pub struct DiffuseVertex {
+    /// The vertex.
+    pub vertex: u32,
+    /// Grey albedo, linear.
+    pub albedo: f64,
+    /// Noise of the prediction, linear light.
+    pub sigma: f64,
+}
+
+impl<'a, C, L> Diffuse<'a, C, L> {
+    /// The condition on the given vertices (those without a face are left out).
+    pub fn new(
+        camera: &'a C,
+        light: &'a L,
+        image: &'a Plane,
+        topology: &Topology,
+        vertices: &[DiffuseVertex],
+    ) -> Self {
+        let mut term =
+            Self { camera, light, image, rings: Vec::new(), albedo: Vec::new(), sigma: Vec::new() };
+        for v in vertices {
+            if let Some(ring) = OneRing::of(topology, v.vertex) {
+                term.rings.push(ring);
+                term.albedo.push(v.albedo);
+                term.sigma.push(v.sigma);
+            }
+        }
+        term
+    }
+}
+
+impl<C: Camera, L: Light> EnergyTerm<1> for Diffuse<'_, C, L> {
+    const LABEL: &'static str = "diffuse (eq. 4)";
+
+    fn count(&self) -> usize {
+        self.rings.len()
+    }
+
+    fn stencil(&self, i: usize) -> &[u32] {
+        &self.rings[i].stencil
+    }
+
+    fn globals(&self) -> &[usize] {
+        &[0, 1]
+    }
+
+    fn residual(
+        &self,
+        i: usize,
+        v: &[Point3],
+        g: &[f64],
+        jacobian: Option<Jacobian<'_, 1>>,
+    ) -> Result<SVector<f64, 1>, Infeasible> {
+        let (ring, sigma) = (&self.rings[i], self.sigma[i]);
+        let normal = ring.normal(v).ok_or(Infeasible)?;
+        let projection = self.camera.project(&v[0]).ok_or(Infeasible)?;
+        let (intensity, gradient) = self.image.sample(&projection.pixel).ok_or(Infeasible)?;
+        let shade = self.light.shade(&v[0], &normal.unit);
+        let brightness = g[0].exp() * self.albedo[i];
+        let predicted = brightness * shade.value;
+        if let Some(j) = jacobian {
+            let slope = -brightness / sigma;
+            ring.pull_back(v, &normal, &(shade.d_normal * slope), |k, d| {
+                j.vertices[k] += d.transpose();
+            });
+            j.vertices[0] += gradient.transpose() * projection.jacobian / sigma;
+            j.vertices[0] += shade.d_point.transpose() * slope;
+            j.globals[0][0] = -predicted / sigma;
+            j.globals[1][0] = -1.0 / sigma;
+        }
+        Ok(SVector::from([(intensity - predicted - g[1]) / sigma]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{CameraModel, Lens};
+    use crate::energy::check::{assert_jacobian, bent_patch};
+    use crate::light::LightModel;
+
+    #[test]
+    fn derivative() {
+        let mesh = bent_patch();
+        let camera = CameraModel {
+            size: [64, 48],
+            focal: [100.0, 110.0],
+            centre: [31.2, 23.3],
+            lens: Lens::Pinhole,
+        };
+        // A slanted image: bilinear sampling is then smooth everywhere.
+        let data =
+            (0..64 * 48).map(|i| 0.001 * (i % 64) as f32 + 0.004 * (i / 64) as f32).collect();
+        let image = Plane { size: [64, 48], data };
+        let vertices: Vec<_> =
+            (0..25).map(|vertex| DiffuseVertex { vertex, albedo: 0.6, sigma: 0.05 }).collect();
+        let light = LightModel::Collinear;
+        let term = Diffuse::new(&camera, &light, &image, &mesh.topology, &vertices);
+        assert_jacobian(&term, &mesh.positions, &[0.1, 0.02]);
+    }
+}

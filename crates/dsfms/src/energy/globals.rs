@@ -1,0 +1,57 @@
+//! Priors on the global unknowns (gain, ambient).
+
+use super::{EnergyTerm, Infeasible, Jacobian};
+use crate::geometry::Point3;
+use nalgebra::SVector;
+
+/// `r = (g − mean) / σ` for one global.
+#[derive(Clone, Copy, Debug)]
+pub struct GlobalsPrior {
+    /// Which global.
+    pub index: [usize; 1],
+    /// Expected value.
+    pub mean: f64,
+    /// Spread of that expectation.
+    pub sigma: f64,
+}
+
+impl EnergyTerm<1> for GlobalsPrior {
+    const LABEL: &'static str = "gain and ambient prior";
+
+    fn count(&self) -> usize {
+        1
+    }
+
+    fn stencil(&self, _: usize) -> &[u32] {
+        &[]
+    }
+
+    fn globals(&self) -> &[usize] {
+        &self.index
+    }
+
+    fn residual(
+        &self,
+        _: usize,
+        _: &[Point3],
+        g: &[f64],
+        jacobian: Option<Jacobian<'_, 1>>,
+    ) -> Result<SVector<f64, 1>, Infeasible> {
+        if let Some(j) = jacobian {
+            j.globals[0][0] = 1.0 / self.sigma;
+        }
+        Ok(SVector::from([(g[0] - self.mean) / self.sigma]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::energy::check::assert_jacobian;
+
+    #[test]
+    fn derivative() {
+        let term = GlobalsPrior { index: [1], mean: 0.1, sigma: 0.3 };
+        assert_jacobian(&term, &[], &[0.0, 0.4]);
+    }
+}

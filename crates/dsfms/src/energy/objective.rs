@@ -1,0 +1,260 @@
+//! A sum of weighted, robustified terms over the vertices of one mesh and a few globals.
+
+use super::{EnergyTerm, Jacobian};
+use crate::geometry::{Point3, Vector3};
+use crate::solver::normal_equations::Accumulator;
+use crate::solver::{Loss, NormalEquations, Options, Pattern, Problem, Step, Summary, minimize};
+use nalgebra::{SMatrix, SVector};
+use rayon::prelude::*;
+
+/// What is solved for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unknowns {
+    /// Vertex positions in camera axes.
+    pub vertices: Vec<Point3>,
+    /// Global unknowns; their meaning is the objective's.
+    pub globals: Vec<f64>,
+}
+
+/// Largest stencil a term may declare; a vertex of higher valence is refused when it is added.
+pub const MAX_STENCIL: usize = 48;
+
+/// Largest number of globals one term may read.
+pub const MAX_GLOBALS: usize = 4;
+
+/// Partial sums per linearisation: fixed, so that the reduction order does not depend on threads.
+const STRIPES: usize = 4;
+
+/// `Σ_terms weight · Σᵢ wᵢ ρ(‖rᵢ‖²)`.
+///
+/// Reads as the paper prints it:
+///
+/// ```ignore
+/// Objective::over(vertex_count, 0)
+///     .plus(1.0, Loss::GemanMcClure(4.0), Motion { .. })
+///     .plus(weights.shearing, Loss::Squared, Shearing { .. })
+/// ```
+pub struct Objective<'a> {
+    vertices: usize,
+    globals: usize,
+    terms: Vec<Box<dyn Weighted + 'a>>,
+    system: Option<System>,
+}
+
+struct System {
+    equations: NormalEquations,
+    stripes: Vec<Accumulator>,
+}
+
+impl<'a> Objective<'a> {
+    /// No terms yet.
+    pub fn over(vertices: usize, globals: usize) -> Self {
+        Self { vertices, globals, terms: Vec::new(), system: None }
+    }
+
+    /// Add a term. A weight of 0 leaves it out.
+    pub fn plus<const R: usize>(
+        mut self,
+        weight: f64,
+        loss: Loss,
+        term: impl EnergyTerm<R> + 'a,
+    ) -> Self {
+        if weight > 0.0 && term.count() > 0 {
+            self.terms.push(Box::new(WeightedTerm { weight, loss, term, slots: Vec::new() }));
+        }
+        self
+    }
+
+    /// Minimise from `start`.
+    pub fn minimise(mut self, start: Unknowns, options: &Options) -> (Unknowns, Summary) {
+        self.prepare();
+        minimize(&mut self, start, options)
+    }
+
+    /// Analyse the sparsity once; also needed before [`Problem::linearise`] is called by hand.
+    pub fn prepare(&mut self) {
+        let stencils = self.terms.iter().flat_map(|t| (0..t.count()).map(|i| t.stencil(i)));
+        let pattern = Pattern::new(self.vertices, stencils);
+        for term in &mut self.terms {
+            term.locate(&pattern);
+        }
+        let equations = NormalEquations::new(&pattern, self.globals)
+            .expect("a pattern built from stencils is well formed");
+        let stripes = vec![Accumulator::new(&pattern, self.globals); STRIPES];
+        self.system = Some(System { equations, stripes });
+    }
+}
+
+impl Problem for Objective<'_> {
+    type State = Unknowns;
+
+    fn costs(&self, state: &Unknowns) -> Option<Vec<f64>> {
+        self.terms.iter().map(|term| term.cost(state)).collect()
+    }
+
+    fn labels(&self) -> Vec<&'static str> {
+        self.terms.iter().map(|term| term.label()).collect()
+    }
+
+    fn linearise(&mut self, state: &Unknowns) -> f64 {
+        let Some(system) = &mut self.system else { return 0.0 };
+        let terms = &self.terms;
+        system.stripes.par_iter_mut().enumerate().for_each(|(stripe, sums)| {
+            sums.clear();
+            for term in terms {
+                let n = term.count();
+                term.accumulate(state, n * stripe / STRIPES..n * (stripe + 1) / STRIPES, sums);
+            }
+        });
+        system.equations.assemble(system.stripes.iter());
+        system.equations.gradient_norm()
+    }
+
+    fn step(&mut self, damping: f64) -> Option<Step> {
+        self.system.as_mut()?.equations.step(damping)
+    }
+
+    fn retract(&self, state: &Unknowns, delta: &[f64]) -> Unknowns {
+        let (d_vertices, d_globals) = delta.split_at(3 * self.vertices);
+        let vertices = state.vertices.iter().zip(d_vertices.chunks_exact(3));
+        Unknowns {
+            vertices: vertices.map(|(v, d)| v + Vector3::new(d[0], d[1], d[2])).collect(),
+            globals: state.globals.iter().zip(d_globals).map(|(g, d)| g + d).collect(),
+        }
+    }
+}
+
+/// A term with its row count erased.
+trait Weighted: Send + Sync {
+    fn label(&self) -> &'static str;
+    fn count(&self) -> usize;
+    fn stencil(&self, i: usize) -> &[u32];
+    fn locate(&mut self, pattern: &Pattern);
+    fn cost(&self, state: &Unknowns) -> Option<f64>;
+    fn accumulate(&self, state: &Unknowns, range: std::ops::Range<usize>, sums: &mut Accumulator);
+}
+
+struct WeightedTerm<const R: usize, T> {
+    weight: f64,
+    loss: Loss,
+    term: T,
+    /// Block index of every pair (a ≥ b) of every stencil, in order.
+    slots: Vec<u32>,
+}
+
+/// Vertices and globals of one block, gathered on the stack.
+struct Gathered {
+    vertices: [Point3; MAX_STENCIL],
+    globals: [f64; MAX_GLOBALS],
+}
+
+fn gather(state: &Unknowns, stencil: &[u32], globals: &[usize]) -> Gathered {
+    let mut gathered =
+        Gathered { vertices: [Point3::origin(); MAX_STENCIL], globals: [0.0; MAX_GLOBALS] };
+    for (to, &v) in gathered.vertices.iter_mut().zip(stencil) {
+        *to = state.vertices[v as usize];
+    }
+    for (to, &g) in gathered.globals.iter_mut().zip(globals) {
+        *to = state.globals[g];
+    }
+    gathered
+}
+
+impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
+    fn label(&self) -> &'static str {
+        T::LABEL
+    }
+
+    fn count(&self) -> usize {
+        self.term.count()
+    }
+
+    fn stencil(&self, i: usize) -> &[u32] {
+        self.term.stencil(i)
+    }
+
+    fn locate(&mut self, pattern: &Pattern) {
+        self.slots.clear();
+        for i in 0..self.term.count() {
+            let stencil = self.term.stencil(i);
+            for (k, &a) in stencil.iter().enumerate() {
+                self.slots.extend(stencil[..=k].iter().map(|&b| pattern.block(a, b) as u32));
+            }
+        }
+    }
+
+    fn cost(&self, state: &Unknowns) -> Option<f64> {
+        let globals = self.term.globals();
+        let mut sum = 0.0;
+        for i in 0..self.term.count() {
+            let stencil = self.term.stencil(i);
+            let at = gather(state, stencil, globals);
+            let (v, g) = (&at.vertices[..stencil.len()], &at.globals[..globals.len()]);
+            let r = self.term.residual(i, v, g, None).ok()?;
+            sum += self.term.weight(i) * self.loss.evaluate(r.norm_squared()).0;
+        }
+        sum.is_finite().then_some(self.weight * sum)
+    }
+
+    fn accumulate(&self, state: &Unknowns, range: std::ops::Range<usize>, sums: &mut Accumulator) {
+        let globals = self.term.globals();
+        let pairs = |i: usize| {
+            let k = self.term.stencil(i).len();
+            k * (k + 1) / 2
+        };
+        let mut slot: usize = (0..range.start).map(pairs).sum();
+        let mut d_vertices = [SMatrix::<f64, R, 3>::zeros(); MAX_STENCIL];
+        let mut d_globals = [SVector::<f64, R>::zeros(); MAX_GLOBALS];
+        for i in range {
+            let stencil = self.term.stencil(i);
+            let at = gather(state, stencil, globals);
+            let (v, g) = (&at.vertices[..stencil.len()], &at.globals[..globals.len()]);
+            let (dv, dg) = (&mut d_vertices[..stencil.len()], &mut d_globals[..globals.len()]);
+            dv.fill(SMatrix::zeros());
+            dg.fill(SVector::zeros());
+            let jacobian = Jacobian { vertices: dv, globals: dg };
+            let slots = &self.slots[slot..slot + pairs(i)];
+            slot += pairs(i);
+            let Ok(r) = self.term.residual(i, v, g, Some(jacobian)) else { continue };
+            let slope = self.loss.evaluate(r.norm_squared()).1;
+            let w = self.weight * self.term.weight(i) * slope;
+            if w > 0.0 {
+                scatter(sums, Block { w, r, stencil, globals, dv, dg, slots });
+            }
+        }
+    }
+}
+
+/// One linearised block on its way into the sums.
+struct Block<'a, const R: usize> {
+    w: f64,
+    r: SVector<f64, R>,
+    stencil: &'a [u32],
+    globals: &'a [usize],
+    dv: &'a [SMatrix<f64, R, 3>],
+    dg: &'a [SVector<f64, R>],
+    slots: &'a [u32],
+}
+
+fn scatter<const R: usize>(sums: &mut Accumulator, block: Block<'_, R>) {
+    let Block { w, r, stencil, globals, dv, dg, slots } = block;
+    let mut slots = slots.iter();
+    for (k, &a) in stencil.iter().enumerate() {
+        let weighted = dv[k].transpose() * w;
+        sums.gradient[a as usize] += weighted * r;
+        for (l, &b) in stencil[..=k].iter().enumerate() {
+            let product = weighted * dv[l];
+            let Some(&slot) = slots.next() else { return };
+            sums.blocks[slot as usize] += if a >= b { product } else { product.transpose() };
+        }
+        for (&g, d) in globals.iter().zip(dg) {
+            sums.border[g][a as usize] += weighted * d;
+        }
+    }
+    for (k, &g) in globals.iter().enumerate() {
+        sums.global_gradient[g] += w * dg[k].dot(&r);
+        for (l, &h) in globals.iter().enumerate() {
+            sums.corner[(g, h)] += w * dg[k].dot(&dg[l]);
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! Which pixel centres a projected face covers, and where on the face they lie.
+
+use crate::geometry::Point2;
+use crate::mesh::Topology;
+use rayon::prelude::*;
+
+/// A projected vertex: pixel and `1/z`; `None` where it does not project.
+pub(super) type Corner = Option<(Point2, f64)>;
+
+/// A face on the screen, clipped to a range of pixel centres.
+pub(super) struct ScreenFace {
+    /// Index in the topology.
+    pub index: u32,
+    /// First and last column.
+    pub x: [usize; 2],
+    /// First and last row.
+    pub y: [usize; 2],
+    /// `edges[k]` lies opposite corner `k`.
+    edges: [Edge; 3],
+    /// `1/z` of the corners.
+    inverse_depth: [f64; 3],
+}
+
+/// An edge function with a canonical direction (from the lower vertex index to the higher), so
+/// that the two faces of an edge compute bit for bit the same number and no pixel falls between.
+#[derive(Clone, Copy)]
+struct Edge {
+    origin: [f64; 2],
+    along: [f64; 2],
+    sign: f64,
+}
+
+impl Edge {
+    fn new(from: (u32, Point2), to: (u32, Point2)) -> Self {
+        let ((low, high), sign) =
+            if from.0 < to.0 { ((from.1, to.1), 1.0) } else { ((to.1, from.1), -1.0) };
+        Self { origin: [low.x, low.y], along: [high.x - low.x, high.y - low.y], sign }
+    }
+
+    fn at(&self, x: f64, y: f64) -> f64 {
+        self.sign * (self.along[0] * (y - self.origin[1]) - self.along[1] * (x - self.origin[0]))
+    }
+}
+
+impl ScreenFace {
+    /// Depth and perspective-correct barycentrics at a pixel centre; `None` outside the face.
+    pub fn at(&self, x: f64, y: f64) -> Option<(f64, [f64; 3])> {
+        let w = [self.edges[0].at(x, y), self.edges[1].at(x, y), self.edges[2].at(x, y)];
+        let inside = (w[0] >= 0.0 && w[1] >= 0.0 && w[2] >= 0.0)
+            || (w[0] <= 0.0 && w[1] <= 0.0 && w[2] <= 0.0);
+        if !inside {
+            return None;
+        }
+        let weighted: [f64; 3] = std::array::from_fn(|k| w[k] * self.inverse_depth[k]);
+        let total = weighted[0] + weighted[1] + weighted[2];
+        (total != 0.0).then(|| ((w[0] + w[1] + w[2]) / total, weighted.map(|v| v / total)))
+    }
+}
+
+/// Every face that may cover a pixel centre, in face order.
+pub(super) fn screen_faces(
+    topology: &Topology,
+    corners: &[Corner],
+    size: [usize; 2],
+) -> Vec<ScreenFace> {
+    (0..topology.faces.len())
+        .into_par_iter()
+        .filter_map(|f| screen_face(f as u32, topology.faces[f], corners, size))
+        .collect()
+}
+
+fn screen_face(
+    index: u32,
+    vertices: [u32; 3],
+    corners: &[Corner],
+    size: [usize; 2],
+) -> Option<ScreenFace> {
+    let [a, b, c] = vertices.map(|v| corners[v as usize]);
+    let (a, b, c) = (a?, b?, c?);
+    let pixels = [a.0, b.0, c.0];
+    let x = centres(pixels.map(|p| p.x), size[0])?;
+    let y = centres(pixels.map(|p| p.y), size[1])?;
+    let corner = |k: usize| (vertices[k], pixels[k]);
+    let edges = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| Edge::new(corner(i), corner(j)));
+    Some(ScreenFace { index, x, y, edges, inverse_depth: [a.1, b.1, c.1] })
+}
+
+/// First and last pixel centre within the span of three coordinates; `None` where there is none.
+fn centres(v: [f64; 3], count: usize) -> Option<[usize; 2]> {
+    let low = v[0].min(v[1]).min(v[2]).ceil().max(0.0);
+    let high = v[0].max(v[1]).max(v[2]).floor().min(count as f64 - 1.0);
+    (low <= high).then_some([low as usize, high as usize])
+}

@@ -1,0 +1,183 @@
+//! Levenberg–Marquardt with Nielsen's damping (Madsen, Nielsen, Tingleff 2004, alg. 3.16).
+
+use super::{Stop, Summary, TermCost};
+use std::time::Instant;
+
+/// A step and what the quadratic model promises of it.
+#[derive(Clone, Debug)]
+pub struct Step {
+    /// The step in the problem's own coordinates.
+    pub delta: Vec<f64>,
+    /// Promised decrease of the cost, positive.
+    pub predicted: f64,
+}
+
+/// What [`minimize`] needs to know of a problem.
+pub trait Problem {
+    /// Point of the search space.
+    type State: Clone;
+    /// Weighted cost of every term, or `None` where the state is infeasible.
+    fn costs(&self, state: &Self::State) -> Option<Vec<f64>>;
+    /// Name of every term, in the order of [`Problem::costs`].
+    fn labels(&self) -> Vec<&'static str>;
+    /// Build the Gauss–Newton model at a feasible state; returns the norm of the gradient.
+    fn linearise(&mut self, state: &Self::State) -> f64;
+    /// Solve the damped model, `None` where it has no solution.
+    fn step(&mut self, damping: f64) -> Option<Step>;
+    /// Apply a step.
+    fn retract(&self, state: &Self::State, delta: &[f64]) -> Self::State;
+}
+
+/// When to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Accepted steps at most.
+    pub max_steps: usize,
+    /// Stop when an accepted step lowers the cost by less than this fraction of it.
+    pub cost_tolerance: f64,
+    /// Stop when the gradient norm falls below this.
+    pub gradient_tolerance: f64,
+    /// Initial damping, relative to the diagonal of the normal matrix.
+    pub initial_damping: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            max_steps: 50,
+            cost_tolerance: 1e-6,
+            gradient_tolerance: 1e-12,
+            initial_damping: 1e-4,
+        }
+    }
+}
+
+/// Largest damping before the solver gives up on a linearisation.
+const MAX_DAMPING: f64 = 1e12;
+
+/// Minimise from `state`; the cost of what is returned is never above that of the start.
+///
+/// An infeasible start is returned unchanged with [`Stop::NoProgress`] and no terms.
+pub fn minimize<P: Problem>(
+    problem: &mut P,
+    mut state: P::State,
+    options: &Options,
+) -> (P::State, Summary) {
+    let start = Instant::now();
+    let Some(before) = problem.costs(&state) else {
+        return (state, summary(problem, Stop::NoProgress, [0, 0], [&[], &[]], start));
+    };
+    let (mut costs, mut damping, mut growth) = (before.clone(), options.initial_damping, 2.0);
+    let (mut accepted, mut refused) = (0, 0);
+    let stop = 'steps: loop {
+        if accepted == options.max_steps {
+            break Stop::StepLimit;
+        }
+        if problem.linearise(&state) < options.gradient_tolerance {
+            break Stop::Gradient;
+        }
+        loop {
+            let trial = problem.step(damping).and_then(|step| {
+                let next = problem.retract(&state, &step.delta);
+                let costs = problem.costs(&next)?;
+                Some((next, costs, step.predicted))
+            });
+            let cost: f64 = costs.iter().sum();
+            if let Some((next, next_costs, predicted)) = trial {
+                let decrease = cost - next_costs.iter().sum::<f64>();
+                if decrease > 0.0 && predicted > 0.0 {
+                    (state, costs) = (next, next_costs);
+                    accepted += 1;
+                    let gain = (2.0 * decrease / predicted - 1.0).powi(3);
+                    damping = (damping * (1.0 - gain).max(1.0 / 3.0)).max(1e-14);
+                    growth = 2.0;
+                    if decrease < options.cost_tolerance * cost {
+                        break 'steps Stop::Cost;
+                    }
+                    break;
+                }
+                if predicted.abs() <= 1e-14 * cost {
+                    break 'steps Stop::Step;
+                }
+            }
+            refused += 1;
+            damping *= growth;
+            growth *= 2.0;
+            if damping > MAX_DAMPING {
+                break 'steps Stop::NoProgress;
+            }
+        }
+    };
+    (state, summary(problem, stop, [accepted, refused], [&before, &costs], start))
+}
+
+fn summary<P: Problem>(
+    problem: &P,
+    stop: Stop,
+    [iterations, refused]: [usize; 2],
+    [before, after]: [&[f64]; 2],
+    start: Instant,
+) -> Summary {
+    let terms = problem
+        .labels()
+        .into_iter()
+        .zip(before.iter().zip(after))
+        .map(|(label, (&before, &after))| TermCost { label: label.to_owned(), before, after })
+        .collect();
+    Summary { stop, iterations, refused, terms, seconds: start.elapsed().as_secs_f64() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix2, Vector2};
+
+    /// Rosenbrock's valley as residuals (10(y − x²), 1 − x).
+    struct Rosenbrock {
+        hessian: Matrix2<f64>,
+        gradient: Vector2<f64>,
+    }
+
+    impl Problem for Rosenbrock {
+        type State = Vector2<f64>;
+        fn costs(&self, s: &Vector2<f64>) -> Option<Vec<f64>> {
+            Some(vec![100.0 * (s.y - s.x * s.x).powi(2), (1.0 - s.x).powi(2)])
+        }
+        fn labels(&self) -> Vec<&'static str> {
+            vec!["valley", "floor"]
+        }
+        fn linearise(&mut self, s: &Vector2<f64>) -> f64 {
+            let j = Matrix2::new(-20.0 * s.x, 10.0, -1.0, 0.0);
+            let r = Vector2::new(10.0 * (s.y - s.x * s.x), 1.0 - s.x);
+            (self.hessian, self.gradient) = (j.transpose() * j, j.transpose() * r);
+            self.gradient.norm()
+        }
+        fn step(&mut self, damping: f64) -> Option<Step> {
+            let damped = self.hessian + Matrix2::from_diagonal(&self.hessian.diagonal()) * damping;
+            let d = damped.cholesky()?.solve(&-self.gradient);
+            let predicted = -(2.0 * self.gradient.dot(&d) + (self.hessian * d).dot(&d));
+            Some(Step { delta: vec![d.x, d.y], predicted })
+        }
+        fn retract(&self, s: &Vector2<f64>, d: &[f64]) -> Vector2<f64> {
+            s + Vector2::new(d[0], d[1])
+        }
+    }
+
+    #[test]
+    fn walks_the_rosenbrock_valley() {
+        let mut problem = Rosenbrock { hessian: Matrix2::zeros(), gradient: Vector2::zeros() };
+        let (x, summary) = minimize(&mut problem, Vector2::new(-1.2, 1.0), &Options::default());
+        assert!((x - Vector2::new(1.0, 1.0)).norm() < 1e-6, "{x} {summary:?}");
+        assert!(summary.cost().1 < 1e-12);
+        assert_eq!(summary.terms[0].label, "valley");
+    }
+
+    #[test]
+    fn step_limit_is_an_outcome() {
+        let mut problem = Rosenbrock { hessian: Matrix2::zeros(), gradient: Vector2::zeros() };
+        let options = Options { max_steps: 2, ..Options::default() };
+        let (_, summary) = minimize(&mut problem, Vector2::new(-1.2, 1.0), &options);
+        assert_eq!(summary.stop, Stop::StepLimit);
+        assert!(summary.cost().1 < summary.cost().0);
+    }
+}
