@@ -1,1 +1,38 @@
-//! (in progress)
+//! Rigid structure from motion (paper §4): from exploration frames and intrinsics to camera poses
+//! and sparse points.
+//!
+//! ```text
+//! detect ─► verify pairs ─► tracks ─► grow (pair, resection, triangulation, adjustment)
+//!        ─► guided matching along epipolar lines ─► final bundle adjustment
+//! ```
+//!
+//! Sightlines, not pixels, carry the two-view geometry, so pinhole and fisheye cameras are treated
+//! alike. Every loop runs in a fixed order with seeded draws: the same frames and options give the
+//! same bits at any number of threads.
+
+pub mod bundle;
+pub mod essential;
+pub mod features;
+pub mod guided;
+mod incremental;
+pub mod intrinsics;
+mod kornia;
+mod map;
+pub mod matching;
+pub mod options;
+pub mod random;
+mod reconstruct;
+pub mod reconstruction;
+pub mod resection;
+mod schur;
+pub mod tracks;
+pub mod triangulation;
+pub mod two_view;
+
+pub use features::{Features2d, detect, viewport};
+pub use intrinsics::RefineIntrinsics;
+pub use matching::{DescriptorMatch, match_descriptors};
+pub use options::SfmOptions;
+pub use reconstruct::{Progress, SfmStage, reconstruct, triangulate_known};
+pub use reconstruction::{Reconstruction, ScenePoint, SfmError, TrackedPixel};
+pub use resection::{Resection, refine_pose, resect};

@@ -1,0 +1,221 @@
+//! Relative pose of two views from sightlines (paper §4): five-point samples, truncated
+//! quadratic score, non-linear refinement of `(R, t)` on the inliers.
+//!
+//! Everything is on unit sightlines, so pinhole and fisheye cameras are treated alike. The
+//! residual of a pair is the angle by which the sightlines miss a common epipolar plane,
+//! `bᵀEa / √(‖Ea‖² + ‖Eᵀb‖²)`; times the focal length it is about Sampson's distance in px.
+
+use super::kornia;
+use super::random::{Random, draws_needed};
+use crate::geometry::{Isometry, Point3, Vector3};
+use nalgebra::{Matrix3, Matrix5, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector5};
+
+/// Relative pose of two views.
+#[derive(Clone, Debug)]
+pub struct RelativePose {
+    /// From the axes of the first camera to those of the second; the translation has length 1.
+    pub b_from_a: Isometry,
+    /// Indices of the agreeing pairs, ascending.
+    pub inliers: Vec<usize>,
+}
+
+/// `E = [t]ₓ R` of a relative pose.
+pub fn essential_matrix(b_from_a: &Isometry) -> Matrix3<f64> {
+    b_from_a.translation.vector.cross_matrix() * b_from_a.rotation.to_rotation_matrix().matrix()
+}
+
+/// Signed angle (radians, small) by which two sightlines miss a common epipolar plane.
+pub fn epipolar_angle(e: &Matrix3<f64>, a: &Vector3, b: &Vector3) -> f64 {
+    let (ea, eb) = (e * a, e.tr_mul(b));
+    b.dot(&ea) / (ea.norm_squared() + eb.norm_squared()).sqrt().max(1e-300)
+}
+
+/// Find the relative pose of two views by locally optimised random sampling.
+///
+/// `threshold` is the largest epipolar angle of an inlier, radians. `None` for fewer than
+/// `8` pairs, or when no pose with most points in front of both cameras has 8 inliers.
+pub fn relative_pose(
+    a: &[Vector3],
+    b: &[Vector3],
+    threshold: f64,
+    random: &mut Random,
+) -> Option<RelativePose> {
+    const MAX_DRAWS: usize = 1000;
+    const NEEDED: usize = 8;
+    if a.len() < NEEDED || a.len() != b.len() {
+        return None;
+    }
+    let mut best: Option<(f64, Isometry)> = None;
+    let (mut draws, mut limit) = (0, MAX_DRAWS);
+    while draws < limit {
+        draws += 1;
+        let Some((cost, e)) = best_of_sample(a, b, threshold, random) else { continue };
+        if best.as_ref().is_some_and(|(c, _)| cost >= *c) {
+            continue;
+        }
+        let Some(pose) = decompose(&e, a, b, threshold) else { continue };
+        let refined = refine(&pose, a, b, threshold);
+        let cost = score(&essential_matrix(&refined), a, b, threshold);
+        if best.as_ref().is_none_or(|(c, _)| cost < *c) {
+            let found = inliers_of(&refined, a, b, threshold).len();
+            limit = draws_needed(found, a.len(), 5).clamp(20, MAX_DRAWS);
+            best = Some((cost, refined));
+        }
+    }
+    let pose = refine(&best?.1, a, b, threshold);
+    let inliers = inliers_of(&pose, a, b, threshold);
+    (inliers.len() >= NEEDED).then_some(RelativePose { b_from_a: pose, inliers })
+}
+
+/// The cheapest essential matrix of one random sample of five.
+fn best_of_sample(
+    a: &[Vector3],
+    b: &[Vector3],
+    threshold: f64,
+    random: &mut Random,
+) -> Option<(f64, Matrix3<f64>)> {
+    let sample = random.sample::<5>(a.len());
+    kornia::five_point(&sample.map(|i| a[i]), &sample.map(|i| b[i]))
+        .into_iter()
+        .map(|e| (score(&e, a, b, threshold), e))
+        .min_by(|x, y| x.0.total_cmp(&y.0))
+}
+
+/// Truncated quadratic score, lower is better.
+fn score(e: &Matrix3<f64>, a: &[Vector3], b: &[Vector3], threshold: f64) -> f64 {
+    let bound = threshold * threshold;
+    a.iter().zip(b).map(|(a, b)| epipolar_angle(e, a, b).powi(2).min(bound)).sum()
+}
+
+/// Pairs within the threshold and in front of both cameras.
+fn inliers_of(pose: &Isometry, a: &[Vector3], b: &[Vector3], threshold: f64) -> Vec<usize> {
+    let e = essential_matrix(pose);
+    let agrees = |i: &usize| {
+        epipolar_angle(&e, &a[*i], &b[*i]).abs() <= threshold && in_front(pose, &a[*i], &b[*i])
+    };
+    (0..a.len()).filter(agrees).collect()
+}
+
+/// Whether the sightlines meet at positive distances (nearly parallel ones count as meeting at
+/// infinity).
+fn in_front(pose: &Isometry, a: &Vector3, b: &Vector3) -> bool {
+    let (ra, t) = (pose.rotation * a, pose.translation.vector);
+    let cosine = ra.dot(b);
+    let (ta, tb) = (ra.dot(&t), b.dot(&t));
+    // Closest points of s·ra + t and u·b, times the positive 1 − cosine².
+    let (s, u) = (cosine * tb - ta, tb - cosine * ta);
+    cosine > 0.0 && (1.0 - cosine * cosine < 1e-9 || (s > 0.0 && u > 0.0))
+}
+
+/// The pose, of the four with this essential matrix, that sees most inliers in front.
+fn decompose(e: &Matrix3<f64>, a: &[Vector3], b: &[Vector3], threshold: f64) -> Option<Isometry> {
+    let svd = e.svd(true, true);
+    let (mut u, mut v_t) = (svd.u?, svd.v_t?);
+    if u.determinant() < 0.0 {
+        u = -u;
+    }
+    if v_t.determinant() < 0.0 {
+        v_t = -v_t;
+    }
+    let w = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0);
+    let t: Vector3 = u.column(2).into_owned();
+    let mut best: Option<(usize, Isometry)> = None;
+    for (w, t) in [(w, t), (w, -t), (w.transpose(), t), (w.transpose(), -t)] {
+        let rotation = Rotation3::from_matrix_unchecked(u * w * v_t);
+        let pose = Isometry::from_parts(
+            Translation3::from(t),
+            UnitQuaternion::from_rotation_matrix(&rotation),
+        );
+        let found = inliers_of(&pose, a, b, threshold).len();
+        if best.as_ref().is_none_or(|(n, _)| found > *n) {
+            best = Some((found, pose));
+        }
+    }
+    best.map(|(_, pose)| pose)
+}
+
+/// Gauss–Newton on the epipolar angles of the inliers over rotation (3) and direction of
+/// translation (2). The denominator of the residual is held during a step (a dropped derivative
+/// of second order in the residual).
+fn refine(pose: &Isometry, a: &[Vector3], b: &[Vector3], threshold: f64) -> Isometry {
+    const STEPS: usize = 6;
+    let mut pose = *pose;
+    let mut cost = score(&essential_matrix(&pose), a, b, threshold);
+    for _ in 0..STEPS {
+        let Some(trial) = refine_step(&pose, a, b, threshold) else { break };
+        let trial_cost = score(&essential_matrix(&trial), a, b, threshold);
+        if trial_cost >= cost * (1.0 - 1e-9) {
+            break;
+        }
+        (pose, cost) = (trial, trial_cost);
+    }
+    pose
+}
+
+fn refine_step(pose: &Isometry, a: &[Vector3], b: &[Vector3], threshold: f64) -> Option<Isometry> {
+    let e = essential_matrix(pose);
+    let t = pose.translation.vector;
+    let tangent = tangent_of(&t);
+    let (mut hessian, mut gradient) = (Matrix5::zeros(), Vector5::zeros());
+    for (a, b) in a.iter().zip(b) {
+        let (ea, eb) = (e * a, e.tr_mul(b));
+        let scale = 1.0 / (ea.norm_squared() + eb.norm_squared()).sqrt().max(1e-300);
+        let residual = b.dot(&ea) * scale;
+        if residual.abs() > threshold {
+            continue;
+        }
+        let y = pose.rotation * a;
+        let d_rotation = y.cross(&b.cross(&t)) * scale;
+        let d_translation = tangent.tr_mul(&y.cross(b)) * scale;
+        let row = Vector5::new(
+            d_rotation.x,
+            d_rotation.y,
+            d_rotation.z,
+            d_translation.x,
+            d_translation.y,
+        );
+        hessian += row * row.transpose();
+        gradient += row * residual;
+    }
+    hessian += Matrix5::identity() * (1e-9 * hessian.trace());
+    let step = -hessian.cholesky()?.solve(&gradient);
+    let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(step[0], step[1], step[2]));
+    let translation = (t + tangent * step.fixed_rows::<2>(3)).normalize();
+    Some(Isometry::from_parts(Translation3::from(translation), rotation * pose.rotation))
+}
+
+/// Two unit vectors orthogonal to `v` and to each other, as columns.
+fn tangent_of(v: &Vector3) -> SMatrix<f64, 3, 2> {
+    let helper = if v.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
+    let first = v.cross(&helper).normalize();
+    SMatrix::from_columns(&[first, v.cross(&first).normalize()])
+}
+
+/// Angle between two sightlines to the same point, degrees: the parallax that fixes its depth.
+pub fn parallax_deg(point: &Point3, centre_a: &Point3, centre_b: &Point3) -> f64 {
+    (point - centre_a).angle(&(point - centre_b)).to_degrees()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recovers_a_pose_among_outliers() {
+        let truth = Isometry::new(Vector3::new(0.8, -0.1, 0.59).normalize(), [0.05, -0.2, 0.1].into());
+        let mut random = Random::new(3, 0);
+        let mut unit = || random.below(1_000_000) as f64 / 1e6 - 0.5;
+        let (mut a, mut b) = (Vec::new(), Vec::new());
+        for i in 0..120 {
+            let p = Point3::new(4.0 * unit(), 3.0 * unit(), 5.0 + 2.0 * unit());
+            let noise = Vector3::new(unit(), unit(), 0.0) * 4e-4;
+            a.push((p.coords.normalize() + noise).normalize());
+            let q = if i % 3 == 0 { Point3::new(unit(), unit(), 1.0) } else { truth * p };
+            b.push(q.coords.normalize());
+        }
+        let found = relative_pose(&a, &b, 1e-3, &mut Random::new(0, 0)).unwrap();
+        assert!(found.inliers.len() >= 80 && found.inliers.len() < 90);
+        assert!(found.b_from_a.rotation.angle_to(&truth.rotation) < 3e-3);
+        assert!(found.b_from_a.translation.vector.angle(&truth.translation.vector) < 1e-2);
+    }
+}

@@ -1,0 +1,137 @@
+//! Incremental reconstruction (paper §4): a first pair, then view after view by resection, with
+//! triangulation and bundle adjustment in between.
+
+use super::map::{Map, MapTrack};
+use super::random::Random;
+use super::resection::resect;
+use super::tracks::Member;
+use super::two_view::VerifiedPair;
+use super::{SfmOptions, features::Features2d};
+use crate::camera::CameraModel;
+use crate::geometry::{Isometry, Point2, Point3};
+use crate::solver::Loss;
+
+/// Grow a model from the best pair among the `allowed` views; `None` when no pair starts one.
+pub(super) fn grow<'a>(
+    camera: &CameraModel,
+    features: &'a [Features2d],
+    tracks: &[Vec<Member>],
+    pairs: &[VerifiedPair],
+    allowed: &[bool],
+    options: &SfmOptions,
+    progress: &(dyn Fn(usize) + Sync),
+) -> Option<Map<'a>> {
+    let empty = Map {
+        camera: camera.clone(),
+        features,
+        poses: vec![None; features.len()],
+        tracks: tracks.iter().cloned().map(MapTrack::new).collect(),
+    };
+    let mut map = ranked_pairs(pairs, allowed, options)
+        .into_iter()
+        .take(10)
+        .find_map(|pair| start_from(&empty, pair, options))?;
+    let first = map.poses.iter().position(Option::is_some)?;
+    let mut adjusted_at = map.registered();
+    while register_next(&mut map, allowed, options) {
+        progress(map.registered());
+        map.triangulate(&options.limits());
+        // A full adjustment whenever the model has grown by a tenth.
+        if map.registered() * 10 >= adjusted_at * 11 {
+            adjusted_at = map.registered();
+            settle(&mut map, first, options, 1, 8);
+        }
+    }
+    settle(&mut map, first, options, 2, 20);
+    Some(map)
+}
+
+/// Pairs that can start a model, best first: many inliers and enough parallax.
+fn ranked_pairs<'p>(
+    pairs: &'p [VerifiedPair],
+    allowed: &[bool],
+    options: &SfmOptions,
+) -> Vec<&'p VerifiedPair> {
+    /// Beyond this, more parallax does not help but makes matches fewer.
+    const AMPLE_DEG: f64 = 8.0;
+    let score = |p: &VerifiedPair| p.matches.len() as f64 * p.parallax_deg.min(AMPLE_DEG);
+    let mut ranked: Vec<_> = pairs
+        .iter()
+        .filter(|p| allowed[p.a] && allowed[p.b] && p.parallax_deg >= options.min_parallax_deg)
+        .collect();
+    ranked.sort_by(|x, y| score(y).total_cmp(&score(x)));
+    ranked
+}
+
+/// The two-view model of a pair; `None` when it has too few points.
+fn start_from<'a>(empty: &Map<'a>, pair: &VerifiedPair, options: &SfmOptions) -> Option<Map<'a>> {
+    let mut map = empty.clone();
+    map.poses[pair.a] = Some(Isometry::identity());
+    map.poses[pair.b] = Some(pair.b_from_a);
+    map.triangulate(&options.limits());
+    map.adjust(&|v| v == pair.a, Loss::Huber(1.0), Default::default(), 20).ok()?;
+    map.filter(&options.limits());
+    (map.points() >= options.min_matches).then_some(map)
+}
+
+/// Register the view that sees the known points best; views that fail are passed over.
+fn register_next(map: &mut Map, allowed: &[bool], options: &SfmOptions) -> bool {
+    let mut waiting: Vec<(usize, usize)> = (0..map.poses.len())
+        .filter(|&v| allowed[v] && map.poses[v].is_none())
+        .map(|v| (spread(map, v), v))
+        .filter(|(cells, _)| *cells > 0)
+        .collect();
+    waiting.sort_by_key(|&(cells, view)| (std::cmp::Reverse(cells), view));
+    waiting.into_iter().any(|(_, view)| register(map, view, options))
+}
+
+/// How well known points cover a view: number of occupied cells of a 12 × 12 grid.
+fn spread(map: &Map, view: usize) -> usize {
+    const CELLS: usize = 12;
+    let [w, h] = map.camera.size;
+    let mut occupied = [false; CELLS * CELLS];
+    for (_, _, pixel) in map.known_in(view) {
+        let cell = |v: f64, n: usize| ((v / n as f64 * CELLS as f64) as usize).min(CELLS - 1);
+        occupied[cell(pixel.y, h) * CELLS + cell(pixel.x, w)] = true;
+    }
+    occupied.iter().filter(|&&o| o).count()
+}
+
+/// Resect one view; `false` leaves the map as it was.
+pub(super) fn register(map: &mut Map, view: usize, options: &SfmOptions) -> bool {
+    let known = map.known_in(view);
+    if known.len() < options.min_matches {
+        return false;
+    }
+    let points: Vec<Point3> = known.iter().map(|k| k.1).collect();
+    let pixels: Vec<Point2> = known.iter().map(|k| k.2).collect();
+    let mut random = Random::new(options.seed, 0x5EC7_0000 + view as u64);
+    let threshold = 2.0 * options.max_reprojection_px;
+    let Some(found) = resect(&map.camera, &points, &pixels, threshold, &mut random) else {
+        return false;
+    };
+    let enough = found.inliers.len() >= options.min_matches
+        && found.inliers.len() as f64 >= options.min_inlier_fraction * known.len() as f64;
+    if enough {
+        map.poses[view] = Some(found.pose);
+    }
+    enough
+}
+
+/// Adjust, drop what does not fit, triangulate anew; `rounds` times.
+pub(super) fn settle(
+    map: &mut Map,
+    first: usize,
+    options: &SfmOptions,
+    rounds: usize,
+    max_steps: usize,
+) {
+    // Few views do not fix the intrinsics: refine them once there are enough.
+    let refine = if map.registered() >= 5 { options.refine } else { Default::default() };
+    for _ in 0..rounds {
+        // An infeasible start cannot happen: every sighting used has a finite error.
+        let _ = map.adjust(&|v| v == first, Loss::Huber(1.0), refine, max_steps);
+        map.filter(&options.limits());
+        map.triangulate(&options.limits());
+    }
+}

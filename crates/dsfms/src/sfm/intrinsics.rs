@@ -1,0 +1,138 @@
+//! Shared intrinsics as unknowns of the bundle adjustment.
+
+use crate::camera::{CameraModel, Lens};
+use crate::geometry::{Point2, Point3};
+use nalgebra::SMatrix;
+use serde::{Deserialize, Serialize};
+
+/// Which intrinsics the bundle adjustment may change, each under a prior about its start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RefineIntrinsics {
+    /// One factor on both focal lengths; prior 20 % (standard deviation).
+    pub focal: bool,
+    /// Principal point; prior 5 % of the image width.
+    pub centre: bool,
+    /// First radial coefficient (of Brown–Conrady for a pinhole start); prior 0.1.
+    pub distortion: bool,
+    /// Second radial coefficient; prior 0.1. Only with `distortion`.
+    pub second_distortion: bool,
+}
+
+impl RefineIntrinsics {
+    /// Whether anything is refined.
+    pub fn any(&self) -> bool {
+        !self.active().is_empty()
+    }
+
+    /// Indices into the parameter vector `(ln f, cx, cy, k1, k2)`.
+    pub(super) fn active(&self) -> Vec<usize> {
+        let groups: [(bool, &[usize]); 4] = [
+            (self.focal, &[0]),
+            (self.centre, &[1, 2]),
+            (self.distortion, &[3]),
+            (self.distortion && self.second_distortion, &[4]),
+        ];
+        groups.iter().filter(|(on, _)| *on).flat_map(|(_, indices)| indices.iter().copied()).collect()
+    }
+}
+
+/// Number of intrinsic parameters: `ln f, cx, cy, k1, k2`.
+pub(super) const COUNT: usize = 5;
+
+/// Standard deviations of the priors on `(ln f, cx, cy, k1, k2)` about the starting values.
+pub(super) fn prior_sigmas(camera: &CameraModel) -> [f64; COUNT] {
+    let shift = 0.05 * camera.size[0] as f64;
+    [0.2, shift, shift, 0.1, 0.1]
+}
+
+/// The camera with room for the coefficients to be refined: a pinhole becomes Brown–Conrady with
+/// zero coefficients when `distortion` is on.
+pub(super) fn prepared(camera: &CameraModel, refine: &RefineIntrinsics) -> CameraModel {
+    let mut camera = camera.clone();
+    if refine.distortion && camera.lens == Lens::Pinhole {
+        camera.lens = Lens::BrownConrady { k: [0.0; 3], p: [0.0; 2] };
+    }
+    camera
+}
+
+/// `∂pixel/∂(ln f, cx, cy, k1, k2)` at a point in camera axes that projects to `pixel`.
+///
+/// From `pixel = f·x_d + c`: `∂/∂ln f = pixel − c`; Brown–Conrady `∂x_d/∂kₙ = x·r²ⁿ`;
+/// Kannala–Brandt `∂x_d/∂kₙ = (x/r)·θ²ⁿ⁺¹`. A pinhole has zero columns for k1, k2.
+pub(super) fn jacobian(
+    camera: &CameraModel,
+    point: &Point3,
+    pixel: &Point2,
+) -> SMatrix<f64, 2, COUNT> {
+    let (x, y) = (point.x / point.z, point.y / point.z);
+    let r2 = x * x + y * y;
+    let powers = match camera.lens {
+        Lens::Pinhole => [0.0, 0.0],
+        Lens::BrownConrady { .. } => [r2, r2 * r2],
+        Lens::KannalaBrandt { .. } => {
+            let r = r2.sqrt();
+            let theta = r.atan();
+            let first = if r < 1e-9 { r2 } else { theta.powi(3) / r };
+            [first, first * theta * theta]
+        }
+    };
+    let [fx, fy] = camera.focal;
+    let [cx, cy] = camera.centre;
+    SMatrix::<f64, 2, COUNT>::from_row_slice(&[
+        pixel.x - cx,
+        1.0,
+        0.0,
+        fx * x * powers[0],
+        fx * x * powers[1],
+        pixel.y - cy,
+        0.0,
+        1.0,
+        fy * y * powers[0],
+        fy * y * powers[1],
+    ])
+}
+
+/// The camera after a step in `(ln f, cx, cy, k1, k2)`.
+pub(super) fn retract(camera: &CameraModel, step: &[f64; COUNT]) -> CameraModel {
+    let mut moved = camera.clone();
+    moved.focal = camera.focal.map(|f| f * step[0].exp());
+    moved.centre = [camera.centre[0] + step[1], camera.centre[1] + step[2]];
+    match &mut moved.lens {
+        Lens::Pinhole => {}
+        Lens::BrownConrady { k, .. } => (0..2).for_each(|n| k[n] += step[3 + n]),
+        Lens::KannalaBrandt { k } => (0..2).for_each(|n| k[n] += step[3 + n]),
+    }
+    moved
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera;
+
+    #[test]
+    fn jacobian_matches_central_differences() {
+        let lenses = [
+            Lens::Pinhole,
+            Lens::BrownConrady { k: [-0.1, 0.03, 0.0], p: [0.001, -0.002] },
+            Lens::KannalaBrandt { k: [0.02, -0.01, 0.003, 0.0] },
+        ];
+        let point = Point3::new(0.4, -0.3, 1.1);
+        for lens in lenses {
+            let camera =
+                CameraModel { size: [640, 480], focal: [500.0, 510.0], centre: [310.0, 250.0], lens };
+            let pixel = camera.project(&point).unwrap().pixel;
+            let analytic = jacobian(&camera, &point, &pixel);
+            for k in 0..COUNT {
+                let at = |h: f64| {
+                    let mut step = [0.0; COUNT];
+                    step[k] = h;
+                    retract(&camera, &step).project(&point).unwrap().pixel
+                };
+                let numeric = (at(1e-6) - at(-1e-6)) / 2e-6;
+                assert!((numeric - analytic.column(k)).norm() < 1e-4, "{lens:?}, parameter {k}");
+            }
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! Options of structure from motion.
+
+use super::SfmError;
+use super::intrinsics::RefineIntrinsics;
+use super::triangulation::TriangulationLimits;
+use serde::{Deserialize, Serialize};
+
+/// Options of [`reconstruct`](super::reconstruct) and
+/// [`triangulate_known`](super::triangulate_known). The defaults suit laparoscopic frames of
+/// 480 to 1080 rows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SfmOptions {
+    /// Seed of every random draw.
+    pub seed: u64,
+    /// Intrinsics to refine; none by default (a calibrated camera).
+    pub refine: RefineIntrinsics,
+    /// Strongest features kept per frame.
+    pub max_features: usize,
+    /// SIFT contrast threshold; tissue needs far less than the usual 0.04.
+    pub contrast_threshold: f64,
+    /// Clip limit of the contrast equalisation, in units of the mean histogram bin.
+    pub clahe_clip: f64,
+    /// Tiles of the contrast equalisation along each side.
+    pub clahe_tiles: usize,
+    /// Keep features on and near saturated pixels (highlights move with the camera).
+    pub keep_saturated: bool,
+    /// Width of the border around saturated pixels that is left out, px.
+    pub saturation_margin_px: usize,
+    /// Find the lit viewport of the endoscope and leave out features near its rim.
+    pub find_viewport: bool,
+    /// Largest ratio of the distances to the nearest and second nearest descriptor, below 1.
+    pub ratio: f32,
+    /// Largest descriptor distance (unit descriptors, at most √2).
+    pub max_distance: f32,
+    /// Up to this many frames all pairs are matched, beyond only neighbours and a sample.
+    pub all_pairs_up_to: usize,
+    /// Neighbours matched on either side when there are more frames.
+    pub window: usize,
+    /// Strongest features compared first to skip unrelated frames.
+    pub preview_features: usize,
+    /// Matches among these that make the full comparison worth while.
+    pub preview_matches: usize,
+    /// Fewest agreeing matches of a pair, of a resection and of a first model.
+    pub min_matches: usize,
+    /// Smallest fraction of a view's known points that must agree with its pose.
+    pub min_inlier_fraction: f64,
+    /// Largest distance from the epipolar plane, px.
+    pub max_epipolar_px: f64,
+    /// Largest distance of a sighting from the projection of its point, px.
+    pub max_reprojection_px: f64,
+    /// Smallest largest angle between the sightlines of a point, degrees.
+    pub min_parallax_deg: f64,
+    /// Match again along epipolar lines once the poses are known.
+    pub guided: bool,
+}
+
+impl Default for SfmOptions {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            refine: RefineIntrinsics::default(),
+            max_features: 4096,
+            contrast_threshold: 0.006,
+            clahe_clip: 2.0,
+            clahe_tiles: 8,
+            keep_saturated: false,
+            saturation_margin_px: 4,
+            find_viewport: true,
+            ratio: 0.85,
+            max_distance: 0.8,
+            all_pairs_up_to: 60,
+            window: 10,
+            preview_features: 512,
+            preview_matches: 4,
+            min_matches: 16,
+            min_inlier_fraction: 0.25,
+            max_epipolar_px: 2.0,
+            max_reprojection_px: 2.5,
+            min_parallax_deg: 1.5,
+            guided: true,
+        }
+    }
+}
+
+impl SfmOptions {
+    /// Check every bound; the error names the field.
+    pub fn validate(&self) -> Result<(), SfmError> {
+        let checks = [
+            (self.max_features >= 100, "max_features", "at least 100"),
+            (self.contrast_threshold >= 0.0, "contrast_threshold", "0 or more"),
+            (self.clahe_clip > 0.0, "clahe_clip", "positive"),
+            (self.clahe_tiles >= 1, "clahe_tiles", "at least 1"),
+            (self.ratio > 0.0 && self.ratio < 1.0, "ratio", "between 0 and 1"),
+            (self.max_distance > 0.0, "max_distance", "positive"),
+            (self.min_matches >= 8, "min_matches", "at least 8"),
+            (self.max_epipolar_px > 0.0, "max_epipolar_px", "positive"),
+            (self.max_reprojection_px > 0.0, "max_reprojection_px", "positive"),
+            (self.min_parallax_deg > 0.0, "min_parallax_deg", "positive"),
+        ];
+        match checks.into_iter().find(|(good, ..)| !good) {
+            Some((_, field, bound)) => Err(SfmError::Option { field, bound }),
+            None => Ok(()),
+        }
+    }
+
+    /// Limits of an acceptable point.
+    pub(super) fn limits(&self) -> TriangulationLimits {
+        TriangulationLimits {
+            max_error_px: self.max_reprojection_px,
+            min_parallax_deg: self.min_parallax_deg,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bad_option_is_named() {
+        assert!(SfmOptions::default().validate().is_ok());
+        let options = SfmOptions { ratio: 1.5, ..Default::default() };
+        assert!(options.validate().unwrap_err().to_string().contains("ratio"));
+    }
+}

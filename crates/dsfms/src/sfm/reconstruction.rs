@@ -1,0 +1,148 @@
+//! What structure from motion returns, and how it fails.
+
+use super::features::Features2d;
+use crate::camera::CameraModel;
+use crate::geometry::{Isometry, Point2, Point3};
+
+/// Where a scene point was seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackedPixel {
+    /// Index of the frame.
+    pub frame: usize,
+    /// Index into the frame's features.
+    pub feature: usize,
+    /// Position, px.
+    pub pixel: Point2,
+}
+
+/// A sparse point of the scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ScenePoint {
+    /// Position in world axes.
+    pub position: Point3,
+    /// Mean encoded colour of its pixels.
+    pub rgb: [u8; 3],
+    /// Sightings, by frame; at least two.
+    pub track: Vec<TrackedPixel>,
+    /// Mean distance of the sightings from the projection, px.
+    pub error_px: f64,
+}
+
+/// Camera poses and sparse points. The world has the axes of the first registered camera and,
+/// unless poses were given, such a scale that the median depth is 50 units.
+#[derive(Clone, Debug)]
+pub struct Reconstruction {
+    /// `camera_from_world` per frame; `None` where it was rejected.
+    pub poses: Vec<Option<Isometry>>,
+    /// Index of each rejected frame and why.
+    pub rejected: Vec<(usize, String)>,
+    /// Points, in a fixed order.
+    pub points: Vec<ScenePoint>,
+    /// The camera, refined where the options ask for it.
+    pub camera: CameraModel,
+    /// Root mean square reprojection error of each frame, px; 0 where there are no sightings.
+    pub reprojection_px: Vec<f64>,
+    /// Features of every frame.
+    pub features: Vec<Features2d>,
+}
+
+impl Reconstruction {
+    /// Number of registered frames.
+    pub fn registered(&self) -> usize {
+        self.poses.iter().flatten().count()
+    }
+
+    /// Number of sightings of all points.
+    pub fn sightings(&self) -> usize {
+        self.points.iter().map(|p| p.track.len()).sum()
+    }
+
+    /// Mean reprojection error over all sightings, px.
+    pub fn mean_reprojection_px(&self) -> f64 {
+        let total: f64 = self.points.iter().map(|p| p.error_px * p.track.len() as f64).sum();
+        total / self.sightings().max(1) as f64
+    }
+}
+
+/// Why there is no reconstruction.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SfmError {
+    /// Fewer than two frames.
+    #[error("structure from motion needs at least 2 frames (8 or more are advised), found {0}")]
+    TooFewFrames(usize),
+    /// Slices of different lengths.
+    #[error("{found} {what} for {frames} frames; give one per frame, or none")]
+    Count {
+        /// `masks` or `poses`.
+        what: &'static str,
+        /// Number given.
+        found: usize,
+        /// Number of frames.
+        frames: usize,
+    },
+    /// A frame and the camera differ in size.
+    #[error(
+        "frame {frame}: {found:?} px, but the camera is for {expected:?} px; use frames and camera of one resolution"
+    )]
+    Size {
+        /// Name of the frame.
+        frame: String,
+        /// Its size.
+        found: [usize; 2],
+        /// Size in the camera.
+        expected: [usize; 2],
+    },
+    /// A mask and its frame differ in size.
+    #[error("mask of frame {frame}: {found:?} px, but the frame has {expected:?} px")]
+    MaskSize {
+        /// Name of the frame.
+        frame: String,
+        /// Size of the mask.
+        found: [usize; 2],
+        /// Size of the frame.
+        expected: [usize; 2],
+    },
+    /// A camera value that is not finite or not positive.
+    #[error("the camera's {field} is {value}; a finite{} value is needed", if *.positive { ", positive" } else { "" })]
+    Camera {
+        /// Field of the camera.
+        field: &'static str,
+        /// Value found.
+        value: f64,
+        /// Whether it must be positive.
+        positive: bool,
+    },
+    /// Not enough frames with features.
+    #[error(
+        "only {usable} of {frames} frames can be used: {reasons}; check the exposure and the masks (white = valid), or lower contrast_threshold"
+    )]
+    TooFewFeatures {
+        /// Frames with enough features.
+        usable: usize,
+        /// All frames.
+        frames: usize,
+        /// Frame names with their reasons.
+        reasons: String,
+    },
+    /// No pair of frames starts a model.
+    #[error(
+        "no two frames see the same tissue from different places ({pairs} pairs match, the largest median parallax is {parallax_deg:.2}°, at least {needed_deg}° are needed); use frames in which the camera moves sideways"
+    )]
+    NoInitialPair {
+        /// Verified pairs.
+        pairs: usize,
+        /// Largest median parallax of a pair, degrees.
+        parallax_deg: f64,
+        /// Smallest parallax accepted.
+        needed_deg: f64,
+    },
+    /// An option is out of range.
+    #[error("option {field} must be {bound}")]
+    Option {
+        /// Field of [`SfmOptions`](super::SfmOptions).
+        field: &'static str,
+        /// What it must be.
+        bound: &'static str,
+    },
+}

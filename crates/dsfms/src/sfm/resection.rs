@@ -1,0 +1,297 @@
+//! Resection (paper §4): the pose of a calibrated camera from known points and their pixels.
+//!
+//! Three-point samples (Grunert's equations as in Haralick et al. 1994), truncated quadratic
+//! score on pixel errors, and robust non-linear refinement, all in double precision.
+
+use super::random::{Random, draws_needed};
+use crate::camera::Camera;
+use crate::geometry::{Isometry, Point2, Point3, Vector3, align_rigid};
+use crate::solver::Loss;
+use nalgebra::{Matrix2x6, Matrix4, Matrix6, Schur, UnitQuaternion, Vector6};
+
+/// A pose and the matches that agree with it.
+#[derive(Clone, Debug)]
+pub struct Resection {
+    /// `camera_from_world`.
+    pub pose: Isometry,
+    /// Indices of the agreeing matches, ascending.
+    pub inliers: Vec<usize>,
+}
+
+/// Find the pose of a camera from point–pixel matches with outliers.
+///
+/// `threshold_px`: largest error of an inlier. `None` for fewer than 4 matches or when no pose has
+/// 4 inliers. The result depends on nothing but the arguments.
+pub fn resect(
+    camera: &dyn Camera,
+    points: &[Point3],
+    pixels: &[Point2],
+    threshold_px: f64,
+    random: &mut Random,
+) -> Option<Resection> {
+    const MAX_DRAWS: usize = 2000;
+    const NEEDED: usize = 4;
+    let rays: Vec<Option<Vector3>> = pixels.iter().map(|p| camera.unproject(p)).collect();
+    let usable: Vec<usize> = (0..points.len().min(pixels.len())).filter(|&i| rays[i].is_some()).collect();
+    if usable.len() < NEEDED {
+        return None;
+    }
+    let score = |pose: &Isometry| score(camera, pose, points, pixels, threshold_px);
+    let mut best: Option<(f64, Isometry)> = None;
+    let (mut draws, mut limit) = (0, MAX_DRAWS);
+    while draws < limit {
+        draws += 1;
+        let sample = random.sample::<3>(usable.len()).map(|i| usable[i]);
+        let Some(sightlines) = all_of(sample.map(|i| rays[i])) else { continue };
+        for pose in three_point(&sample.map(|i| points[i]), &sightlines) {
+            let cost = score(&pose);
+            if best.as_ref().is_some_and(|(c, _)| cost >= *c) {
+                continue;
+            }
+            let refined = refine_on_inliers(camera, &pose, points, pixels, threshold_px);
+            let refined_cost = score(&refined);
+            let (cost, pose) =
+                if refined_cost < cost { (refined_cost, refined) } else { (cost, pose) };
+            let found = inliers_of(camera, &pose, points, pixels, threshold_px).len();
+            limit = draws_needed(found, usable.len(), 3).clamp(20, MAX_DRAWS);
+            best = Some((cost, pose));
+        }
+    }
+    let pose = refine_on_inliers(camera, &best?.1, points, pixels, threshold_px);
+    let inliers = inliers_of(camera, &pose, points, pixels, threshold_px);
+    (inliers.len() >= NEEDED).then_some(Resection { pose, inliers })
+}
+
+fn all_of(rays: [Option<Vector3>; 3]) -> Option<[Vector3; 3]> {
+    Some([rays[0]?, rays[1]?, rays[2]?])
+}
+
+fn error_px(camera: &dyn Camera, pose: &Isometry, point: &Point3, pixel: &Point2) -> f64 {
+    camera.project(&(pose * point)).map_or(f64::INFINITY, |p| (p.pixel - pixel).norm())
+}
+
+fn score(
+    camera: &dyn Camera,
+    pose: &Isometry,
+    points: &[Point3],
+    pixels: &[Point2],
+    threshold_px: f64,
+) -> f64 {
+    let cost = |(p, x)| error_px(camera, pose, p, x).min(threshold_px).powi(2);
+    points.iter().zip(pixels).map(cost).sum()
+}
+
+fn inliers_of(
+    camera: &dyn Camera,
+    pose: &Isometry,
+    points: &[Point3],
+    pixels: &[Point2],
+    threshold_px: f64,
+) -> Vec<usize> {
+    let agrees = |i: &usize| error_px(camera, pose, &points[*i], &pixels[*i]) <= threshold_px;
+    (0..points.len().min(pixels.len())).filter(agrees).collect()
+}
+
+fn refine_on_inliers(
+    camera: &dyn Camera,
+    pose: &Isometry,
+    points: &[Point3],
+    pixels: &[Point2],
+    threshold_px: f64,
+) -> Isometry {
+    let inliers = inliers_of(camera, pose, points, pixels, threshold_px);
+    let p: Vec<_> = inliers.iter().map(|&i| points[i]).collect();
+    let x: Vec<_> = inliers.iter().map(|&i| pixels[i]).collect();
+    refine_pose(camera, pose, &p, &x, Loss::Huber(0.5 * threshold_px))
+}
+
+/// Levenberg–Marquardt on the six parameters of a pose over reprojection errors (px) under a
+/// robust loss; never worse than the start. Points behind the camera make a step fail.
+pub fn refine_pose(
+    camera: &dyn Camera,
+    start: &Isometry,
+    points: &[Point3],
+    pixels: &[Point2],
+    loss: Loss,
+) -> Isometry {
+    let cost = |pose: &Isometry| -> f64 {
+        let term = |(p, x)| loss.evaluate(error_px(camera, pose, p, x).powi(2)).0;
+        points.iter().zip(pixels).map(term).sum()
+    };
+    let (mut pose, mut best, mut damping) = (*start, cost(start), 1e-4);
+    for _ in 0..20 {
+        let (hessian, gradient) = pose_normal_equations(camera, &pose, points, pixels, loss);
+        let damped = hessian + Matrix6::from_diagonal(&(hessian.diagonal() * damping).add_scalar(1e-12));
+        let Some(factor) = damped.cholesky() else { break };
+        let trial = retract(&pose, &-factor.solve(&gradient));
+        let trial_cost = cost(&trial);
+        if trial_cost < best {
+            let done = trial_cost > best * (1.0 - 1e-8);
+            (pose, best, damping) = (trial, trial_cost, (damping * 0.2_f64).max(1e-12));
+            if done {
+                break;
+            }
+        } else {
+            damping *= 10.0;
+            if damping > 1e6 {
+                break;
+            }
+        }
+    }
+    pose
+}
+
+fn pose_normal_equations(
+    camera: &dyn Camera,
+    pose: &Isometry,
+    points: &[Point3],
+    pixels: &[Point2],
+    loss: Loss,
+) -> (Matrix6<f64>, Vector6<f64>) {
+    let (mut hessian, mut gradient) = (Matrix6::zeros(), Vector6::zeros());
+    for (point, pixel) in points.iter().zip(pixels) {
+        let local = pose * point;
+        let Some(seen) = camera.project(&local) else { continue };
+        let residual = seen.pixel - pixel;
+        let weight = loss.evaluate(residual.norm_squared()).1;
+        let jacobian = pose_jacobian(&seen.jacobian, &local);
+        hessian += jacobian.transpose() * jacobian * weight;
+        gradient += jacobian.transpose() * residual * weight;
+    }
+    (hessian, gradient)
+}
+
+/// `∂pixel/∂(ω, τ)` for the motion `p ↦ exp(ω)p + τ` of a point in camera axes.
+pub(super) fn pose_jacobian(pixel_by_point: &nalgebra::Matrix2x3<f64>, local: &Point3) -> Matrix2x6<f64> {
+    let mut jacobian = Matrix2x6::zeros();
+    let rotation = -pixel_by_point * local.coords.cross_matrix();
+    jacobian.fixed_columns_mut::<3>(0).copy_from(&rotation);
+    jacobian.fixed_columns_mut::<3>(3).copy_from(pixel_by_point);
+    jacobian
+}
+
+/// `exp(ω, τ) · pose`: rotation `exp(ω)` and translation `τ` in camera axes.
+pub(super) fn retract(pose: &Isometry, step: &Vector6<f64>) -> Isometry {
+    let rotation = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(0).into_owned());
+    let translation = rotation * pose.translation.vector + step.fixed_rows::<3>(3);
+    let mut rotation = rotation * pose.rotation;
+    rotation.renormalize();
+    Isometry::from_parts(translation.into(), rotation)
+}
+
+/// Poses that see three points along three unit sightlines: at most four, none when the points
+/// are collinear.
+pub fn three_point(points: &[Point3; 3], rays: &[Vector3; 3]) -> Vec<Isometry> {
+    let squared = |i: usize, j: usize| (points[i] - points[j]).norm_squared();
+    let (a2, b2, c2) = (squared(1, 2), squared(0, 2), squared(0, 1));
+    if a2.min(b2).min(c2) <= 1e-20 * a2.max(b2).max(c2) {
+        return Vec::new();
+    }
+    let (ca, cb, cc) = (rays[1].dot(&rays[2]), rays[0].dot(&rays[2]), rays[0].dot(&rays[1]));
+    let d = (a2 - c2) / b2;
+    let s = (a2 + c2) / b2;
+    let (p, q) = (c2 / b2, a2 / b2);
+    let quartic = [
+        (d - 1.0).powi(2) - 4.0 * p * ca * ca,
+        4.0 * (d * (1.0 - d) * cb - (1.0 - s) * ca * cc + 2.0 * p * ca * ca * cb),
+        2.0 * (d * d - 1.0 + 2.0 * d * d * cb * cb + 2.0 * (1.0 - p) * ca * ca
+            - 4.0 * s * ca * cb * cc
+            + 2.0 * (1.0 - q) * cc * cc),
+        4.0 * (-d * (1.0 + d) * cb + 2.0 * q * cc * cc * cb - (1.0 - s) * ca * cc),
+        (1.0 + d).powi(2) - 4.0 * q * cc * cc,
+    ];
+    let pose = |v: f64| {
+        let u = ((d - 1.0) * v * v - 2.0 * d * cb * v + 1.0 + d) / (2.0 * (cc - v * ca));
+        let s1 = (b2 / (1.0 + v * v - 2.0 * v * cb)).sqrt();
+        let local = [s1, u * s1, v * s1];
+        let valid = local.iter().all(|s| s.is_finite() && *s > 0.0);
+        let seen: [Point3; 3] = std::array::from_fn(|i| Point3::from(rays[i] * local[i]));
+        if valid { align_rigid(points, &seen) } else { None }
+    };
+    positive_roots(&quartic).into_iter().filter_map(pose).collect()
+}
+
+/// Positive real roots of `c₀x⁴ + … + c₄`, as eigenvalues of the companion matrix, each polished
+/// by two Newton steps.
+fn positive_roots(c: &[f64; 5]) -> Vec<f64> {
+    let largest = c.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    if !largest.is_finite() || c[0].abs() <= 1e-12 * largest {
+        return Vec::new();
+    }
+    let mut companion = Matrix4::zeros();
+    for i in 0..4 {
+        companion[(0, i)] = -c[i + 1] / c[0];
+    }
+    for i in 1..4 {
+        companion[(i, i - 1)] = 1.0;
+    }
+    let Some(schur) = Schur::try_new(companion, f64::EPSILON, 200) else { return Vec::new() };
+    let value = |x: f64| (((c[0] * x + c[1]) * x + c[2]) * x + c[3]) * x + c[4];
+    let slope = |x: f64| ((4.0 * c[0] * x + 3.0 * c[1]) * x + 2.0 * c[2]) * x + c[3];
+    let polish = |x: f64| {
+        let step = value(x) / slope(x);
+        if step.is_finite() { x - step } else { x }
+    };
+    let real = schur.complex_eigenvalues();
+    real.iter()
+        .filter(|z| z.re > 0.0 && z.im.abs() <= 1e-4 * z.re.max(1e-3))
+        .map(|z| polish(polish(z.re)))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{CameraModel, Lens};
+
+    fn scene() -> (CameraModel, Isometry, Vec<Point3>, Vec<Point2>) {
+        let camera =
+            CameraModel { size: [640, 480], focal: [500.0, 510.0], centre: [318.0, 241.0], lens: Lens::Pinhole };
+        let pose = Isometry::new(Vector3::new(3.0, -1.0, 60.0), Vector3::new(0.2, -0.4, 0.1));
+        let mut random = Random::new(9, 0);
+        let mut unit = || random.below(1_000_000) as f64 / 1e6 - 0.5;
+        let points: Vec<_> =
+            (0..60).map(|_| Point3::new(30.0 * unit(), 30.0 * unit(), 20.0 * unit())).collect();
+        let pixels = points.iter().map(|p| camera.project(&(pose * p)).unwrap().pixel).collect();
+        (camera, pose, points, pixels)
+    }
+
+    #[test]
+    fn three_points_give_the_pose_among_at_most_four() {
+        let (camera, pose, points, pixels) = scene();
+        for k in 0..19 {
+            let rays = [3 * k, 3 * k + 1, 3 * k + 2].map(|i| camera.unproject(&pixels[i]).unwrap());
+            let found = three_point(&[points[3 * k], points[3 * k + 1], points[3 * k + 2]], &rays);
+            let near = |p: &Isometry| (p.inverse() * pose).rotation.angle() < 1e-6;
+            assert!(found.len() <= 4 && found.iter().any(near), "sample {k}");
+        }
+    }
+
+    #[test]
+    fn half_outliers_do_not_move_the_pose() {
+        let (camera, pose, points, mut pixels) = scene();
+        for i in (0..60).step_by(2) {
+            pixels[i] = Point2::new(11.0 * i as f64 % 640.0, 37.0 * i as f64 % 480.0);
+        }
+        let found = resect(&camera, &points, &pixels, 2.0, &mut Random::new(0, 0)).unwrap();
+        assert!(found.inliers.len() >= 30 && found.inliers.len() <= 33);
+        assert!((found.pose.inverse() * pose).rotation.angle() < 1e-4);
+        assert!(resect(&camera, &points[..3], &pixels[..3], 2.0, &mut Random::new(0, 0)).is_none());
+    }
+
+    #[test]
+    fn pose_jacobian_matches_central_differences() {
+        let (camera, pose, points, _) = scene();
+        let local = pose * points[0];
+        let analytic = pose_jacobian(&camera.project(&local).unwrap().jacobian, &local);
+        for k in 0..6 {
+            let at = |h: f64| {
+                let mut step = Vector6::zeros();
+                step[k] = h;
+                camera.project(&(retract(&pose, &step) * points[0])).unwrap().pixel
+            };
+            let numeric = (at(1e-6) - at(-1e-6)) / 2e-6;
+            assert!((numeric - analytic.column(k)).norm() < 1e-4, "parameter {k}");
+        }
+    }
+}
