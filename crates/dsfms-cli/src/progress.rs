@@ -29,6 +29,15 @@ impl Reporter {
         }
     }
 
+    /// Something that failed; `--quiet` does not silence it.
+    pub fn error(&self, message: &str) {
+        let message = format!("error: {message}");
+        match &*self.lock() {
+            Some((_, bar)) => bar.suspend(|| eprintln!("{message}")),
+            None => eprintln!("{message}"),
+        }
+    }
+
     /// End the stage being shown.
     pub fn finish(&self) {
         if let Some((_, bar)) = self.lock().take() {
