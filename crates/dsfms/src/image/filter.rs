@@ -1,1 +1,175 @@
-//! Gaussian blur, with and without a mask.
+//! Gaussian blur with and without a mask, halving, and the variance of the Laplacian.
+//!
+//! Every output pixel is summed in a fixed order, so results do not depend on the thread count.
+
+use super::{Mask, Plane};
+use rayon::prelude::*;
+
+/// Gaussian blur of standard deviation `sigma` px, cut off at 3 sigma. At the border the weights
+/// inside the image are normalised to one; `sigma <= 0` returns a copy.
+pub fn blur(plane: &Plane, sigma: f64) -> Plane {
+    let Some(kernel) = half_kernel(sigma) else { return plane.clone() };
+    let sums = convolve(plane, &kernel);
+    // The border's missing weight is separable too.
+    let [wx, wy] = plane.size.map(|n| border_weights(n, &kernel));
+    let width = plane.size[0];
+    let data = sums.data.iter().enumerate();
+    let data = data.map(|(i, v)| v / (wx[i % width] * wy[i / width])).collect();
+    Plane { size: plane.size, data }
+}
+
+/// Normalised blur `blur(v·m) / blur(m)`: pixels outside the mask contribute nothing, and values
+/// spread a little way out of it. The second plane is the weight `blur(m)` in `[0, 1]`; where it
+/// vanishes the value is 0. `sigma <= 0` keeps the masked values.
+///
+/// # Panics
+/// If the sizes differ.
+pub fn blur_masked(plane: &Plane, mask: &Mask, sigma: f64) -> (Plane, Plane) {
+    assert_eq!(plane.size, mask.size, "plane and mask differ in size");
+    let weight = mask.data.iter().map(|&m| if m { 1.0 } else { 0.0 }).collect::<Vec<f32>>();
+    let value = plane.data.iter().zip(&mask.data).map(|(&v, &m)| if m { v } else { 0.0 }).collect();
+    let mut value = Plane { size: plane.size, data: value };
+    let mut weight = Plane { size: plane.size, data: weight };
+    if half_kernel(sigma).is_some() {
+        (value, weight) = (blur(&value, sigma), blur(&weight, sigma));
+    }
+    for (v, w) in value.data.iter_mut().zip(&weight.data) {
+        *v = if *w > 1e-6 { *v / w } else { 0.0 };
+    }
+    (value, weight)
+}
+
+/// Half the size: each pixel the mean of 2x2; an odd last row or column is dropped. Pixel `x` of
+/// the result lies at `2x + ½` of the input (see [`crate::camera::CameraModel::halved`]).
+pub fn halve(plane: &Plane) -> Plane {
+    let size = plane.size.map(|n| n / 2);
+    let mean = |i: usize| {
+        let (x, y) = (2 * (i % size[0]), 2 * (i / size[0]));
+        let top = plane.at(x, y) + plane.at(x + 1, y);
+        0.25 * (top + (plane.at(x, y + 1) + plane.at(x + 1, y + 1)))
+    };
+    Plane { size, data: (0..size[0] * size[1]).map(mean).collect() }
+}
+
+/// Variance of the 4-neighbour Laplacian over the interior pixels whose neighbours lie in `mask`:
+/// the usual measure of sharpness; 0 where there are none.
+pub fn laplacian_variance(plane: &Plane, mask: Option<&Mask>) -> f64 {
+    let [w, h] = plane.size;
+    let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
+    for y in 1..h.saturating_sub(1) {
+        for x in 1..w.saturating_sub(1) {
+            let around = [(x, y), (x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)];
+            if mask.is_some_and(|m| around.iter().any(|&(x, y)| !m.at(x, y))) {
+                continue;
+            }
+            let [centre, neighbours @ ..] = around.map(|(x, y)| plane.at(x, y) as f64);
+            let value = neighbours.iter().sum::<f64>() - 4.0 * centre;
+            count += 1.0;
+            sum += value;
+            squares += value * value;
+        }
+    }
+    if count > 0.0 { squares / count - (sum / count).powi(2) } else { 0.0 }
+}
+
+/// Weights of a normalised Gaussian at 0, 1, … 3 sigma; `None` without a positive sigma.
+fn half_kernel(sigma: f64) -> Option<Vec<f32>> {
+    if !(sigma > 0.0) {
+        return None;
+    }
+    let reach = (3.0 * sigma).ceil() as usize;
+    let raw: Vec<f64> = (0..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp()).collect();
+    let total = raw[0] + 2.0 * raw[1..].iter().sum::<f64>();
+    Some(raw.iter().map(|v| (v / total) as f32).collect())
+}
+
+/// Weight of the kernel that falls inside `0..n`, by position.
+fn border_weights(n: usize, kernel: &[f32]) -> Vec<f32> {
+    let one = vec![1.0; n];
+    let mut out = vec![0.0; n];
+    convolve_row(&one, kernel, &mut out);
+    out
+}
+
+/// Rows, then columns; pixels outside the image count as zero.
+fn convolve(plane: &Plane, kernel: &[f32]) -> Plane {
+    let [w, h] = plane.size;
+    let mut rows = vec![0.0; w * h];
+    let pairs = rows.par_chunks_mut(w.max(1)).zip(plane.data.par_chunks(w.max(1)));
+    pairs.for_each(|(out, row)| convolve_row(row, kernel, out));
+    let mut data = vec![0.0; w * h];
+    data.par_chunks_mut(w.max(1)).enumerate().for_each(|(y, out)| {
+        let reach = kernel.len() - 1;
+        for source in y.saturating_sub(reach)..(y + reach + 1).min(h) {
+            let weight = kernel[source.abs_diff(y)];
+            let row = &rows[source * w..(source + 1) * w];
+            out.iter_mut().zip(row).for_each(|(sum, v)| *sum += weight * v);
+        }
+    });
+    Plane { size: plane.size, data }
+}
+
+fn convolve_row(row: &[f32], kernel: &[f32], out: &mut [f32]) {
+    let n = row.len();
+    for (offset, &weight) in kernel.iter().enumerate().take(n) {
+        let shifted = n - offset;
+        out[..shifted].iter_mut().zip(&row[offset..]).for_each(|(sum, v)| *sum += weight * v);
+        if offset > 0 {
+            out[offset..].iter_mut().zip(&row[..shifted]).for_each(|(sum, v)| *sum += weight * v);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spike(size: [usize; 2], at: usize) -> Plane {
+        let mut plane = Plane::filled(size, 0.0);
+        plane.data[at] = 1.0;
+        plane
+    }
+
+    #[test]
+    fn a_constant_stays_and_a_spike_keeps_its_mass() {
+        let constant = blur(&Plane::filled([17, 9], 0.7), 2.5);
+        assert!(constant.data.iter().all(|v| (v - 0.7).abs() < 1e-5));
+        let blurred = blur(&spike([31, 31], 15 * 31 + 15), 2.0);
+        assert!((blurred.data.iter().sum::<f32>() - 1.0).abs() < 1e-5);
+        let ratio = blurred.at(17, 15) / blurred.at(15, 15);
+        assert!((ratio - (-0.5_f32).exp()).abs() < 1e-5);
+        assert_eq!(blurred.at(13, 15), blurred.at(17, 15));
+    }
+
+    #[test]
+    fn masked_pixels_do_not_leak() {
+        let size = [20, 20];
+        let mut plane = Plane::filled(size, 0.25);
+        let mut mask = Mask::filled(size, true);
+        for y in 0..20 {
+            for x in 10..20 {
+                plane.data[y * 20 + x] = f32::MAX;
+                mask.data[y * 20 + x] = false;
+            }
+        }
+        let (value, weight) = blur_masked(&plane, &mask, 1.5);
+        for y in 0..20 {
+            for x in 0..12 {
+                assert!((value.at(x, y) - 0.25).abs() < 1e-5);
+            }
+            assert_eq!(weight.at(19, y), 0.0);
+            assert_eq!(value.at(19, y), 0.0);
+        }
+    }
+
+    #[test]
+    fn halving_averages_and_sharpness_falls_with_blur() {
+        let data = (0..64).map(|i| ((i * 37) % 11) as f32).collect();
+        let plane = Plane { size: [8, 8], data };
+        let half = halve(&plane);
+        assert_eq!(half.size, [4, 4]);
+        let by_hand = (plane.at(2, 4) + plane.at(3, 4) + plane.at(2, 5) + plane.at(3, 5)) / 4.0;
+        assert!((half.at(1, 2) - by_hand).abs() < 1e-6);
+        assert!(laplacian_variance(&blur(&plane, 1.0), None) < laplacian_variance(&plane, None));
+    }
+}

@@ -1,4 +1,6 @@
-//! Boolean images.
+//! Boolean images and their morphology.
+
+use super::distance::distance_to;
 
 /// A boolean image, row major; what `true` means is said where the mask is used.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -33,5 +35,127 @@ impl Mask {
     /// Fraction of `true` pixels.
     pub fn coverage(&self) -> f64 {
         self.data.iter().filter(|&&v| v).count() as f64 / self.data.len().max(1) as f64
+    }
+
+    /// `true` where this mask is `false`.
+    pub fn complement(&self) -> Self {
+        Self { size: self.size, data: self.data.iter().map(|v| !v).collect() }
+    }
+
+    /// `true` where both are.
+    ///
+    /// # Panics
+    /// If the sizes differ, as in the other operations on two masks.
+    pub fn and(&self, other: &Self) -> Self {
+        self.combine(other, |a, b| a && b)
+    }
+
+    /// `true` where either is.
+    pub fn or(&self, other: &Self) -> Self {
+        self.combine(other, |a, b| a || b)
+    }
+
+    /// `true` where this mask is and the other is not.
+    pub fn minus(&self, other: &Self) -> Self {
+        self.combine(other, |a, b| a && !b)
+    }
+
+    fn combine(&self, other: &Self, f: impl Fn(bool, bool) -> bool) -> Self {
+        assert_eq!(self.size, other.size, "masks differ in size");
+        let data = self.data.iter().zip(&other.data).map(|(&a, &b)| f(a, b)).collect();
+        Self { size: self.size, data }
+    }
+
+    /// Grown by `radius` px: `true` within that Euclidean distance of a `true` pixel centre.
+    pub fn dilate(&self, radius: f64) -> Self {
+        if !self.data.contains(&true) {
+            return self.clone();
+        }
+        let distance = distance_to(self);
+        let near = |(&d, &own): (&f32, &bool)| own || d as f64 <= radius;
+        let data = distance.data.iter().zip(&self.data).map(near).collect();
+        Self { size: self.size, data }
+    }
+
+    /// Shrunk by `radius` px; the border of the image takes nothing away.
+    pub fn erode(&self, radius: f64) -> Self {
+        self.complement().dilate(radius).complement()
+    }
+
+    /// The largest 4-connected component; the first in row order when several are equal, empty
+    /// when the mask is.
+    pub fn largest_component(&self) -> Self {
+        let mut seen = self.complement().data;
+        let mut largest = Vec::new();
+        for start in 0..seen.len() {
+            if seen[start] {
+                continue;
+            }
+            let component = self.flood(start, &mut seen);
+            if component.len() > largest.len() {
+                largest = component;
+            }
+        }
+        let mut out = Self::filled(self.size, false);
+        largest.into_iter().for_each(|i| out.data[i] = true);
+        out
+    }
+
+    /// Unseen pixels 4-connected to `start`, marked as seen.
+    fn flood(&self, start: usize, seen: &mut [bool]) -> Vec<usize> {
+        let [w, h] = self.size;
+        let mut component = vec![start];
+        seen[start] = true;
+        let mut next = 0;
+        while let Some(&i) = component.get(next) {
+            next += 1;
+            let (x, y) = (i % w, i / w);
+            let inside = [(x > 0, i.wrapping_sub(1)), (x + 1 < w, i + 1)];
+            let around = [(y > 0, i.wrapping_sub(w)), (y + 1 < h, i + w)];
+            for (_, j) in inside.into_iter().chain(around).filter(|(inside, _)| *inside) {
+                if !seen[j] {
+                    seen[j] = true;
+                    component.push(j);
+                }
+            }
+        }
+        component
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn disc(radius: f64) -> Mask {
+        let inside = |i: usize| ((i % 41) as f64 - 20.0).hypot((i / 41) as f64 - 20.0) <= radius;
+        Mask { size: [41, 41], data: (0..41 * 41).map(inside).collect() }
+    }
+
+    #[test]
+    fn dilation_of_a_point_is_a_disc() {
+        let point = disc(0.0);
+        assert_eq!(point.dilate(7.3), disc(7.3));
+        assert_eq!(disc(9.0).complement().erode(5.0), disc(9.0).dilate(5.0).complement());
+        assert_eq!(Mask::filled([4, 4], false).dilate(100.0).coverage(), 0.0);
+        assert_eq!(Mask::filled([4, 4], true).erode(100.0).coverage(), 1.0);
+    }
+
+    #[test]
+    fn boolean_operations() {
+        let (small, large) = (disc(5.0), disc(9.0));
+        assert_eq!(small.and(&large), small);
+        assert_eq!(small.or(&large), large);
+        assert_eq!(small.minus(&large).coverage(), 0.0);
+        assert_eq!(large.minus(&small).or(&small), large);
+    }
+
+    #[test]
+    fn the_largest_component_wins() {
+        let mut mask = disc(6.0);
+        mask.data[0] = true;
+        mask.data[1] = true;
+        assert_eq!(mask.largest_component(), disc(6.0));
+        assert_eq!(Mask::filled([3, 2], false).largest_component().coverage(), 0.0);
     }
 }

@@ -1,13 +1,18 @@
 //! Pixels in memory: encoded frames, linear colour, one-channel planes, masks, tone curves.
 
+pub mod distance;
+pub mod exposure;
 pub mod filter;
 pub mod mask;
 pub mod plane;
 pub mod tone;
+pub mod viewport;
 
+pub use exposure::{halo, saturation};
 pub use mask::Mask;
 pub use plane::{ColorImage, Plane};
 pub use tone::ToneCurve;
+pub use viewport::viewport;
 
 /// One decoded frame: 8-bit encoded RGB exactly as the file holds it, row major.
 #[derive(Clone, Debug, PartialEq)]

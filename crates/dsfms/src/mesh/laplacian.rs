@@ -57,3 +57,45 @@ fn add(row: &mut [(u32, f64)], j: u32, value: f64) {
         row[k].1 += value;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn kills_constants_and_is_linear_on_a_flat_irregular_interior() {
+        let mesh = shapes::irregular_sheet(9);
+        let laplacian = Laplacian::new(&mesh);
+        let linear: Vec<Vector3> =
+            mesh.positions.iter().map(|p| Vector3::new(3.0, p.x - 2.0 * p.y, p.y)).collect();
+        for i in 0..mesh.positions.len() {
+            let value = laplacian.apply(i, &linear);
+            assert_eq!(value.x, 0.0);
+            if !mesh.topology.boundary[i] {
+                assert!(value.norm() < 1e-9, "{value}");
+            }
+        }
+    }
+
+    #[test]
+    fn is_symmetric_and_negative_semidefinite_in_the_mass_metric() {
+        let mesh = shapes::icosphere(2, 3.0);
+        let laplacian = Laplacian::new(&mesh);
+        let n = mesh.positions.len();
+        for seed in 0..5u64 {
+            let x: Vec<Vector3> = (0..n as u64)
+                .map(|i| Vector3::new(((i * 2654435761 + seed * 97) % 1000) as f64, 0.0, 0.0))
+                .collect();
+            let energy: f64 =
+                (0..n).map(|i| laplacian.mass[i] * x[i].x * laplacian.apply(i, &x).x).sum();
+            assert!(energy < 0.0);
+        }
+        for (i, row) in laplacian.rows.iter().enumerate() {
+            for &(j, w) in row {
+                let back = laplacian.rows[j as usize].iter().find(|r| r.0 == i as u32).unwrap().1;
+                assert!((w * laplacian.mass[i] - back * laplacian.mass[j as usize]).abs() < 1e-12);
+            }
+        }
+    }
+}

@@ -1,7 +1,15 @@
 //! Triangle meshes: topology (who meets whom) apart from positions.
 
+pub mod boundary;
+pub mod components;
 pub mod laplacian;
 pub mod normals;
+pub mod orientation;
+pub mod paths;
+pub mod remesh;
+#[cfg(test)]
+pub(crate) mod shapes;
+pub mod surface_points;
 pub mod topology;
 
 use crate::geometry::{Point3, area};
@@ -31,6 +39,61 @@ impl Mesh {
                 area(a, b, c)
             })
             .collect()
+    }
+
+    /// Whether the corners of a face lie on one line (sine of its largest angle below 1e-12).
+    pub fn is_degenerate(&self, face: usize) -> bool {
+        let [a, b, c] = self.corners(face);
+        let longest =
+            (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
+        area(a, b, c) <= 0.5e-12 * longest
+    }
+
+    /// Length of every edge of [`Topology::edges`], length units.
+    pub fn edge_lengths(&self) -> Vec<f64> {
+        let length =
+            |&[a, b]: &[u32; 2]| (self.positions[a as usize] - self.positions[b as usize]).norm();
+        self.topology.edges.iter().map(length).collect()
+    }
+
+    /// Mean edge length, length units; 0 without edges.
+    pub fn mean_edge_length(&self) -> f64 {
+        let lengths = self.edge_lengths();
+        lengths.iter().sum::<f64>() / lengths.len().max(1) as f64
+    }
+
+    /// Smallest inner angle of every face, radians.
+    pub fn min_angles(&self) -> Vec<f64> {
+        let smallest = |f: usize| {
+            let [a, b, c] = self.corners(f);
+            let angle = |p: &Point3, q: &Point3, r: &Point3| (q - p).angle(&(r - p));
+            angle(a, b, c).min(angle(b, c, a)).min(angle(c, a, b))
+        };
+        (0..self.topology.faces.len()).map(smallest).collect()
+    }
+
+    /// Corners of the axis-aligned bounding box over all vertices.
+    pub fn bounding_box(&self) -> [Point3; 2] {
+        let fold = |f: fn(f64, f64) -> f64, start| {
+            let start = Point3::new(start, start, start);
+            self.positions.iter().fold(start, |m, p| Point3::from(m.coords.zip_map(&p.coords, f)))
+        };
+        [fold(f64::min, f64::INFINITY), fold(f64::max, f64::NEG_INFINITY)]
+    }
+
+    /// Some of the faces as a mesh of their own: vertices that they use, in the old order; second,
+    /// for each new vertex its old number.
+    pub fn subset(&self, faces: &[usize]) -> (Self, Vec<u32>) {
+        let mut name = vec![u32::MAX; self.positions.len()];
+        for &f in faces {
+            self.topology.faces[f].iter().for_each(|&v| name[v as usize] = 0);
+        }
+        let old: Vec<u32> = (0..name.len() as u32).filter(|&v| name[v as usize] == 0).collect();
+        old.iter().enumerate().for_each(|(new, &v)| name[v as usize] = new as u32);
+        let positions: Vec<Point3> = old.iter().map(|&v| self.positions[v as usize]).collect();
+        let faces = faces.iter().map(|&f| self.topology.faces[f].map(|v| name[v as usize]));
+        let topology = Topology::from_checked(positions.len(), faces.collect());
+        (Self { topology: Arc::new(topology), positions }, old)
     }
 
     /// The same faces at other positions.

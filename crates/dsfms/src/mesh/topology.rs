@@ -90,11 +90,21 @@ impl Topology {
     pub fn new(vertex_count: usize, faces: Vec<[u32; 3]>) -> Result<Self, TopologyError> {
         check_faces(vertex_count, &faces)?;
         let by_edge = faces_by_edge(&faces);
+        by_edge.iter().try_for_each(|(&edge, users)| check_edge(edge, users))?;
+        Ok(Self::assemble(vertex_count, faces, &by_edge))
+    }
+
+    /// Build from faces already known to be good, such as a part of a checked surface.
+    pub(crate) fn from_checked(vertex_count: usize, faces: Vec<[u32; 3]>) -> Self {
+        let by_edge = faces_by_edge(&faces);
+        Self::assemble(vertex_count, faces, &by_edge)
+    }
+
+    fn assemble(vertex_count: usize, faces: Vec<[u32; 3]>, by_edge: &FacesByEdge) -> Self {
         let (mut edges, mut edge_faces) = (Vec::new(), Vec::new());
         let mut boundary = vec![false; vertex_count];
         let mut one_ring = vec![Vec::new(); vertex_count];
-        for (&[a, b], users) in &by_edge {
-            check_edge([a, b], users)?;
+        for (&[a, b], users) in by_edge {
             edges.push([a, b]);
             edge_faces.push([users[0].0, users.get(1).map_or(u32::MAX, |u| u.0)]);
             one_ring[a as usize].push(b);
@@ -109,7 +119,19 @@ impl Topology {
         for (f, face) in faces.iter().enumerate() {
             face.iter().for_each(|&v| vertex_faces[v as usize].push(f as u32));
         }
-        Ok(Self { vertex_count, faces, edges, edge_faces, one_ring, vertex_faces, boundary })
+        Self { vertex_count, faces, edges, edge_faces, one_ring, vertex_faces, boundary }
+    }
+
+    /// Place of the edge between two vertices in `edges`; `None` where there is none.
+    pub fn edge_index(&self, a: u32, b: u32) -> Option<usize> {
+        self.edges.binary_search(&[a.min(b), a.max(b)]).ok()
+    }
+
+    /// The face on the other side of an edge of `face`; `None` on the boundary.
+    pub fn across(&self, edge: usize, face: u32) -> Option<u32> {
+        let [f, g] = self.edge_faces[edge];
+        let other = if f == face { g } else { f };
+        (other != u32::MAX).then_some(other)
     }
 
     /// `V − E + F` over the vertices that faces use: 1 for a disc, 2 for a closed sphere.

@@ -1,9 +1,13 @@
 //! One deformed frame through all stages of a method.
 
+pub mod reconstruct;
+
+pub use reconstruct::{ReconstructOptions, reconstruct};
+
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point3};
 use crate::image::{Frame, Mask, ToneCurve};
-use crate::register::Match;
+use crate::register::{Match, RegisterError};
 use crate::solver::Summary;
 use crate::template::Template;
 use serde::{Deserialize, Serialize};
@@ -87,26 +91,9 @@ pub struct StageReport {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReconstructError {
-    /// Fewer matches than a pose needs.
-    #[error(
-        "{found} usable matches, at least {needed} are needed; give more with --matches, or check that the frame shows the organ"
-    )]
-    TooFewMatches {
-        /// Matches left after checks.
-        found: usize,
-        /// Minimum.
-        needed: usize,
-    },
-    /// A rigid pose explains too few of the matches.
-    #[error(
-        "no pose of the template explains the matches ({inliers} of {found} agree); check the camera file, the matches' template, and that the frame shows the organ"
-    )]
-    NoPose {
-        /// Agreeing matches.
-        inliers: usize,
-        /// All matches.
-        found: usize,
-    },
+    /// No rigid pose: too few matches, or none that they agree on.
+    #[error(transparent)]
+    Register(#[from] RegisterError),
     /// The template has no descriptors and no matches were given.
     #[error(
         "the template holds no descriptors, so matches cannot be found automatically; give them with --matches"
@@ -130,23 +117,4 @@ pub enum ReconstructError {
     /// Nothing visible in the frame.
     #[error("the frame is black (brightest pixel {0} of 255); nothing can be reconstructed")]
     Black(u8),
-}
-
-/// Options of a reconstruction.
-#[derive(Clone, Debug, Default)]
-pub struct ReconstructOptions {
-    /// Seed of every random draw.
-    pub seed: u64,
-    /// Solve eqs. 3 and 4 as printed in the paper instead of the repaired form.
-    pub literal: bool,
-}
-
-/// Reconstruct one deformed frame.
-pub fn reconstruct(
-    _template: &Template,
-    _observation: &Observation,
-    _method: Method,
-    _options: &ReconstructOptions,
-) -> Result<Reconstruction, ReconstructError> {
-    todo!()
 }

@@ -1,1 +1,9 @@
-//! DSfMS: shading and specularities refine the coarse shape (paper §7, eq. 4; in progress).
+//! DSfMS: shading and specularities refine the coarse shape (paper §7, eq. 4).
+
+pub mod evidence;
+pub mod objective;
+pub mod options;
+
+pub use evidence::{Evidence, Photograph};
+pub use objective::{Refined, refine};
+pub use options::RefineOptions;

@@ -1,6 +1,19 @@
 //! DSfM: from one image of the deformed organ and a few matches to a coarse shape (paper §6, eq. 3).
+//!
+//! [`pose`] places the rest shape rigidly, [`register`] deforms it. Every energy is normalised by
+//! noise and by the **visible** area, so one set of weights serves any organ, mesh resolution and
+//! unit.
+
+pub mod objective;
+pub mod options;
+pub mod pose;
+pub mod scene;
 
 use crate::geometry::Point2;
+pub use objective::{Registered, register};
+pub use options::RegisterOptions;
+pub use pose::{Posed, pose};
+pub use scene::Scene;
 
 /// A correspondence between a template point and a pixel of the deformed frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,4 +24,32 @@ pub struct Match {
     pub barycentric: [f64; 3],
     /// Position in the frame, px.
     pub pixel: Point2,
+}
+
+/// Why a frame cannot be registered.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RegisterError {
+    /// Fewer matches than a pose needs.
+    #[error(
+        "{found} usable matches, at least {needed} are needed; give more with --matches, or check \
+         that the frame shows the organ"
+    )]
+    TooFewMatches {
+        /// Matches left after checks.
+        found: usize,
+        /// Minimum.
+        needed: usize,
+    },
+    /// A rigid pose explains too few of the matches.
+    #[error(
+        "no pose of the template explains the matches ({inliers} of {found} agree); check the \
+         camera file, that the matches belong to this template, and that the frame shows the organ"
+    )]
+    NoPose {
+        /// Agreeing matches.
+        inliers: usize,
+        /// All matches.
+        found: usize,
+    },
 }

@@ -1,5 +1,8 @@
 //! The template: rest surface, flattening, texture, albedo, descriptors (paper §4, §5).
 
+pub mod bake;
+pub mod flatten;
+pub mod statistics;
 pub mod texels;
 
 use crate::camera::CameraModel;
@@ -19,6 +22,16 @@ pub enum LengthUnit {
     /// SfM alone: similar to the true shape, of unknown scale.
     #[default]
     TemplateUnit,
+}
+
+impl LengthUnit {
+    /// As written in file headers: `mm` or `template_units`.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Millimetre => "mm",
+            Self::TemplateUnit => "template_units",
+        }
+    }
 }
 
 /// The organ at rest, with all that registration and shading need.
@@ -69,7 +82,8 @@ pub struct Flattening {
     pub seam: Vec<[u32; 2]>,
     /// Per face: ratio of the singular values of the flattening, 1 = conformal.
     pub quasi_conformal: Vec<f64>,
-    /// Per face: ln of (UV area / surface area), centred to mean 0: 0 = equal area.
+    /// Per face: ln of (UV area / surface area), centred to mean 0 over the surface: 0 = equal
+    /// area.
     pub log_area: Vec<f64>,
 }
 

@@ -1,0 +1,242 @@
+//! Reading a user's surface mesh: PLY, OBJ, STL, glTF. Vertex order and connectivity are kept.
+
+use crate::geometry::{Point2, Point3};
+use crate::io::{gltf_mesh, obj, ply_read, stl};
+use crate::mesh::components::components;
+use crate::mesh::{Mesh, Topology, TopologyError};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Unit of the numbers in a mesh file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeshUnit {
+    /// mm: what every file of this program uses where the scale is known.
+    Millimetre,
+    /// cm.
+    Centimetre,
+    /// m: what the glTF standard prescribes (and exporters often ignore).
+    Metre,
+    /// Similar to the true shape, of unknown scale.
+    TemplateUnit,
+}
+
+impl MeshUnit {
+    /// Factor to mm; `None` where the scale is unknown.
+    pub fn in_millimetres(self) -> Option<f64> {
+        match self {
+            Self::Millimetre => Some(1.0),
+            Self::Centimetre => Some(10.0),
+            Self::Metre => Some(1000.0),
+            Self::TemplateUnit => None,
+        }
+    }
+
+    /// The unit a header comment such as `units mm` names.
+    pub(super) fn from_comment(comment: &str) -> Option<Self> {
+        let mut words = comment.split([' ', '\t', ':', '=', ',', ';']).filter(|w| !w.is_empty());
+        words.find(|w| matches!(w.to_ascii_lowercase().as_str(), "units" | "unit"))?;
+        match words.next()?.to_ascii_lowercase().as_str() {
+            "mm" | "millimetre" | "millimetres" | "millimeter" | "millimeters" => {
+                Some(Self::Millimetre)
+            }
+            "cm" | "centimetre" | "centimetres" | "centimeter" | "centimeters" => {
+                Some(Self::Centimetre)
+            }
+            "m" | "metre" | "metres" | "meter" | "meters" => Some(Self::Metre),
+            "template_unit" | "template_units" => Some(Self::TemplateUnit),
+            _ => None,
+        }
+    }
+}
+
+/// A mesh as its file has it.
+#[derive(Clone, Debug)]
+pub struct MeshFile {
+    /// Vertices and faces in the file's order; polygons are split into fans.
+    pub mesh: Mesh,
+    /// UV of the corners of every face, v upwards; `None` where the file has none for some face.
+    pub uv: Option<Vec<[Point2; 3]>>,
+    /// Unit the file states; `None` where it says nothing. The numbers are never rescaled.
+    pub unit: Option<MeshUnit>,
+    /// Further scalar properties of the vertices by name (PLY only), e.g. `visible`, `red`.
+    pub attributes: BTreeMap<String, Vec<f64>>,
+    /// What a user should know: several components, unused vertices, split polygons.
+    pub warnings: Vec<String>,
+}
+
+/// What a reader of one format found, before any check.
+#[derive(Clone, Debug, Default)]
+pub(super) struct RawMesh {
+    pub positions: Vec<Point3>,
+    pub faces: Vec<[u32; 3]>,
+    pub uv: Option<Vec<[Point2; 3]>>,
+    pub unit: Option<MeshUnit>,
+    pub attributes: BTreeMap<String, Vec<f64>>,
+    pub warnings: Vec<String>,
+}
+
+/// Why a mesh file cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeshFileError {
+    /// The file is missing or cannot be read.
+    #[error("cannot read mesh {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        #[source]
+        source: std::io::Error,
+    },
+    /// Zero bytes.
+    #[error("mesh {} is empty (0 bytes); export or copy it again", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// An extension that no reader knows.
+    #[error("mesh {} has the unknown extension '{extension}'; use .ply, .obj, .stl, .glb or .gltf", path.display())]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+        /// Its extension.
+        extension: String,
+    },
+    /// The file ends before all it announced.
+    #[error("mesh {} is truncated: it ends within {what}; copy or export it again", path.display())]
+    Truncated {
+        /// The file.
+        path: PathBuf,
+        /// Where it ended.
+        what: String,
+    },
+    /// The file breaks its format's rules.
+    #[error("mesh {} cannot be understood: {reason}", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// What was expected and found.
+        reason: String,
+    },
+    /// NaN or infinite coordinates.
+    #[error("mesh {}: vertex {vertex} (0-based) has a coordinate that is not a finite number ({count} such vertices); remove or repair them", path.display())]
+    NotFinite {
+        /// The file.
+        path: PathBuf,
+        /// First such vertex.
+        vertex: usize,
+        /// How many.
+        count: usize,
+    },
+    /// Faces whose corners lie on one line.
+    #[error("mesh {}: face {face} (0-based) has no area ({count} such faces): its corners lie on one line; remove degenerate faces first (MeshLab: 'Remove Zero Area Faces')", path.display())]
+    ZeroArea {
+        /// The file.
+        path: PathBuf,
+        /// First such face.
+        face: usize,
+        /// How many.
+        count: usize,
+    },
+    /// The faces do not form a usable surface.
+    #[error("mesh {}: {source}", path.display())]
+    Topology {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        #[source]
+        source: TopologyError,
+    },
+}
+
+/// What a reader of one format may complain about; the file's name is added by [`read_mesh`].
+#[derive(Debug)]
+pub(super) enum FormatError {
+    Truncated(String),
+    Malformed(String),
+}
+
+/// Read a surface mesh. Vertex order, face order and connectivity are the file's; nothing is
+/// welded, oriented or rescaled. The format is chosen by the extension.
+pub fn read_mesh(path: &Path) -> Result<MeshFile, MeshFileError> {
+    let owned = || path.to_path_buf();
+    let bytes =
+        std::fs::read(path).map_err(|source| MeshFileError::Io { path: owned(), source })?;
+    if bytes.is_empty() {
+        return Err(MeshFileError::Empty { path: owned() });
+    }
+    let extension =
+        path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let raw = match extension.as_str() {
+        "ply" => ply_read::read(&bytes),
+        "obj" => obj::read(&bytes),
+        "stl" => stl::read(&bytes),
+        "glb" | "gltf" => gltf_mesh::read(&bytes, path),
+        _ => return Err(MeshFileError::UnknownFormat { path: owned(), extension }),
+    };
+    let raw = raw.map_err(|error| match error {
+        FormatError::Truncated(what) => MeshFileError::Truncated { path: owned(), what },
+        FormatError::Malformed(reason) => MeshFileError::Malformed { path: owned(), reason },
+    })?;
+    check(raw, path)
+}
+
+fn check(raw: RawMesh, path: &Path) -> Result<MeshFile, MeshFileError> {
+    let owned = || path.to_path_buf();
+    let wrong = |p: &&Point3| !p.iter().all(|x| x.is_finite());
+    if let Some(vertex) = raw.positions.iter().position(|p| wrong(&p)) {
+        let count = raw.positions.iter().filter(wrong).count();
+        return Err(MeshFileError::NotFinite { path: owned(), vertex, count });
+    }
+    let topology = Topology::new(raw.positions.len(), raw.faces)
+        .map_err(|source| MeshFileError::Topology { path: owned(), source })?;
+    let mesh = Mesh { topology: Arc::new(topology), positions: raw.positions };
+    let flat: Vec<usize> =
+        (0..mesh.topology.faces.len()).filter(|&f| mesh.is_degenerate(f)).collect();
+    if let Some(&face) = flat.first() {
+        return Err(MeshFileError::ZeroArea { path: owned(), face, count: flat.len() });
+    }
+    let mut warnings = raw.warnings;
+    warnings.extend(remarks(&mesh));
+    Ok(MeshFile { mesh, uv: raw.uv, unit: raw.unit, attributes: raw.attributes, warnings })
+}
+
+/// What is allowed but seldom meant.
+fn remarks(mesh: &Mesh) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let unused = mesh.topology.vertex_faces.iter().filter(|f| f.is_empty()).count();
+    if unused > 0 {
+        warnings.push(format!("{unused} vertices belong to no face; they stay where they are"));
+    }
+    let parts = components(&mesh.topology).count;
+    if parts > 1 {
+        warnings.push(format!(
+            "the surface has {parts} separate components; one is usual for an organ"
+        ));
+    }
+    let mut keys: Vec<[u64; 3]> =
+        mesh.positions.iter().map(|p| [p.x, p.y, p.z].map(|x| (x + 0.0).to_bits())).collect();
+    keys.sort_unstable();
+    let repeated = keys.windows(2).filter(|w| w[0] == w[1]).count();
+    if repeated > 0 {
+        warnings.push(format!(
+            "{repeated} vertices repeat the position of another one: the surface may be torn along a \
+             seam there; merge by distance in the program that made the file if it should be whole"
+        ));
+    }
+    warnings
+}
+
+/// Split a polygon into the fan of its first corner.
+pub(super) fn fan(corners: &[u32]) -> impl Iterator<Item = [usize; 3]> + use<> {
+    (1..corners.len().saturating_sub(1)).map(|k| [0, k, k + 1])
+}
+
+/// The remark on split polygons.
+pub(super) fn polygon_warning(count: usize) -> String {
+    format!("{count} polygons with more than three corners were split into triangles (fans)")
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,114 @@
+//! Writing PLY: binary little endian, the unit in a header comment, optional vertex attributes.
+
+use super::atomic::{WriteError, write_atomic};
+use crate::geometry::Point3;
+use crate::mesh::Topology;
+use crate::template::LengthUnit;
+use std::io::{self, Write};
+use std::path::Path;
+
+/// Number type of the coordinates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// 32 bits: what most tools expect; 4 nm at 50 mm.
+    #[default]
+    Single,
+    /// 64 bits: nothing is lost.
+    Double,
+}
+
+/// What goes into a PLY besides the surface; everything optional.
+#[derive(Clone, Debug, Default)]
+pub struct PlyExtras<'a> {
+    /// Number type of the coordinates.
+    pub precision: Precision,
+    /// Further header comments, after `comment units …`.
+    pub comments: &'a [String],
+    /// Per vertex `visible` (uchar 0 or 1).
+    pub visible: Option<&'a [bool]>,
+    /// Per vertex `confidence` (float): the expected error in length units.
+    pub confidence: Option<&'a [f64]>,
+    /// Per vertex `red green blue` (uchar).
+    pub color: Option<&'a [[u8; 3]]>,
+}
+
+/// Write a surface with the topology's vertex and face order. The header says `comment units mm`
+/// or `comment units template_units`. Written to a temporary file, then renamed.
+///
+/// # Errors
+/// [`WriteError`] naming the path; also where an attribute has not one value per vertex.
+pub fn write_ply(
+    path: &Path,
+    topology: &Topology,
+    positions: &[Point3],
+    unit: LengthUnit,
+    extras: &PlyExtras,
+) -> Result<(), WriteError> {
+    let n = topology.vertex_count;
+    let lengths = [
+        Some(positions.len()),
+        extras.visible.map(<[_]>::len),
+        extras.confidence.map(<[_]>::len),
+        extras.color.map(<[_]>::len),
+    ];
+    if let Some(found) = lengths.into_iter().flatten().find(|&length| length != n) {
+        let reason = format!("{found} values per vertex for {n} vertices");
+        return Err(WriteError::new(path, io::Error::new(io::ErrorKind::InvalidInput, reason)));
+    }
+    write_atomic(path, |w| {
+        header(w, topology, unit, extras)?;
+        (0..n).try_for_each(|i| vertex(w, i, &positions[i], extras))?;
+        for face in &topology.faces {
+            w.write_all(&[3])?;
+            face.iter().try_for_each(|&v| w.write_all(&(v as i32).to_le_bytes()))?;
+        }
+        Ok(())
+    })
+}
+
+fn header(
+    w: &mut dyn Write,
+    topology: &Topology,
+    unit: LengthUnit,
+    extras: &PlyExtras,
+) -> io::Result<()> {
+    write!(w, "ply\nformat binary_little_endian 1.0\ncomment units {}\n", unit.label())?;
+    for line in extras.comments.iter().flat_map(|c| c.lines()) {
+        writeln!(w, "comment {line}")?;
+    }
+    let real = if extras.precision == Precision::Double { "double" } else { "float" };
+    writeln!(w, "element vertex {}", topology.vertex_count)?;
+    for axis in ["x", "y", "z"] {
+        writeln!(w, "property {real} {axis}")?;
+    }
+    if extras.color.is_some() {
+        write!(w, "property uchar red\nproperty uchar green\nproperty uchar blue\n")?;
+    }
+    if extras.visible.is_some() {
+        writeln!(w, "property uchar visible")?;
+    }
+    if extras.confidence.is_some() {
+        writeln!(w, "property float confidence")?;
+    }
+    write!(w, "element face {}\n", topology.faces.len())?;
+    write!(w, "property list uchar int vertex_indices\nend_header\n")
+}
+
+fn vertex(w: &mut dyn Write, i: usize, p: &Point3, extras: &PlyExtras) -> io::Result<()> {
+    for &x in p.iter() {
+        match extras.precision {
+            Precision::Single => w.write_all(&(x as f32).to_le_bytes())?,
+            Precision::Double => w.write_all(&x.to_le_bytes())?,
+        }
+    }
+    if let Some(color) = extras.color {
+        w.write_all(&color[i])?;
+    }
+    if let Some(visible) = extras.visible {
+        w.write_all(&[u8::from(visible[i])])?;
+    }
+    if let Some(confidence) = extras.confidence {
+        w.write_all(&(confidence[i] as f32).to_le_bytes())?;
+    }
+    Ok(())
+}

@@ -1,0 +1,211 @@
+//! Isotropic remeshing: split long edges, collapse short ones, even out valences, smooth within the
+//! surface, project back (Botsch and Kobbelt 2004). Boundaries stay on the input's boundary.
+
+mod passes;
+
+use super::boundary::boundary_loops;
+use super::surface_points::ClosestPoints;
+use super::{Mesh, Topology, TopologyError};
+use crate::geometry::Point3;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// How a surface is remeshed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RemeshOptions {
+    /// Rounds of split, collapse, flip, smooth; at least 1. After about eight nothing changes.
+    pub rounds: usize,
+    /// Boundary vertices where the boundary turns by more than this stay in place, degrees in
+    /// `(0, 180]`.
+    pub corner_deg: f64,
+}
+
+impl Default for RemeshOptions {
+    fn default() -> Self {
+        Self { rounds: 12, corner_deg: 60.0 }
+    }
+}
+
+/// Why a surface could not be remeshed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RemeshError {
+    /// Too few vertices asked for.
+    #[error("{asked} vertices asked for; at least {least} are needed")]
+    TooFewVertices {
+        /// The target.
+        asked: usize,
+        /// The minimum.
+        least: usize,
+    },
+    /// An option out of its range.
+    #[error("remesh option {0}")]
+    BadOption(&'static str),
+    /// The surface has no area.
+    #[error("the surface has no area; nothing to remesh")]
+    NoArea,
+    /// The result is not a surface (a fault of ours: please report it).
+    #[error("remeshing broke the surface: {0}")]
+    Topology(#[from] TopologyError),
+}
+
+const LEAST_VERTICES: usize = 12;
+
+/// The surface as it is being changed.
+struct Working {
+    positions: Vec<Point3>,
+    faces: Vec<[u32; 3]>,
+    /// Corners of the boundary, which never move or vanish.
+    fixed: Vec<bool>,
+}
+
+impl Working {
+    fn topology(&self) -> Topology {
+        Topology::from_checked(self.positions.len(), self.faces.clone())
+    }
+}
+
+/// A mesh of nearly equilateral faces with about `target_vertices` vertices (within 5 % unless the
+/// shape forbids it) on the input's surface. Unused vertices of the input are dropped; topology
+/// (components, boundaries, handles) is kept.
+pub fn remesh(
+    mesh: &Mesh,
+    target_vertices: usize,
+    options: &RemeshOptions,
+) -> Result<Mesh, RemeshError> {
+    validate(target_vertices, options)?;
+    let all: Vec<usize> = (0..mesh.topology.faces.len()).collect();
+    let (input, _) = mesh.subset(&all);
+    let outline = Outline::new(&input, options.corner_deg);
+    let surface = ClosestPoints::new(&input);
+    let mut length = first_length(&input, target_vertices)?;
+    let mut work = Working {
+        positions: input.positions.clone(),
+        faces: input.topology.faces.clone(),
+        fixed: outline.corners.clone(),
+    };
+    for round in 0..options.rounds {
+        passes::split(&mut work, 4.0 / 3.0 * length);
+        passes::collapse(&mut work, 4.0 / 5.0 * length, 4.0 / 3.0 * length);
+        passes::flip(&mut work);
+        passes::smooth(&mut work, &surface, &outline);
+        if round + 2 < options.rounds {
+            // Ever smaller corrections of the edge length, so that the count settles.
+            let ratio = work.positions.len() as f64 / target_vertices as f64;
+            length *= ratio.sqrt().clamp(0.7, 1.4);
+        }
+    }
+    let topology = Topology::new(work.positions.len(), work.faces)?;
+    Ok(Mesh { topology: Arc::new(topology), positions: work.positions })
+}
+
+fn validate(target: usize, options: &RemeshOptions) -> Result<(), RemeshError> {
+    if target < LEAST_VERTICES {
+        return Err(RemeshError::TooFewVertices { asked: target, least: LEAST_VERTICES });
+    }
+    if options.rounds == 0 {
+        return Err(RemeshError::BadOption("rounds must be at least 1"));
+    }
+    if !(options.corner_deg > 0.0 && options.corner_deg <= 180.0) {
+        return Err(RemeshError::BadOption("corner_deg must lie in (0, 180]"));
+    }
+    Ok(())
+}
+
+/// Edge length `l` of `n` vertices of equilateral faces: `area = √3/4 l² (2n − boundary/l)`.
+fn first_length(mesh: &Mesh, n: usize) -> Result<f64, RemeshError> {
+    let area: f64 = mesh.face_areas().iter().sum();
+    if !(area > 0.0 && area.is_finite()) {
+        return Err(RemeshError::NoArea);
+    }
+    let lengths = mesh.edge_lengths();
+    let open = mesh.topology.edge_faces.iter().zip(&lengths).filter(|(f, _)| f[1] == u32::MAX);
+    let boundary: f64 = open.map(|(_, l)| l).sum();
+    let (a, b, c) = (2.0 * n as f64, -boundary, -4.0 * area / 3f64.sqrt());
+    Ok((-b + (b * b - 4.0 * a * c).sqrt()) / (2.0 * a))
+}
+
+/// The input's boundary, onto which boundary vertices are projected.
+struct Outline {
+    segments: Vec<[Point3; 2]>,
+    /// Per vertex of the input: a corner of the boundary.
+    corners: Vec<bool>,
+}
+
+impl Outline {
+    fn new(mesh: &Mesh, corner_deg: f64) -> Self {
+        let mut segments = Vec::new();
+        let mut corners = vec![false; mesh.positions.len()];
+        for vertices in boundary_loops(&mesh.topology) {
+            let n = vertices.len();
+            let at = |k: usize| mesh.positions[vertices[k % n] as usize];
+            for k in 0..n {
+                segments.push([at(k), at(k + 1)]);
+                let turn = (at(k + 1) - at(k)).angle(&(at(k + 2) - at(k + 1)));
+                corners[vertices[(k + 1) % n] as usize] |= turn > corner_deg.to_radians();
+            }
+        }
+        Self { segments, corners }
+    }
+
+    fn closest(&self, p: &Point3) -> Point3 {
+        let on = |[a, b]: &[Point3; 2]| {
+            let ab = b - a;
+            a + ab * ((p - a).dot(&ab) / ab.norm_squared().max(1e-300)).clamp(0.0, 1.0)
+        };
+        let points = self.segments.iter().map(on);
+        points.min_by(|a, b| (a - p).norm().total_cmp(&(b - p).norm())).unwrap_or(*p)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    fn worst_angle_deg(mesh: &Mesh) -> f64 {
+        mesh.min_angles().into_iter().fold(f64::INFINITY, f64::min).to_degrees()
+    }
+
+    #[test]
+    fn a_hemisphere_finer_and_coarser() {
+        let input = shapes::hemisphere(3, 10.0);
+        for target in [100, 600] {
+            let mesh = remesh(&input, target, &RemeshOptions::default()).unwrap();
+            let n = mesh.positions.len() as f64;
+            assert!((n / target as f64 - 1.0).abs() < 0.05, "{n} for {target}");
+            assert_eq!(mesh.topology.euler_characteristic(), 1);
+            assert!(worst_angle_deg(&mesh) > 20.0, "{}", worst_angle_deg(&mesh));
+            let surface = ClosestPoints::new(&input);
+            for p in &mesh.positions {
+                assert!(surface.closest(p).unwrap().distance < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn a_square_keeps_its_corners_and_outline() {
+        let input = shapes::irregular_sheet(12);
+        let mesh = remesh(&input, 250, &RemeshOptions::default()).unwrap();
+        assert!((mesh.face_areas().iter().sum::<f64>() - 1.0).abs() < 1e-9);
+        for corner in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]] {
+            assert!(mesh.positions.contains(&Point3::new(corner[0], corner[1], 0.0)));
+        }
+        assert!(mesh.topology.faces.len() > 300 && worst_angle_deg(&mesh) > 20.0);
+    }
+
+    #[test]
+    fn a_closed_surface_stays_closed() {
+        let mesh = remesh(&shapes::torus(24, 12), 500, &RemeshOptions::default()).unwrap();
+        assert_eq!(mesh.topology.euler_characteristic(), 0);
+        assert!(mesh.topology.boundary.iter().all(|&b| !b));
+    }
+
+    #[test]
+    fn refuses_nonsense() {
+        let sheet = shapes::irregular_sheet(4);
+        let error = remesh(&sheet, 3, &RemeshOptions::default()).unwrap_err();
+        assert_eq!(error, RemeshError::TooFewVertices { asked: 3, least: 12 });
+    }
+}

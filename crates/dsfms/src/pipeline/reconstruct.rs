@@ -1,0 +1,281 @@
+//! Pose, eq. 3 and eq. 4 in a row, with the visibility, the masks and the verdict around them.
+
+use super::{Method, Observation, ReconstructError, Reconstruction, StageReport, Status};
+use crate::camera::Camera;
+use crate::geometry::Point3;
+use crate::image::exposure::saturation;
+use crate::image::{Mask, Plane};
+use crate::light::LightModel;
+use crate::refine::{Photograph, RefineOptions, Refined, refine};
+use crate::register::scene::visibility;
+use crate::register::{Match, Posed, RegisterOptions, Registered, Scene, pose, register};
+use crate::template::{SurfaceTexels, Template};
+use std::time::Instant;
+
+/// Options of a reconstruction.
+#[derive(Clone, Debug, Default)]
+pub struct ReconstructOptions {
+    /// Seed of every random draw.
+    pub seed: u64,
+    /// Solve eqs. 3 and 4 as printed in the paper instead of the repaired form.
+    pub literal: bool,
+    /// Weights of the pose and of eq. 3.
+    pub register: RegisterOptions,
+    /// Weights of eq. 4.
+    pub refine: RefineOptions,
+}
+
+/// Matches below this make a surface that is held by its prior alone over most of its area.
+const FEW_MATCHES: usize = 8;
+
+/// Reconstruct one deformed frame.
+///
+/// # Errors
+/// Frame and camera of different size, a black frame, no pose, no descriptors where matches have to
+/// be found, no albedo for a shading method.
+pub fn reconstruct(
+    template: &Template,
+    observation: &Observation,
+    method: Method,
+    options: &ReconstructOptions,
+) -> Result<Reconstruction, ReconstructError> {
+    check(template, observation, method)?;
+    let mut log = StageLog::default();
+    let matches = log.time("matching", || find_matches(template, observation))?;
+    let register_options =
+        RegisterOptions { literal: options.literal, ..options.register.clone() };
+    let posed = log.time("pose", || {
+        pose(observation.camera, &template.mesh, &matches, &register_options, options.seed)
+    })?;
+    let rigid = template.mesh.positions.iter().map(|p| posed.pose * p).collect();
+    let scene = Scene::new(observation.camera, &template.mesh, rigid);
+    let mut result = rigid_result(&scene, &matches, &posed, &register_options);
+    match method {
+        Method::Rigid => {}
+        Method::Sfs => shade_alone(template, observation, &mut result, &mut log)?,
+        Method::Dsfm | Method::Dsfms => {
+            let coarse = log.time("register (eq. 3)", || {
+                register(&scene, &matches, &posed, &register_options)
+            });
+            log.attach(&coarse.summary);
+            take_coarse(&mut result, &matches, &coarse);
+            if method == Method::Dsfms {
+                let kept: Vec<Match> =
+                    result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
+                let refined = log.time("refine (eq. 4)", || {
+                    refine_frame(template, observation, &scene, &coarse, &kept, options)
+                });
+                log.attach(&refined.summary);
+                take_refined(&mut result, &refined);
+            }
+        }
+    }
+    finish(template, observation, &posed, &mut result);
+    result.stages = log.stages;
+    Ok(result)
+}
+
+/// Times stages and keeps their reports.
+#[derive(Default)]
+struct StageLog {
+    stages: Vec<StageReport>,
+}
+
+impl StageLog {
+    fn time<T>(&mut self, name: &str, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let value = work();
+        let seconds = start.elapsed().as_secs_f64();
+        self.stages.push(StageReport { name: name.to_owned(), seconds, summary: None });
+        value
+    }
+
+    fn attach(&mut self, summary: &crate::solver::Summary) {
+        if let Some(last) = self.stages.last_mut() {
+            last.summary = Some(summary.clone());
+        }
+    }
+}
+
+fn check(
+    template: &Template,
+    observation: &Observation,
+    method: Method,
+) -> Result<(), ReconstructError> {
+    let (found, expected) = (observation.frame.size, observation.camera.size());
+    if found != expected {
+        return Err(ReconstructError::SizeMismatch { found, expected });
+    }
+    let brightest = observation.frame.rgb.iter().flatten().copied().max().unwrap_or(0);
+    if brightest < 16 {
+        return Err(ReconstructError::Black(brightest));
+    }
+    if matches!(method, Method::Sfs | Method::Dsfms) && template.albedo.is_none() {
+        return Err(ReconstructError::NoAlbedo(method));
+    }
+    Ok(())
+}
+
+fn find_matches(
+    template: &Template,
+    observation: &Observation,
+) -> Result<Vec<Match>, ReconstructError> {
+    match (observation.matches, &template.features) {
+        (Some(given), _) => Ok(given.to_vec()),
+        (None, Some(_)) => todo!(),
+        (None, None) => Err(ReconstructError::NoDescriptors),
+    }
+}
+
+fn rigid_result(
+    scene: &Scene,
+    matches: &[Match],
+    posed: &Posed,
+    options: &RegisterOptions,
+) -> Reconstruction {
+    let limit = (3.0 * options.robust_px[1]).max(3.0 * posed.median_px());
+    let kept = posed.residuals_px.iter().map(|&r| r <= limit);
+    Reconstruction {
+        status: Status::Ok,
+        vertices: scene.posed.clone(),
+        pose: posed.pose,
+        visible: Vec::new(),
+        confidence: None,
+        gain: 1.0,
+        ambient: 0.0,
+        matches: matches.iter().copied().zip(kept).collect(),
+        stages: Vec::new(),
+    }
+}
+
+fn take_coarse(result: &mut Reconstruction, matches: &[Match], coarse: &Registered) {
+    result.vertices.clone_from(&coarse.vertices);
+    result.matches = matches.iter().copied().zip(coarse.kept.iter().copied()).collect();
+}
+
+fn take_refined(result: &mut Reconstruction, refined: &Refined) {
+    result.vertices.clone_from(&refined.vertices);
+    (result.gain, result.ambient) = (refined.gain, refined.ambient);
+    if refined.diffuse_vertices == 0 {
+        degrade(&mut result.status, "no vertex could be used for shading: the result is DSfM's");
+    } else if !(0.2..5.0).contains(&refined.gain) {
+        let gain = refined.gain;
+        degrade(&mut result.status, &format!("exposure gain {gain:.2} is far from the template's"));
+    }
+}
+
+fn refine_frame(
+    template: &Template,
+    observation: &Observation,
+    scene: &Scene,
+    coarse: &Registered,
+    kept: &[Match],
+    options: &ReconstructOptions,
+) -> Refined {
+    let owned = PhotographParts::of(template, observation);
+    let refine_options = RefineOptions { literal: options.literal, ..options.refine.clone() };
+    refine(scene, &coarse.vertices, kept, &owned.photograph(template, observation), &refine_options)
+}
+
+/// The planes a [`Photograph`] borrows.
+struct PhotographParts {
+    grey: Plane,
+    saturated: Mask,
+    usable: Mask,
+    light: LightModel,
+    albedo: SurfaceTexels,
+}
+
+impl PhotographParts {
+    fn of(template: &Template, observation: &Observation) -> Self {
+        Self {
+            grey: observation.frame.linear(observation.tone).grey(),
+            saturated: saturation(observation.frame),
+            usable: usable(observation),
+            light: template.light.clone().unwrap_or_default(),
+            albedo: template.albedo.clone().unwrap_or_default(),
+        }
+    }
+
+    fn photograph<'a>(
+        &'a self,
+        template: &Template,
+        observation: &Observation<'a>,
+    ) -> Photograph<'a> {
+        Photograph {
+            camera: observation.camera,
+            grey: &self.grey,
+            saturated: &self.saturated,
+            usable: &self.usable,
+            light: &self.light,
+            albedo: &self.albedo,
+            expected_log_gain: (!template.views.is_empty()).then_some(0.0),
+        }
+    }
+}
+
+/// Pixels where the organ may be seen: not within 3 px of an instrument, inside the organ mask.
+fn usable(observation: &Observation) -> Mask {
+    let mut usable = Mask::filled(observation.frame.size, true);
+    if let Some(instrument) = observation.instrument {
+        usable = usable.minus(&instrument.dilate(3.0));
+    }
+    if let Some(organ) = observation.organ {
+        usable = usable.and(organ);
+    }
+    usable
+}
+
+fn shade_alone(
+    _template: &Template,
+    _observation: &Observation,
+    _result: &mut Reconstruction,
+    _log: &mut StageLog,
+) -> Result<(), ReconstructError> {
+    todo!()
+}
+
+/// Final visibility and the verdict.
+fn finish(
+    template: &Template,
+    observation: &Observation,
+    posed: &Posed,
+    result: &mut Reconstruction,
+) {
+    let usable = usable(observation);
+    result.visible = visibility(observation.camera, &template.mesh, &result.vertices);
+    for (visible, p) in result.visible.iter_mut().zip(&result.vertices) {
+        *visible &= observation.camera.project(p).is_some_and(|q| usable.at_pixel(&q.pixel));
+    }
+    let kept = result.matches.iter().filter(|m| m.1).count();
+    let total = result.matches.len();
+    let status = &mut result.status;
+    if kept < FEW_MATCHES {
+        degrade(status, &format!("only {kept} matches carry the surface; {FEW_MATCHES} or more are wanted"));
+    }
+    if 2 * kept < total {
+        degrade(status, &format!("only {kept} of {total} matches agree with the surface"));
+    }
+    let spread = posed.median_px() / (observation.frame.size[0] as f64);
+    if spread > 0.05 {
+        let px = posed.median_px();
+        degrade(status, &format!("the organ moved far from any rigid pose (median {px:.0} px)"));
+    }
+    if !result.visible.iter().any(|&v| v) {
+        degrade(status, "no vertex is visible in this frame");
+    }
+    if !finite(&result.vertices) {
+        degrade(status, "some vertices are not finite");
+    }
+}
+
+fn finite(vertices: &[Point3]) -> bool {
+    vertices.iter().all(|v| v.iter().all(|c| c.is_finite()))
+}
+
+fn degrade(status: &mut Status, reason: &str) {
+    match status {
+        Status::Ok => *status = Status::Degraded(vec![reason.to_owned()]),
+        Status::Degraded(reasons) => reasons.push(reason.to_owned()),
+    }
+}

@@ -1,0 +1,119 @@
+//! Which vertices may speak of shading, which mirror the light, and what albedo they have.
+
+use super::RefineOptions;
+use crate::camera::{Camera, CameraModel};
+use crate::energy::diffuse::DiffuseVertex;
+use crate::geometry::{Point3, Vector3};
+use crate::image::filter::blur_masked;
+use crate::image::{Mask, Plane};
+use crate::light::{Light, LightModel};
+use crate::mesh::Mesh;
+use crate::mesh::normals::vertex_normals;
+use crate::raster::{Raster, rasterize, regions::distance_to, visible_vertices};
+use crate::template::SurfaceTexels;
+
+/// The photometric side of one frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Photograph<'a> {
+    /// Camera of the frame.
+    pub camera: &'a CameraModel,
+    /// Grey image in linear light.
+    pub grey: &'a Plane,
+    /// `true` at saturated pixels.
+    pub saturated: &'a Mask,
+    /// `true` where the organ may be seen (no instrument, inside the organ mask if there is one).
+    pub usable: &'a Mask,
+    /// Light of the frame.
+    pub light: &'a LightModel,
+    /// Albedo of the template.
+    pub albedo: &'a SurfaceTexels,
+    /// Expected log gain; 0 when template and frame share their exposure.
+    pub expected_log_gain: Option<f64>,
+}
+
+/// What one shape makes of a photograph.
+#[derive(Clone, Debug)]
+pub struct Evidence {
+    /// Image smoothed within what is usable.
+    pub image: Plane,
+    /// The diffuse vertices `𝒟ᵥ`.
+    pub diffuse: Vec<DiffuseVertex>,
+    /// The specular vertices `𝒮ᵥ` with their mirror normals.
+    pub specular: Vec<(u32, Vector3)>,
+    /// Vertices the camera sees.
+    pub visible: Vec<bool>,
+    /// Robust ratio of image to prediction, the start of the gain.
+    pub log_gain: f64,
+}
+
+/// Look at the photograph with the surface at `shape` (camera axes).
+pub fn gather(photo: &Photograph, rest: &Mesh, shape: &[Point3], options: &RefineOptions) -> Evidence {
+    let raster = rasterize(photo.camera, &rest.topology, shape);
+    let visible = visible_vertices(photo.camera, &rest.topology, shape, &raster, tolerance(rest));
+    let diagonal = (photo.grey.size[0] as f64).hypot(photo.grey.size[1] as f64);
+    let clear = clear_mask(photo, &raster, options.halo * diagonal);
+    let sigma = options.blur * diagonal;
+    let (image, _) = blur_masked(photo.grey, &clear, sigma);
+    let (albedo, support) = blur_masked(&render_albedo(&raster, photo.albedo), &clear, sigma);
+    let contour = distance_to(&raster.discontinuities(0.05));
+    let highlights = photo.saturated.data.iter().any(|&s| s);
+    let normals = vertex_normals(&rest.topology, shape);
+    let (mut diffuse, mut specular, mut ratios) = (Vec::new(), Vec::new(), Vec::new());
+    for v in (0..shape.len()).filter(|&v| visible[v] && !rest.topology.boundary[v]) {
+        let Some(projection) = photo.camera.project(&shape[v]) else { continue };
+        let pixel = projection.pixel;
+        let mirror = photo.light.mirror_normal(&shape[v]);
+        if photo.saturated.at_pixel(&pixel) {
+            if photo.usable.at_pixel(&pixel) {
+                specular.push((v as u32, mirror));
+            }
+            continue;
+        }
+        let shade = photo.light.shade(&shape[v], &normals[v]).value;
+        let cosine = -normals[v].dot(&shape[v].coords.normalize());
+        let glossy = highlights && normals[v].angle(&mirror).to_degrees() < options.specular_deg;
+        let i = pixel.y.round() as usize * image.size[0] + pixel.x.round() as usize;
+        let near_contour = (contour[i] as f64) < options.contour_blurs * sigma;
+        let excluded = cosine < options.grazing || glossy || near_contour;
+        if !clear.at_pixel(&pixel) || support.data[i] < 0.5 || (excluded && !options.literal) {
+            continue;
+        }
+        let Some((alpha, _)) = albedo.sample(&pixel) else { continue };
+        let Some((intensity, _)) = image.sample(&pixel) else { continue };
+        let noise = options.sigma_absolute.hypot(options.sigma_relative * intensity);
+        if alpha * shade > 1e-4 && intensity > 0.0 {
+            ratios.push((intensity / (alpha * shade)).ln());
+        }
+        diffuse.push(DiffuseVertex { vertex: v as u32, albedo: alpha, sigma: noise });
+    }
+    Evidence { image, diffuse, specular, visible, log_gain: median(&mut ratios) }
+}
+
+/// Half a mean edge: what the z-buffer may be off at a slanted face.
+fn tolerance(rest: &Mesh) -> f64 {
+    let length =
+        |e: &[u32; 2]| (rest.positions[e[0] as usize] - rest.positions[e[1] as usize]).norm();
+    let edges = &rest.topology.edges;
+    0.5 * edges.iter().map(length).sum::<f64>() / edges.len().max(1) as f64
+}
+
+/// Surface pixels whose brightness is diffuse: not saturated nor in a halo, usable, albedo known.
+fn clear_mask(photo: &Photograph, raster: &Raster, halo: f64) -> Mask {
+    let near_highlight = distance_to(photo.saturated);
+    let known = raster.render(false, |face, b| photo.albedo.views[photo.albedo.index(face, b)] > 0);
+    let data = (0..known.len())
+        .map(|i| known[i] && photo.usable.data[i] && near_highlight[i] as f64 > halo)
+        .collect();
+    Mask { size: raster.size, data }
+}
+
+fn render_albedo(raster: &Raster, texels: &SurfaceTexels) -> Plane {
+    let grey = |rgb: [f32; 3]| (rgb[0] + rgb[1] + rgb[2]) / 3.0;
+    let data = raster.render(0.0, |face, b| grey(texels.at(face, b)));
+    Plane { size: raster.size, data }
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}

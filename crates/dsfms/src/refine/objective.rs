@@ -1,0 +1,120 @@
+//! Eq. 4: boundary condition, reprojection, diffuse and specular vertices, smoothing.
+
+use super::evidence::{Evidence, Photograph, gather};
+use super::RefineOptions;
+use crate::energy::{
+    Diffuse, GlobalsPrior, Objective, Reprojection, Smoothing, Specular, Stay, Unknowns,
+};
+use crate::geometry::Point3;
+use crate::register::objective::hold_depth;
+use crate::register::{Match, Scene};
+use crate::solver::{Loss, Options, Summary};
+
+/// The fine shape V″.
+#[derive(Clone, Debug)]
+pub struct Refined {
+    /// Vertices in camera axes.
+    pub vertices: Vec<Point3>,
+    /// Exposure gain of the frame relative to the albedo.
+    pub gain: f64,
+    /// Ambient light, linear.
+    pub ambient: f64,
+    /// Vertices that carried the diffuse condition in the last round.
+    pub diffuse_vertices: usize,
+    /// Vertices that carried the specular condition in the last round.
+    pub specular_vertices: usize,
+    /// The last solve.
+    pub summary: Summary,
+}
+
+/// Solve eq. 4 from the coarse shape V′, holding the depth of the matches it was built on.
+pub fn refine(
+    scene: &Scene,
+    coarse: &[Point3],
+    matches: &[Match],
+    photo: &Photograph,
+    options: &RefineOptions,
+) -> Refined {
+    let mut evidence = gather(photo, scene.rest, coarse, options);
+    let expected = photo.expected_log_gain.unwrap_or(evidence.log_gain);
+    let start = if options.literal { 0.0 } else { evidence.log_gain };
+    let mut state = Unknowns { vertices: coarse.to_vec(), globals: vec![start, 0.0] };
+    let rounds = if options.literal { 1 } else { options.rounds.max(1) };
+    let mut round = 0;
+    loop {
+        let objective = objective(scene, coarse, matches, photo, &evidence, expected, options);
+        let solver = Options { max_steps: 20, cost_tolerance: 1e-5, ..Options::default() };
+        let (next, summary) = objective.minimise(state, &solver);
+        round += 1;
+        if round == rounds {
+            return Refined {
+                gain: next.globals[0].exp(),
+                ambient: next.globals[1],
+                vertices: next.vertices,
+                diffuse_vertices: evidence.diffuse.len(),
+                specular_vertices: evidence.specular.len(),
+                summary,
+            };
+        }
+        state = next;
+        evidence = gather(photo, scene.rest, &state.vertices, options);
+    }
+}
+
+/// The lines of eq. 4, with the repairs of DESIGN.md.
+fn objective<'a>(
+    scene: &'a Scene,
+    coarse: &[Point3],
+    matches: &[Match],
+    photo: &Photograph<'a>,
+    evidence: &'a Evidence,
+    expected_log_gain: f64,
+    options: &RefineOptions,
+) -> Objective<'a> {
+    let topology = &scene.rest.topology;
+    let count = evidence.visible.iter().filter(|v| **v).count().max(1);
+    let share = options.reference_count / count as f64;
+    let seen = (0..coarse.len() as u32).filter(|&v| evidence.visible[v as usize]);
+    let boundary = hold_depth(scene, matches, coarse, options.depth_hold * scene.radius());
+    let reprojection = Reprojection::at(scene.camera, coarse, seen);
+    let diffuse =
+        Diffuse::new(photo.camera, photo.light, &evidence.image, topology, &evidence.diffuse);
+    let specular = Specular::new(topology, &evidence.specular, 1.0);
+    let literal = options.literal;
+    let smoothing = if literal {
+        Smoothing::of_position(&scene.laplacian, scene.visible_area)
+    } else {
+        Smoothing::of_displacement(&scene.laplacian, coarse, scene.visible_area)
+    };
+    let (depth_loss, diffuse_loss) = if literal {
+        (Loss::Norm, Loss::Squared)
+    } else {
+        (Loss::Squared, Loss::Huber(options.huber))
+    };
+    // Printed form: no gain, no ambient; a spread of 10⁻⁶ holds them at 1 and 0.
+    let [gain_sigma, ambient_sigma, gain_mean] = if literal {
+        [1e-6, 1e-6, 0.0]
+    } else {
+        [options.gain_sigma, options.ambient_sigma, expected_log_gain]
+    };
+    Objective::over(coarse.len(), 2)
+        .plus(1.0, depth_loss, boundary)
+        .plus(share * options.reprojection, Loss::Squared, reprojection)
+        .plus(share * options.diffuse, diffuse_loss, diffuse)
+        .plus(share * options.specular, Loss::Squared, specular)
+        .plus(options.smoothing, Loss::Squared, smoothing)
+        .plus(if literal { 0.0 } else { 3.0 }, Loss::Squared, stay(scene, coarse, evidence))
+        .plus(1.0, Loss::Squared, GlobalsPrior { index: [0], mean: gain_mean, sigma: gain_sigma })
+        .plus(1.0, Loss::Squared, GlobalsPrior { index: [1], mean: 0.0, sigma: ambient_sigma })
+}
+
+/// Hidden vertices stay near V′.
+fn stay(scene: &Scene, coarse: &[Point3], evidence: &Evidence) -> Stay {
+    let hidden: Vec<usize> = (0..coarse.len()).filter(|&v| !evidence.visible[v]).collect();
+    Stay {
+        vertices: hidden.iter().map(|&v| [v as u32]).collect(),
+        reference: hidden.iter().map(|&v| coarse[v]).collect(),
+        weights: hidden.iter().map(|&v| scene.laplacian.mass[v] / scene.visible_area).collect(),
+        sigma: 0.04 * scene.radius(),
+    }
+}

@@ -1,0 +1,45 @@
+//! Weights of eq. 3.
+
+use serde::{Deserialize, Serialize};
+
+/// Options of the rigid pose and of eq. 3. Lengths are relative, so they hold in any unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RegisterOptions {
+    /// λ₁ and λ₂ of eq. 3: weight of shearing and anisotropy per visible area.
+    pub conformal: f64,
+    /// Weight of the log area ratio per visible area; fixes the scale, which conformality does not.
+    pub stretch: f64,
+    /// λ₃ of eq. 3: weight of the Laplacian of the displacement.
+    pub smoothing: f64,
+    /// Noise of the matches, px.
+    pub match_sigma_px: f64,
+    /// Geman-McClure scale at the start and at the end of the annealing, px.
+    pub robust_px: [f64; 2],
+    /// Depth of the matches is held to the rigid pose within this fraction of the radius of the
+    /// visible surface (the radius of a disc of its area), when the pose explains them perfectly.
+    pub depth_hold: f64,
+    /// Growth of that tolerance with the residual motion of the matches under the rigid pose.
+    pub depth_hold_motion: f64,
+    /// Weight that holds vertices nobody sees to the rigid pose, per visible area.
+    pub stay: f64,
+    /// Solve eq. 3 as printed: unsquared motion norms, Laplacian of the position, no stretch prior,
+    /// no depth hold.
+    pub literal: bool,
+}
+
+impl Default for RegisterOptions {
+    fn default() -> Self {
+        Self {
+            conformal: 3e4,
+            stretch: 3e3,
+            smoothing: 100.0,
+            match_sigma_px: 1.0,
+            robust_px: [60.0, 4.0],
+            depth_hold: 0.04,
+            depth_hold_motion: 3.0,
+            stay: 3.0,
+            literal: false,
+        }
+    }
+}

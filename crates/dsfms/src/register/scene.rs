@@ -1,0 +1,68 @@
+//! What eqs. 3 and 4 share about one frame: the posed rest shape, what of it is seen, and scales.
+
+use super::Match;
+use crate::camera::CameraModel;
+use crate::energy::RestFaces;
+use crate::geometry::{Point3, point_at};
+use crate::mesh::Mesh;
+use crate::mesh::laplacian::Laplacian;
+use crate::raster::{rasterize, visible_vertices};
+
+/// The posed template in one frame.
+pub struct Scene<'a> {
+    /// Camera of the frame.
+    pub camera: &'a CameraModel,
+    /// Rest shape (template frame).
+    pub rest: &'a Mesh,
+    /// Rest shape in camera axes, rigidly posed: `x₀`.
+    pub posed: Vec<Point3>,
+    /// Vertices the camera sees of `x₀`.
+    pub visible: Vec<bool>,
+    /// Area of the rest surface that is seen.
+    pub visible_area: f64,
+    /// Rest metric, weighted by visible area.
+    pub faces: RestFaces,
+    /// Cotangent Laplacian of the rest shape.
+    pub laplacian: Laplacian,
+}
+
+impl<'a> Scene<'a> {
+    /// Look at the posed rest shape.
+    pub fn new(camera: &'a CameraModel, rest: &'a Mesh, posed: Vec<Point3>) -> Self {
+        let visible = visibility(camera, rest, &posed);
+        let laplacian = Laplacian::new(rest);
+        let total: f64 = laplacian.mass.iter().sum();
+        let seen: f64 =
+            laplacian.mass.iter().zip(&visible).filter(|(_, v)| **v).map(|(m, _)| m).sum();
+        // Less than a tenth of the surface in view is a wrong pose or a close-up; either way the
+        // prior must not be blown up without bound.
+        let visible_area = seen.max(0.1 * total);
+        let faces = RestFaces::new(rest, visible_area);
+        Self { camera, rest, posed, visible, visible_area, faces, laplacian }
+    }
+
+    /// Radius of a disc of the visible area: the length scale of the frame.
+    pub fn radius(&self) -> f64 {
+        (self.visible_area / std::f64::consts::PI).sqrt()
+    }
+
+    /// Corner vertices of a match's face.
+    pub fn face(&self, m: &Match) -> [u32; 3] {
+        self.rest.topology.faces[m.face as usize]
+    }
+
+    /// The surface point of a match on a shape with this topology.
+    pub fn point(&self, m: &Match, shape: &[Point3]) -> Point3 {
+        let corners = self.face(m).map(|v| &shape[v as usize]);
+        point_at(corners, m.barycentric)
+    }
+}
+
+/// Which vertices of a shape the camera sees, with a z-buffer tolerance of half an edge.
+pub fn visibility(camera: &CameraModel, rest: &Mesh, shape: &[Point3]) -> Vec<bool> {
+    let raster = rasterize(camera, &rest.topology, shape);
+    let edges = &rest.topology.edges;
+    let length = |e: &[u32; 2]| (rest.positions[e[0] as usize] - rest.positions[e[1] as usize]).norm();
+    let mean = edges.iter().map(length).sum::<f64>() / edges.len().max(1) as f64;
+    visible_vertices(camera, &rest.topology, shape, &raster, 0.5 * mean)
+}
