@@ -1,12 +1,23 @@
-//! Files: meshes, the template container, and writing without half-written results.
+//! Files in and out: frames, masks, cameras, poses, matches, meshes, the template container, and
+//! writing without half-written results.
 
 pub mod atomic;
+pub mod camera;
+pub mod error;
 pub mod gltf_mesh;
+pub mod images;
+pub mod masks;
+pub mod matches;
 pub mod mesh;
+pub mod names;
 pub mod obj;
 pub mod ply;
 mod ply_read;
+pub mod poses;
 pub mod stl;
 pub mod template;
 mod template_glb;
 mod template_manifest;
+mod yaml;
+
+pub use error::InputError;

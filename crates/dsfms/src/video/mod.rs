@@ -1,1 +1,201 @@
-//! (in progress)
+//! Frames out of a video: decoding, and the choice of sharp frames that differ from one another.
+//!
+//! H.264 in mp4 is decoded without any system package; everything else through an installed
+//! `ffmpeg`. Frames are looked at one by one; only the candidates are kept in memory.
+
+mod colour;
+mod ffmpeg;
+mod mp4;
+pub mod motion;
+mod select;
+
+use crate::image::Frame;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Extensions of files that are taken for videos, in any case.
+pub const EXTENSIONS: [&str; 10] =
+    ["mp4", "m4v", "mov", "mkv", "avi", "webm", "mpg", "mpeg", "wmv", "ts"];
+
+/// How frames are chosen.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct VideoOptions {
+    /// Frames to choose, at most; at least 1. The video is cut into as many windows, of each of
+    /// which the sharpest frame is a candidate. Default 40: ten seconds of exploration at four
+    /// frames a second.
+    pub max_frames: usize,
+    /// Length of a window in frames; `None` = the length of the video over `max_frames`.
+    pub stride: Option<usize>,
+    /// A candidate must have moved by this much from the frame chosen before it: mean
+    /// displacement of its image blocks as a fraction of the image's width, in `[0, 1)`. Default
+    /// 0.004 (5 px of 1280): matches that moved less hardly triangulate.
+    pub min_motion: f64,
+}
+
+impl Default for VideoOptions {
+    fn default() -> Self {
+        Self { max_frames: 40, stride: None, min_motion: 0.004 }
+    }
+}
+
+impl VideoOptions {
+    /// Check every bound.
+    pub fn validate(&self) -> Result<(), VideoError> {
+        let bad = |reason: &str| Err(VideoError::Options(reason.into()));
+        if self.max_frames == 0 {
+            return bad("max_frames is 0; at least 1 is needed");
+        }
+        if self.stride == Some(0) {
+            return bad("stride is 0; expected 1 or more frames");
+        }
+        if !(0.0..1.0).contains(&self.min_motion) {
+            return bad("min_motion must lie in [0, 1), a fraction of the image's width");
+        }
+        Ok(())
+    }
+}
+
+/// Why a video gave no frames.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum VideoError {
+    /// An option out of its bounds.
+    #[error("video options: {0}")]
+    Options(String),
+    /// The file cannot be read.
+    #[error("{}: cannot be read: {source}", path.display())]
+    Read {
+        /// The video.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// Not a video, or a damaged one.
+    #[error("{}: cannot be decoded: {reason}", path.display())]
+    Damaged {
+        /// The video.
+        path: PathBuf,
+        /// The decoder's reason.
+        reason: String,
+    },
+    /// Not H.264 in mp4, and no `ffmpeg` to fall back on.
+    #[error(
+        "{}: {reason}; only H.264 in mp4 is decoded directly: install ffmpeg, or convert with `ffmpeg -i INPUT -c:v libx264 -pix_fmt yuv420p OUTPUT.mp4`, or extract PNG frames",
+        path.display()
+    )]
+    Unsupported {
+        /// The video.
+        path: PathBuf,
+        /// What it holds instead.
+        reason: String,
+    },
+    /// The video has no picture.
+    #[error("{}: the video holds no frame", path.display())]
+    Empty {
+        /// The video.
+        path: PathBuf,
+    },
+}
+
+/// One decoded picture.
+struct Picture {
+    /// 0-based, in display order.
+    index: usize,
+    size: [usize; 2],
+    rgb: Vec<[u8; 3]>,
+}
+
+/// Whether a path is a video by its extension.
+pub fn is_video(path: &Path) -> bool {
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    EXTENSIONS.contains(&extension.as_str())
+}
+
+/// Choose frames of a video, in display order, named `frame_NNN` by their 0-based number.
+///
+/// Every window's sharpest frame (variance of the Laplacian at half size) is a candidate; a
+/// candidate that hardly moved against the frame chosen before it is left out, so that a resting
+/// camera gives no duplicates. The first candidate is always chosen.
+pub fn select_frames(path: &Path, options: &VideoOptions) -> Result<Vec<Frame>, VideoError> {
+    select_reporting(path, options, &mut |_, _| {})
+}
+
+/// [`select_frames`], telling after each decoded frame how many are done and, where the container
+/// says so, how many there are.
+pub fn select_reporting(
+    path: &Path,
+    options: &VideoOptions,
+    progress: &mut dyn FnMut(usize, Option<usize>),
+) -> Result<Vec<Frame>, VideoError> {
+    options.validate()?;
+    let bytes = std::fs::read(path)
+        .map_err(|source| VideoError::Read { path: path.into(), source })?;
+    let chosen = match mp4::open(&bytes) {
+        Ok(stream) => {
+            let total = stream.frame_count();
+            let mut candidates = select::Candidates::new(options, Some(total));
+            let decoded = stream.decode(&mut |picture| {
+                progress(picture.index + 1, Some(total));
+                candidates.offer(picture);
+            });
+            match decoded {
+                Ok(()) => candidates.choose(options),
+                Err(mp4::Stop::Unsupported(reason)) => {
+                    through_ffmpeg(path, options, &reason, progress)?
+                }
+                Err(mp4::Stop::Damaged(reason)) => {
+                    return Err(VideoError::Damaged { path: path.into(), reason });
+                }
+            }
+        }
+        Err(reason) => through_ffmpeg(path, options, &reason, progress)?,
+    };
+    if chosen.is_empty() {
+        return Err(VideoError::Empty { path: path.into() });
+    }
+    Ok(chosen)
+}
+
+fn through_ffmpeg(
+    path: &Path,
+    options: &VideoOptions,
+    reason: &str,
+    progress: &mut dyn FnMut(usize, Option<usize>),
+) -> Result<Vec<Frame>, VideoError> {
+    let mut candidates = select::Candidates::new(options, None);
+    ffmpeg::decode("ffmpeg", path, reason, &mut |picture| {
+        progress(picture.index + 1, None);
+        candidates.offer(picture);
+    })?;
+    Ok(candidates.choose(options))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_that_are_no_video() {
+        let dir = tempfile::tempdir().unwrap();
+        let missing = select_frames(&dir.path().join("a.mp4"), &VideoOptions::default());
+        assert!(matches!(missing, Err(VideoError::Read { .. })));
+        for (name, bytes) in [("text.mp4", b"not a video".to_vec()), ("empty.mp4", Vec::new())] {
+            let path = dir.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            // With or without an ffmpeg on this machine.
+            let message = select_frames(&path, &VideoOptions::default()).unwrap_err().to_string();
+            assert!(message.contains(name), "{message}");
+        }
+        assert!(is_video(Path::new("a/B.MP4")) && !is_video(Path::new("mp4")));
+    }
+
+    #[test]
+    fn options_are_checked() {
+        let options = |text: &str| toml::from_str::<VideoOptions>(text);
+        assert!(options("max_frames = 0").unwrap().validate().is_err());
+        assert!(options("min_motion = 1.5").unwrap().validate().is_err());
+        assert!(options("max_frame = 3").is_err());
+        assert_eq!(options("").unwrap(), VideoOptions::default());
+    }
+}

@@ -1,0 +1,117 @@
+//! Numbers out of JSON values, with errors that name the field.
+
+use super::super::error::InputError;
+use serde_json::{Map, Value};
+use std::path::Path;
+
+/// An object of a file, with the name under which errors speak of its fields.
+pub(super) struct Fields<'a> {
+    pub(super) path: &'a Path,
+    prefix: String,
+    map: &'a Map<String, Value>,
+}
+
+impl<'a> Fields<'a> {
+    /// The object itself, or an error that calls it `name`.
+    pub(super) fn new(path: &'a Path, name: &str, value: &'a Value) -> Result<Self, InputError> {
+        let prefix = if name.is_empty() { String::new() } else { format!("{name}.") };
+        match value.as_object() {
+            Some(map) => Ok(Self { path, prefix, map }),
+            None if name.is_empty() => {
+                Err(InputError::format(path, "expected an object { \"fx\": …, … }"))
+            }
+            None => Err(InputError::field(path, name, "expected an object { … }")),
+        }
+    }
+
+    /// A field that is there and not null.
+    pub(super) fn get(&self, key: &str) -> Option<&'a Value> {
+        self.map.get(key).filter(|value| !value.is_null())
+    }
+
+    /// The first of several names that is there.
+    pub(super) fn first(&self, keys: &[&'static str]) -> Option<(&'static str, &'a Value)> {
+        keys.iter().find_map(|&key| Some((key, self.get(key)?)))
+    }
+
+    pub(super) fn keys(&self) -> impl Iterator<Item = (&'a String, &'a Value)> {
+        self.map.iter()
+    }
+
+    /// An error about one field.
+    pub(super) fn error(&self, key: &str, problem: impl Into<String>) -> InputError {
+        InputError::field(self.path, format!("{}{key}", self.prefix), problem)
+    }
+
+    /// A required finite number.
+    pub(super) fn number(&self, key: &str) -> Result<f64, InputError> {
+        match self.map.get(key) {
+            Some(value) => number(value).map_err(|problem| self.error(key, problem)),
+            None => Err(self.error(key, self.missing(key))),
+        }
+    }
+
+    /// A finite number; the default when the field is not there. Null is no number.
+    pub(super) fn number_or(&self, key: &str, default: f64) -> Result<f64, InputError> {
+        if self.map.contains_key(key) { self.number(key) } else { Ok(default) }
+    }
+
+    /// A required positive whole number.
+    pub(super) fn count(&self, key: &str) -> Result<usize, InputError> {
+        let value = self.number(key)?;
+        if value >= 1.0 && value.fract() == 0.0 && value < 1e6 {
+            return Ok(value as usize);
+        }
+        Err(self.error(key, format!("is {value}; expected a positive whole number of px")))
+    }
+
+    /// "is missing", with the fields that are there: a misspelt one shows.
+    fn missing(&self, key: &str) -> String {
+        let near = self.map.keys().find(|k| k.eq_ignore_ascii_case(key));
+        match near {
+            Some(near) => format!("is missing; did you mean to write {near:?} as {key:?}?"),
+            None => {
+                let found: Vec<_> = self.map.keys().map(String::as_str).collect();
+                format!("is missing; found only {}", found.join(", "))
+            }
+        }
+    }
+}
+
+/// A finite number, or what is wrong.
+pub(super) fn number(value: &Value) -> Result<f64, String> {
+    match value.as_f64() {
+        Some(number) if number.is_finite() => Ok(number),
+        Some(number) => Err(format!("is {number}; expected a finite number")),
+        None => Err(format!("is {value}; expected a finite number")),
+    }
+}
+
+/// Every number in nested lists, row by row.
+pub(super) fn flat_numbers(value: &Value) -> Result<Vec<f64>, String> {
+    match value {
+        Value::Array(items) => {
+            let lists: Result<Vec<_>, _> = items.iter().map(flat_numbers).collect();
+            Ok(lists?.concat())
+        }
+        value => Ok(vec![number(value)?]),
+    }
+}
+
+/// Unsigned decimal numbers in a free text, in order, each with the text behind it.
+pub(super) fn numbers_in(text: &str) -> Vec<(f64, &str)> {
+    let mut out = Vec::new();
+    let mut rest = text;
+    while let Some(start) = rest.find(|c: char| c.is_ascii_digit()) {
+        rest = &rest[start..];
+        let plain = |c: char| !(c.is_ascii_digit() || c == '.');
+        let end = rest.find(plain).unwrap_or(rest.len());
+        let digits = rest[..end].trim_end_matches('.');
+        let after = &rest[end..];
+        if let Ok(value) = digits.parse() {
+            out.push((value, after));
+        }
+        rest = after;
+    }
+    out
+}

@@ -1,0 +1,97 @@
+//! Camera files: our JSON, OpenCV's YAML or JSON, COLMAP's `cameras.txt`.
+//!
+//! The JSON holds `width`, `height`, `fx`, `fy`, `cx`, `cy` (a complete file), and optionally
+//! `distortion` (`k1 k2 p1 p2 k3`, or `k1` to `k4` with a `distortion_model` that says fisheye),
+//! `pixel_convention`, `tone_curve` and `light`. Unknown fields are ignored.
+
+mod colmap;
+mod fields;
+mod json;
+mod light;
+mod opencv;
+mod tone;
+
+use super::error::{InputError, parse_json, read_text, write_text};
+use crate::camera::{CameraModel, Lens};
+use crate::image::ToneCurve;
+use crate::light::LightModel;
+use serde_json::Value;
+use std::path::Path;
+
+/// Distance at which shading is 1 when a camera file gives a point light without
+/// `reference_distance`: 50 length units, a usual working distance of a laparoscope in mm. It
+/// scales all shading alike, and so is absorbed by the gain.
+pub const REFERENCE_DISTANCE: f64 = 50.0;
+
+/// What a camera file says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraFile {
+    /// Intrinsics and lens; pixel centres at integers whatever the file's convention.
+    pub camera: CameraModel,
+    /// Tone curve, where the file names one.
+    pub tone: Option<ToneCurve>,
+    /// Light, where the file names one.
+    pub light: Option<LightModel>,
+}
+
+/// Read a camera file; the format is told from its content. Everything is validated.
+pub fn read_camera(path: &Path) -> Result<CameraFile, InputError> {
+    let text = read_text(path)?;
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let file = if text.trim_start().starts_with('{') || extension == "json" {
+        let value = parse_json(path, &text)?;
+        if opencv::is_opencv(&value) { opencv::read(path, &value)? } else { json::read(path, &value)? }
+    } else if text.starts_with("%YAML") || ["yml", "yaml"].contains(&extension.as_str()) {
+        let value = super::yaml::parse(&text)
+            .map_err(|(line, problem)| InputError::line(path, line, problem))?;
+        if opencv::is_opencv(&value) { opencv::read(path, &value)? } else { json::read(path, &value)? }
+    } else {
+        colmap::read(path, &text)?
+    };
+    let camera = |source| InputError::Camera { path: path.into(), source };
+    file.camera.validate().map_err(camera)?;
+    if let Some(light) = &file.light {
+        light.validate().map_err(|source| InputError::Light { path: path.into(), source })?;
+    }
+    Ok(file)
+}
+
+/// Write a camera file as JSON; [`read_camera`] gives the same value back.
+pub fn write_camera(path: &Path, file: &CameraFile) -> Result<(), InputError> {
+    let text = serde_json::to_string_pretty(&json::write(file))
+        .map_err(|error| InputError::format(path, error.to_string()))?;
+    write_text(path, &(text + "\n"))
+}
+
+/// Brown-Conrady, or the pinhole when every coefficient is zero.
+fn brown_conrady(k: [f64; 3], p: [f64; 2]) -> Lens {
+    if k == [0.0; 3] && p == [0.0; 2] { Lens::Pinhole } else { Lens::BrownConrady { k, p } }
+}
+
+/// Lens families a file can name in free text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Family {
+    Pinhole,
+    BrownConrady,
+    Fisheye,
+}
+
+/// The family named by a field such as `distortion_model`; Brown-Conrady when there is none.
+fn family(path: &Path, field: &str, value: Option<&Value>) -> Result<Family, InputError> {
+    let Some(value) = value.filter(|v| !v.is_null()) else { return Ok(Family::BrownConrady) };
+    let text = value.as_str().unwrap_or_default().to_lowercase();
+    let says = |words: &[&str]| words.iter().any(|word| text.contains(word));
+    if says(&["fisheye", "kannala", "equidistant"]) {
+        Ok(Family::Fisheye)
+    } else if says(&["brown", "opencv", "plumb", "radtan", "radial", "rational"]) {
+        Ok(Family::BrownConrady)
+    } else if says(&["none", "pinhole", "no "]) {
+        Ok(Family::Pinhole)
+    } else {
+        let problem = format!("{value} is not known; expected brown_conrady, kannala_brandt (fisheye) or none");
+        Err(InputError::field(path, field, problem))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,222 @@
+//! Frames from PNG, JPEG and TIFF files, and the masks that go with them (see [`super::masks`]).
+
+use super::error::InputError;
+use super::names::{files_in, matches_pattern, name_of, natural_order, stem_of};
+use crate::image::Frame;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Extensions of files that are taken for images, in any case.
+pub const EXTENSIONS: [&str; 5] = ["png", "jpg", "jpeg", "tif", "tiff"];
+
+/// The frames named by files, folders and patterns (`*` and `?` in the last component), in the
+/// order given; folders and patterns in natural name order. A folder gives the images directly in
+/// it whose stem does not contain `mask`.
+pub fn find_frames(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, InputError> {
+    let mut frames = Vec::new();
+    for input in inputs {
+        if input.is_dir() {
+            frames.extend(frames_in(input)?);
+        } else if input.exists() {
+            frames.push(input.clone());
+        } else if name_of(input).contains(['*', '?']) {
+            frames.extend(frames_like(input)?);
+        } else {
+            return Err(InputError::Missing(input.clone()));
+        }
+    }
+    Ok(frames)
+}
+
+fn frames_in(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
+    let mut files = files_in(folder, &EXTENSIONS)?;
+    files.retain(|path| !stem_of(path).to_lowercase().contains("mask"));
+    non_empty(files, folder, "expected PNG, JPEG or TIFF frames directly in this folder")
+}
+
+fn frames_like(pattern: &Path) -> Result<Vec<PathBuf>, InputError> {
+    let folder = pattern.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut files = files_in(folder, &EXTENSIONS)?;
+    files.retain(|path| matches_pattern(&name_of(path), &name_of(pattern)));
+    files.sort_by(|a, b| natural_order(&name_of(a), &name_of(b)));
+    non_empty(files, pattern, "expected PNG, JPEG or TIFF files matching this pattern")
+}
+
+fn non_empty(
+    files: Vec<PathBuf>,
+    path: &Path,
+    expected: &str,
+) -> Result<Vec<PathBuf>, InputError> {
+    if files.is_empty() {
+        return Err(InputError::Empty { path: path.into(), expected: expected.into() });
+    }
+    Ok(files)
+}
+
+/// One frame. 16-bit images are scaled to 8 bits, grey is repeated in all channels, alpha is
+/// dropped. The format is told from the content, not from the name.
+pub fn read_frame(path: &Path) -> Result<Frame, InputError> {
+    let rgb = decode(path)?.to_rgb8();
+    let size = [rgb.width() as usize, rgb.height() as usize];
+    Ok(Frame { name: stem_of(path), size, rgb: rgb.pixels().map(|p| p.0).collect() })
+}
+
+/// Frames of one size with different names, decoded in parallel; the first error in the order of
+/// `paths` is returned.
+pub fn read_frames(paths: &[PathBuf]) -> Result<Vec<Frame>, InputError> {
+    let mut names = BTreeMap::new();
+    for path in paths {
+        if let Some(first) = names.insert(stem_of(path), path) {
+            let name = stem_of(path);
+            return Err(InputError::SameName { name, first: first.clone(), second: path.clone() });
+        }
+    }
+    let frames: Vec<_> = paths.par_iter().map(|path| read_frame(path)).collect();
+    let frames = frames.into_iter().collect::<Result<Vec<Frame>, _>>()?;
+    match frames.iter().position(|frame| frame.size != frames[0].size) {
+        None => Ok(frames),
+        Some(i) => Err(InputError::FrameSizes {
+            first: paths[0].clone(),
+            first_size: frames[0].size,
+            other: paths[i].clone(),
+            other_size: frames[i].size,
+        }),
+    }
+}
+
+/// Check that the frames have the size of the camera read from `path`.
+pub fn check_camera_size(
+    frames: &[Frame],
+    expected: [usize; 2],
+    path: &Path,
+) -> Result<(), InputError> {
+    match frames.iter().find(|frame| frame.size != expected) {
+        None => Ok(()),
+        Some(frame) => Err(InputError::CameraSize {
+            frame: frame.name.clone(),
+            found: frame.size,
+            path: path.into(),
+            expected,
+        }),
+    }
+}
+
+pub(super) fn decode(path: &Path) -> Result<image::DynamicImage, InputError> {
+    let bytes = std::fs::read(path).map_err(|source| InputError::read(path, source))?;
+    let bad = |reason: String| InputError::Image { path: path.into(), reason };
+    if bytes.is_empty() {
+        return Err(bad("the file has zero bytes".into()));
+    }
+    let Ok(format) = image::guess_format(&bytes) else {
+        return Err(bad("the content is not PNG, JPEG or TIFF".into()));
+    };
+    if format == image::ImageFormat::Jpeg && !jpeg_is_complete(&bytes) {
+        return Err(bad("the JPEG data ends too early (truncated file)".into()));
+    }
+    let image = image::load_from_memory_with_format(&bytes, format)
+        .map_err(|error| bad(format!("{error} (truncated or damaged {format:?} file?)")))?;
+    if image.width() == 0 || image.height() == 0 {
+        return Err(bad("the image has no pixels".into()));
+    }
+    Ok(image)
+}
+
+/// Decoders fill the missing end of a JPEG with grey, which would pass for image content: ask for
+/// the end marker after the last scan.
+fn jpeg_is_complete(bytes: &[u8]) -> bool {
+    let last = |marker: [u8; 2]| bytes.windows(2).rposition(|w| w == marker);
+    match (last([0xff, 0xda]), last([0xff, 0xd9])) {
+        (Some(scan), Some(end)) => end > scan,
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{DynamicImage, GrayImage, ImageBuffer, Luma, RgbImage, Rgba, RgbaImage};
+
+    fn folder() -> tempfile::TempDir {
+        tempfile::tempdir().unwrap()
+    }
+
+    fn rgb(path: &Path, w: u32, h: u32) {
+        let pixel = |x, y| image::Rgb([(10 * x) as u8, (10 * y) as u8, 77]);
+        RgbImage::from_fn(w, h, pixel).save(path).unwrap();
+    }
+
+    #[test]
+    fn a_folder_in_natural_order_without_masks() {
+        let dir = folder();
+        for name in ["frame_10.png", "frame_9.png", "instrument_mask_009.png"] {
+            rgb(&dir.path().join(name), 4, 3);
+        }
+        std::fs::write(dir.path().join("notes.txt"), "x").unwrap();
+        let paths = find_frames(&[dir.path().into()]).unwrap();
+        let frames = read_frames(&paths).unwrap();
+        assert_eq!(frames.iter().map(|f| f.name.as_str()).collect::<Vec<_>>(), ["frame_9", "frame_10"]);
+        assert_eq!(frames[0].size, [4, 3]);
+        assert_eq!(frames[0].rgb[4 + 2], [20, 10, 77]);
+        assert_eq!(find_frames(&[dir.path().join("frame_?.png")]).unwrap().len(), 1);
+    }
+
+    #[test]
+    fn every_pixel_format_becomes_rgb8() {
+        let dir = folder();
+        let images: [(&str, DynamicImage); 4] = [
+            ("grey.png", GrayImage::from_pixel(2, 2, Luma([9])).into()),
+            ("alpha.png", RgbaImage::from_pixel(2, 2, Rgba([1, 2, 3, 0])).into()),
+            ("deep.tiff", ImageBuffer::from_pixel(2, 2, Luma([65535_u16])).into()),
+            ("small.jpg", RgbImage::from_pixel(2, 2, image::Rgb([200, 200, 200])).into()),
+        ];
+        let expected = [[9; 3], [1, 2, 3], [255; 3], [200; 3]];
+        for ((name, image), expected) in images.iter().zip(expected) {
+            let path = dir.path().join(name);
+            image.save(&path).unwrap();
+            assert_eq!(read_frame(&path).unwrap().rgb[3], expected, "{name}");
+        }
+    }
+
+    #[test]
+    fn damaged_files_are_named() {
+        let dir = folder();
+        let good = dir.path().join("good.png");
+        RgbImage::from_fn(40, 40, |x, y| image::Rgb([(x * y) as u8, x as u8, y as u8]))
+            .save(&good)
+            .unwrap();
+        let jpeg = dir.path().join("good.jpg");
+        image::open(&good).unwrap().to_rgb8().save(&jpeg).unwrap();
+        for (name, bytes) in [
+            ("cut.png", std::fs::read(&good).unwrap()[..300].to_vec()),
+            ("cut.jpg", std::fs::read(&jpeg).unwrap()[..700].to_vec()),
+            ("text.png", b"not an image".to_vec()),
+            ("empty.png", Vec::new()),
+        ] {
+            let path = dir.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            let message = read_frame(&path).unwrap_err().to_string();
+            assert!(message.contains(name) && message.contains("not a readable image"), "{message}");
+        }
+    }
+
+    #[test]
+    fn missing_empty_and_uneven_inputs() {
+        let dir = folder();
+        let error = find_frames(&[dir.path().into()]).unwrap_err();
+        assert!(matches!(error, InputError::Empty { .. }));
+        let error = find_frames(&[dir.path().join("nowhere")]).unwrap_err();
+        assert!(matches!(error, InputError::Missing(_)));
+        rgb(&dir.path().join("a.png"), 4, 3);
+        rgb(&dir.path().join("b.png"), 5, 3);
+        let paths = find_frames(&[dir.path().into()]).unwrap();
+        let message = read_frames(&paths).unwrap_err().to_string();
+        assert!(message.contains("a.png") && message.contains("b.png is 5x3"), "{message}");
+        rgb(&dir.path().join("a.tif"), 4, 3);
+        let twice = [dir.path().join("a.png"), dir.path().join("a.tif")];
+        assert!(matches!(read_frames(&twice), Err(InputError::SameName { .. })));
+        let frames = read_frames(&paths[..1]).unwrap();
+        let error = check_camera_size(&frames, [640, 480], Path::new("camera.json")).unwrap_err();
+        assert!(error.to_string().contains("says 640x480"));
+    }
+}

@@ -1,0 +1,256 @@
+//! Masks on disk (white = `true`), and which mask belongs to which frame.
+
+use super::error::InputError;
+use super::images::{EXTENSIONS, decode};
+use super::names::{files_in, frame_number, name_of, stem_of};
+use crate::image::{Frame, Mask};
+use std::path::{Path, PathBuf};
+
+/// What white means in a mask.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MaskKind {
+    /// White = valid image content (`--masks`).
+    Valid,
+    /// White = organ (`--organ-masks`).
+    Organ,
+    /// White = instrument (`--instrument-masks`).
+    Instrument,
+}
+
+impl MaskKind {
+    /// Words in a stem that mark a file as this kind, best first.
+    fn keywords(self) -> &'static [&'static str] {
+        match self {
+            Self::Valid => &["valid", "mask", "organ"],
+            Self::Organ => &["organ", "mask"],
+            Self::Instrument => &["instrument", "tool", "mask"],
+        }
+    }
+
+    /// Words that mark a file as another kind.
+    fn foreign(self) -> &'static [&'static str] {
+        match self {
+            Self::Valid | Self::Organ => &["instrument", "tool"],
+            Self::Instrument => &["organ"],
+        }
+    }
+
+    fn describe(self) -> &'static str {
+        match self {
+            Self::Valid => "mask (white = valid)",
+            Self::Organ => "organ mask (white = organ)",
+            Self::Instrument => "instrument mask (white = instrument)",
+        }
+    }
+}
+
+/// A mask that looks inverted.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{}: white covers {:.1} % of the {}; it looks inverted", path.display(), 100.0 * coverage, kind.describe())]
+pub struct MaskWarning {
+    /// The mask file.
+    pub path: PathBuf,
+    /// What white should mean.
+    pub kind: MaskKind,
+    /// White fraction.
+    pub coverage: f64,
+}
+
+impl MaskWarning {
+    /// Warn above 98 % or below 0.1 % white. A frame without an instrument has an empty
+    /// instrument mask, so nothing is wrong with that one.
+    fn check(mask: &Mask, path: &Path, kind: MaskKind) -> Option<Self> {
+        let coverage = mask.coverage();
+        let empty = coverage < 0.001 && kind != MaskKind::Instrument;
+        (coverage > 0.98 || empty).then(|| Self { path: path.into(), kind, coverage })
+    }
+}
+
+/// One mask: `true` where the grey value is above 127.
+pub fn read_mask(path: &Path) -> Result<Mask, InputError> {
+    let grey = decode(path)?.to_luma8();
+    let size = [grey.width() as usize, grey.height() as usize];
+    Ok(Mask { size, data: grey.pixels().map(|p| p.0[0] > 127).collect() })
+}
+
+/// One mask per frame, in the frames' order, and warnings about masks that look inverted.
+///
+/// `source` is a folder, or one file for all frames. `paths` are the frames' files where they
+/// come from files (else empty): a frame is never its own mask. See [`find_mask`] for the pairing.
+pub fn read_masks(
+    frames: &[Frame],
+    paths: &[PathBuf],
+    source: &Path,
+    kind: MaskKind,
+) -> Result<(Vec<Mask>, Vec<MaskWarning>), InputError> {
+    let files = if source.is_file() { Vec::new() } else { mask_files(source)? };
+    let (mut masks, mut warnings) = (Vec::new(), Vec::new());
+    for (i, frame) in frames.iter().enumerate() {
+        let path = match files.as_slice() {
+            [] => source.to_path_buf(),
+            files => choose(files, &frame.name, paths.get(i).map(PathBuf::as_path), source, kind)?,
+        };
+        let mask = read_mask(&path)?;
+        if mask.size != frame.size {
+            let (found, expected) = (mask.size, frame.size);
+            return Err(InputError::MaskSize { path, found, frame: frame.name.clone(), expected });
+        }
+        warnings.extend(MaskWarning::check(&mask, &path, kind).filter(|w| !warnings.contains(w)));
+        masks.push(mask);
+    }
+    Ok((masks, warnings))
+}
+
+fn mask_files(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
+    let files = files_in(folder, &EXTENSIONS)?;
+    if files.is_empty() {
+        let expected = "expected PNG, JPEG or TIFF masks directly in this folder".into();
+        return Err(InputError::Empty { path: folder.into(), expected });
+    }
+    Ok(files)
+}
+
+/// The mask of a frame in a folder:
+///
+/// 1. a file whose stem says its kind (`mask`, `organ`, `instrument`, …) and holds the frame's
+///    number, even where a file named like the frame lies beside it (the folder of the frames);
+/// 2. a file with the frame's own stem;
+/// 3. a file with the frame's number.
+///
+/// The number is the last one in the stem. Files of another kind are never taken.
+pub fn find_mask(
+    frame: &str,
+    frame_path: Option<&Path>,
+    folder: &Path,
+    kind: MaskKind,
+) -> Result<PathBuf, InputError> {
+    choose(&mask_files(folder)?, frame, frame_path, folder, kind)
+}
+
+fn choose(
+    files: &[PathBuf],
+    frame: &str,
+    frame_path: Option<&Path>,
+    folder: &Path,
+    kind: MaskKind,
+) -> Result<PathBuf, InputError> {
+    let own = frame_path.and_then(|path| path.canonicalize().ok());
+    let is_own = |path: &PathBuf| own.is_some() && path.canonicalize().ok() == own;
+    let foreign = |stem: &str| kind.foreign().iter().any(|word| stem.contains(word));
+    let candidates: Vec<(&PathBuf, String)> = files
+        .iter()
+        .map(|path| (path, stem_of(path).to_lowercase()))
+        .filter(|(path, stem)| !is_own(path) && !foreign(stem))
+        .collect();
+    let number = frame_number(frame);
+    let same_number = |stem: &str| number.is_some() && frame_number(stem) == number;
+    let lower = frame.to_lowercase();
+    let names_frame =
+        |stem: &str| stem == lower || (stem.contains(&lower) && number.is_none());
+    let by_keyword = kind.keywords().iter().map(|word| {
+        pick(&candidates, |s| s.contains(word) && (same_number(s) || names_frame(s)))
+    });
+    let others = [pick(&candidates, |s| s == lower), pick(&candidates, same_number)];
+    let found = by_keyword.chain(others).find(|found| !found.is_empty()).unwrap_or_default();
+    match found.as_slice() {
+        [path] => Ok(path.to_path_buf()),
+        [] => Err(no_partner(frame, number, folder, kind)),
+        several => Err(InputError::Ambiguous {
+            path: folder.into(),
+            what: kind.describe(),
+            frame: frame.into(),
+            candidates: several.iter().map(|path| name_of(path)).collect(),
+        }),
+    }
+}
+
+/// Candidates whose stem fulfils a condition.
+fn pick<'a>(
+    candidates: &[(&'a PathBuf, String)],
+    condition: impl Fn(&str) -> bool,
+) -> Vec<&'a PathBuf> {
+    candidates.iter().filter(|(_, stem)| condition(stem)).map(|(path, _)| *path).collect()
+}
+
+fn no_partner(frame: &str, number: Option<u64>, folder: &Path, kind: MaskKind) -> InputError {
+    let word = kind.keywords()[0];
+    let expected = match number {
+        Some(n) => format!("{frame}.png, {word}_{n:03}.png, or another name with the number {n}"),
+        None => format!("{frame}.png or {word}_{frame}.png"),
+    };
+    InputError::NoPartner {
+        path: folder.into(),
+        what: kind.describe(),
+        frame: frame.into(),
+        expected,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn save(path: &Path, size: [u32; 2], white: bool) {
+        let value = image::Luma([if white { 255 } else { 0 }]);
+        image::GrayImage::from_pixel(size[0], size[1], value).save(path).unwrap();
+    }
+
+    fn frame(name: &str) -> Frame {
+        Frame { name: name.into(), size: [6, 5], rgb: vec![[0; 3]; 30] }
+    }
+
+    fn folder(names: &[&str]) -> tempfile::TempDir {
+        let dir = tempfile::tempdir().unwrap();
+        names.iter().for_each(|name| save(&dir.path().join(name), [6, 5], name.contains("white")));
+        dir
+    }
+
+    fn found(dir: &tempfile::TempDir, frame: &str, kind: MaskKind) -> Result<String, InputError> {
+        let own = dir.path().join(format!("{frame}.png"));
+        find_mask(frame, Some(&own), dir.path(), kind).map(|path| name_of(&path))
+    }
+
+    #[test]
+    fn masks_beside_the_frames() {
+        let dir = folder(&["frame_003.png", "frame_004.png", "instrument_mask_003.png"]);
+        let name = found(&dir, "frame_003", MaskKind::Instrument).unwrap();
+        assert_eq!(name, "instrument_mask_003.png");
+        let message = found(&dir, "frame_004", MaskKind::Instrument).unwrap_err().to_string();
+        assert!(message.contains("instrument_004.png"), "{message}");
+        // The instrument's mask is no organ mask, and the frame is not its own mask.
+        assert!(found(&dir, "frame_003", MaskKind::Organ).is_err());
+    }
+
+    #[test]
+    fn masks_elsewhere_by_name_and_by_number() {
+        let dir = folder(&["organ_3.png", "organ_13.png", "tool_3.png"]);
+        assert_eq!(found(&dir, "frame_003", MaskKind::Organ).unwrap(), "organ_3.png");
+        assert_eq!(found(&dir, "frame_013", MaskKind::Valid).unwrap(), "organ_13.png");
+        assert_eq!(found(&dir, "frame_003", MaskKind::Instrument).unwrap(), "tool_3.png");
+        let dir = folder(&["frame_003.png", "frame_013.png", "x_7.png"]);
+        let elsewhere = find_mask("frame_003", None, dir.path(), MaskKind::Organ).unwrap();
+        assert_eq!(name_of(&elsewhere), "frame_003.png");
+        assert_eq!(found(&dir, "frame_007", MaskKind::Organ).unwrap(), "x_7.png");
+        let dir = folder(&["mask_a_3.png", "mask_b_3.png"]);
+        let message = found(&dir, "frame_003", MaskKind::Organ).unwrap_err().to_string();
+        assert!(message.contains("mask_a_3.png, mask_b_3.png"), "{message}");
+    }
+
+    #[test]
+    fn inverted_looks_and_wrong_sizes() {
+        let dir = folder(&["mask_0.png", "mask_1_white.png"]);
+        let frames = [frame("f_0"), frame("f_1")];
+        let read = |kind| read_masks(&frames, &[], dir.path(), kind).unwrap();
+        let (masks, warnings) = read(MaskKind::Organ);
+        assert_eq!((masks[0].coverage(), masks[1].coverage()), (0.0, 1.0));
+        assert_eq!(warnings.len(), 2);
+        assert!(warnings[1].to_string().contains("looks inverted"));
+        assert_eq!(read(MaskKind::Instrument).1.len(), 1);
+        save(&dir.path().join("mask_1_white.png"), [7, 5], true);
+        let error = read_masks(&frames, &[], dir.path(), MaskKind::Organ).unwrap_err();
+        assert!(error.to_string().contains("7x5"));
+        // One file for all frames.
+        let one = dir.path().join("mask_0.png");
+        assert_eq!(read_masks(&frames, &[], &one, MaskKind::Organ).unwrap().1.len(), 1);
+    }
+}

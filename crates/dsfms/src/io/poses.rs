@@ -1,0 +1,265 @@
+//! Camera poses: our JSON, and COLMAP's `images.txt`.
+//!
+//! The JSON is a list of `{"image": "frame_000.png", "R": [[…]×3], "t": [x, y, z]}` (also `name`,
+//! or a number `frame`), with `X_camera = R X_world + t`, alone or in an object under
+//! `exploration` or `deformed`.
+
+use super::error::{InputError, parse_json, read_text};
+use super::names::frame_number;
+use crate::geometry::{Isometry, Vector3};
+use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
+use serde_json::Value;
+use std::path::Path;
+
+/// The pose of one frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedPose {
+    /// Image name as the file writes it, folders included.
+    pub name: String,
+    /// `camera_from_world`.
+    pub camera_from_world: Isometry,
+}
+
+/// Which list of a JSON file that holds several.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PoseList {
+    /// The frames of the organ at rest.
+    #[default]
+    Exploration,
+    /// The frames of the deformed organ.
+    Deformed,
+}
+
+impl PoseList {
+    fn key(self) -> &'static str {
+        match self {
+            Self::Exploration => "exploration",
+            Self::Deformed => "deformed",
+        }
+    }
+}
+
+/// Read the poses of a file; the format is told from its content.
+pub fn read_poses(path: &Path, list: PoseList) -> Result<Vec<NamedPose>, InputError> {
+    let text = read_text(path)?;
+    let poses = if text.trim_start().starts_with(['{', '[']) {
+        from_json(path, &parse_json(path, &text)?, list)?
+    } else {
+        from_colmap(path, &text)?
+    };
+    if poses.is_empty() {
+        return Err(InputError::format(path, "holds no pose; expected one per frame"));
+    }
+    Ok(poses)
+}
+
+/// The pose of every frame name (stems or file names), `None` where the file has none. A pose
+/// belongs to a frame of the same file name, else of the same stem, else, where only one pose has
+/// it, of the same last number.
+pub fn match_poses(poses: &[NamedPose], frames: &[&str]) -> Vec<Option<Isometry>> {
+    frames.iter().map(|frame| pose_of(poses, frame)).collect()
+}
+
+fn pose_of(poses: &[NamedPose], frame: &str) -> Option<Isometry> {
+    let (file, stem) = (file_name(frame), stem(frame));
+    let exact = poses.iter().find(|pose| file_name(&pose.name) == file);
+    let same_stem = || poses.iter().find(|pose| self::stem(&pose.name) == stem);
+    let same_number = || {
+        let number = frame_number(stem)?;
+        let mut with = poses.iter().filter(|p| frame_number(self::stem(&p.name)) == Some(number));
+        with.next().filter(|_| with.next().is_none())
+    };
+    exact.or_else(same_stem).or_else(same_number).map(|pose| pose.camera_from_world)
+}
+
+fn file_name(name: &str) -> &str {
+    name.rsplit(['/', '\\']).next().unwrap_or(name)
+}
+
+/// The file name without an image's extension: frame names may hold dots.
+fn stem(name: &str) -> &str {
+    let file = file_name(name);
+    match file.rsplit_once('.') {
+        Some((stem, extension))
+            if super::images::EXTENSIONS.contains(&extension.to_lowercase().as_str()) =>
+        {
+            stem
+        }
+        _ => file,
+    }
+}
+
+fn from_json(path: &Path, value: &Value, list: PoseList) -> Result<Vec<NamedPose>, InputError> {
+    let entries = match value {
+        Value::Array(entries) => entries,
+        value => [list.key(), "poses", "images", "frames"]
+            .iter()
+            .find_map(|key| value.get(key)?.as_array())
+            .ok_or_else(|| {
+                let problem = "is missing; expected a list of {image, R, t}";
+                InputError::field(path, list.key(), problem)
+            })?,
+    };
+    entries.iter().enumerate().map(|(i, entry)| pose_from_json(path, i, entry)).collect()
+}
+
+fn pose_from_json(path: &Path, index: usize, entry: &Value) -> Result<NamedPose, InputError> {
+    let name = ["image", "name", "file"].iter().find_map(|key| entry.get(key)?.as_str());
+    let numbered = || entry.get("frame")?.as_u64().map(|n| format!("frame_{n:03}"));
+    let texted = || entry.get("frame")?.as_str().map(str::to_owned);
+    let name = name.map(str::to_owned).or_else(numbered).or_else(texted);
+    let name = name.ok_or_else(|| {
+        InputError::field(path, format!("pose {index}"), "has no image name (\"image\" or \"name\")")
+    })?;
+    let numbers = |key: &str, count: usize| {
+        let error = |problem: String| InputError::field(path, format!("{key} of {name:?}"), problem);
+        let value = entry.get(key).ok_or_else(|| error("is missing".into()))?;
+        let list = flat_numbers(value).map_err(error)?;
+        if list.len() != count {
+            return Err(error(format!("holds {} numbers, expected {count}", list.len())));
+        }
+        Ok(list)
+    };
+    let rotation = Matrix3::from_row_slice(&numbers("R", 9)?);
+    let translation = Vector3::from_row_slice(&numbers("t", 3)?);
+    let pose = isometry(&rotation, &translation)
+        .map_err(|problem| InputError::field(path, format!("R of {name:?}"), problem))?;
+    Ok(NamedPose { name, camera_from_world: pose })
+}
+
+fn flat_numbers(value: &Value) -> Result<Vec<f64>, String> {
+    match value {
+        Value::Array(items) => {
+            Ok(items.iter().map(flat_numbers).collect::<Result<Vec<_>, _>>()?.concat())
+        }
+        value => match value.as_f64() {
+            Some(number) if number.is_finite() => Ok(vec![number]),
+            _ => Err(format!("holds {value}; expected finite numbers")),
+        },
+    }
+}
+
+/// The motion of a rotation matrix that is orthogonal to 1e-3, as files with few digits are; it
+/// is replaced by the nearest rotation.
+fn isometry(matrix: &Matrix3<f64>, translation: &Vector3) -> Result<Isometry, String> {
+    let deviation = (matrix.transpose() * matrix - Matrix3::identity()).amax();
+    let determinant = matrix.determinant();
+    if !(deviation < 1e-3 && determinant > 0.0) {
+        return Err(format!(
+            "is not a rotation (RᵀR differs from the identity by {deviation:.1e}, determinant {determinant:.3}); expected X_camera = R X_world + t"
+        ));
+    }
+    let svd = matrix.svd(true, true);
+    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
+        return Err("has no singular value decomposition".into());
+    };
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * v_t));
+    Ok(Isometry::from_parts(Translation3::from(*translation), rotation))
+}
+
+/// `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME` lines, each followed by a line of 2D points.
+fn from_colmap(path: &Path, text: &str) -> Result<Vec<NamedPose>, InputError> {
+    let mut poses = Vec::new();
+    for (i, line) in text.lines().enumerate() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let comment = line.trim_start().starts_with('#');
+        // Lines of points are triples of numbers: x y point_id.
+        let points = words.len() % 3 == 0 && words.iter().all(|w| w.parse::<f64>().is_ok());
+        if comment || points {
+            continue;
+        }
+        let pose = pose_from_line(&words)
+            .map_err(|problem| InputError::line(path, i + 1, problem))?;
+        poses.push(pose);
+    }
+    Ok(poses)
+}
+
+fn pose_from_line(words: &[&str]) -> Result<NamedPose, String> {
+    let expected = "expected JSON, or COLMAP's IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME";
+    let [_, numbers @ .., _, name] = words.get(..10).ok_or(expected)? else {
+        return Err(expected.into());
+    };
+    let number = |word: &&str| match word.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        _ => Err(format!("{word:?} is no finite number; {expected}")),
+    };
+    let values = numbers.iter().map(number).collect::<Result<Vec<_>, _>>()?;
+    let [qw, qx, qy, qz, tx, ty, tz] = values.as_slice() else { return Err(expected.into()) };
+    let quaternion = nalgebra::Quaternion::new(*qw, *qx, *qy, *qz);
+    if (quaternion.norm() - 1.0).abs() > 1e-2 {
+        let norm = quaternion.norm();
+        return Err(format!("the quaternion of {name:?} has norm {norm}, expected 1"));
+    }
+    let name = [&[*name], &words[10..]].concat().join(" ");
+    let rotation = UnitQuaternion::from_quaternion(quaternion);
+    let camera_from_world = Isometry::from_parts(Translation3::new(*tx, *ty, *tz), rotation);
+    Ok(NamedPose { name, camera_from_world })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Point3;
+
+    fn read(text: &str, list: PoseList) -> Result<Vec<NamedPose>, String> {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("poses.txt");
+        std::fs::write(&path, text).unwrap();
+        read_poses(&path, list).map_err(|error| error.to_string())
+    }
+
+    const QUARTER: &str = r#""R": [[0,-1,0],[1,0,0],[0,0,1]], "t": [1,2,3]"#;
+
+    #[test]
+    fn lists_of_a_scene() {
+        let text = format!(
+            r#"{{"K": 0, "exploration": [{{"frame": 0, "image": "exploration/frame_000.png", {QUARTER}}}],
+                "deformed": [{{"frame": 7, {QUARTER}}}]}}"#
+        );
+        let poses = read(&text, PoseList::Exploration).unwrap();
+        assert_eq!(poses[0].name, "exploration/frame_000.png");
+        let point = poses[0].camera_from_world * Point3::new(5.0, 6.0, 7.0);
+        assert!((point - Point3::new(-5.0, 7.0, 10.0)).norm() < 1e-12);
+        assert_eq!(read(&text, PoseList::Deformed).unwrap()[0].name, "frame_007");
+        let plain = format!("[{{\"name\": \"a.b.png\", {QUARTER}}}]");
+        let poses = read(&plain, PoseList::Deformed).unwrap();
+        assert!(match_poses(&poses, &["a.b"])[0].is_some());
+    }
+
+    #[test]
+    fn colmap_images() {
+        let half = 0.5_f64.sqrt();
+        let text = format!(
+            "# Image list\n1 {half} 0 0 {half} 1 2 3 1 my frame_003.png\n10.5 20 -1 4 5 6\n2 1 0 0 0 0 0 0 1 frame_04.png\n\n"
+        );
+        let poses = read(&text, PoseList::Exploration).unwrap();
+        assert_eq!(poses.len(), 2);
+        assert_eq!(poses[0].name, "my frame_003.png");
+        let point = poses[0].camera_from_world * Point3::new(5.0, 6.0, 7.0);
+        assert!((point - Point3::new(-5.0, 7.0, 10.0)).norm() < 1e-12);
+        let found = match_poses(&poses, &["organ_3", "frame_04", "frame_5"]);
+        assert!(found[0].is_some() && found[1] == Some(Isometry::identity()) && found[2].is_none());
+    }
+
+    #[test]
+    fn bad_poses_are_named() {
+        let entry = |r: &str| format!(r#"[{{"image": "f_3.png", "R": {r}, "t": [0,0,1]}}]"#);
+        for (text, words) in [
+            (entry("[[1,0,0],[0,1,0],[0,0,-1]]"), "R of \"f_3.png\": is not a rotation"),
+            (entry("[[2,0,0],[0,1,0],[0,0,1]]"), "is not a rotation"),
+            (entry("[[1,0],[0,1]]"), "holds 4 numbers"),
+            (entry("[[1,0,0],[0,1,0],[0,0,null]]"), "holds null"),
+            (entry("[[1,0,0],[0,1,0],[0,0,NaN]]"), "NaN and Infinity"),
+            ("{\"deformed\": []}".into(), "field exploration: is missing"),
+            ("[]".into(), "no pose"),
+            ("[{\"R\": 1}]".into(), "pose 0"),
+            ("1 2 0 0 0 0 0 0 1 a.png\n".into(), "line 1: the quaternion of \"a.png\""),
+            ("1 1 0 0 nan 0 0 0 1 a.png\n".into(), "line 1"),
+            ("hello world\n".into(), "line 1"),
+        ] {
+            let message = read(&text, PoseList::Exploration).unwrap_err();
+            assert!(message.contains(words), "{message:?} lacks {words:?}");
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! The sharpest frame of every window, then those that moved.
+
+use super::motion::{Thumbnail, displacement};
+use super::{Picture, VideoOptions};
+use crate::image::filter::{halve, laplacian_variance};
+use crate::image::Frame;
+
+/// The sharpest frame so far of each window.
+pub(super) struct Candidates {
+    window: usize,
+    limit: usize,
+    /// Window number, sharpness, frame.
+    best: Vec<(usize, f64, Frame)>,
+}
+
+impl Candidates {
+    /// Windows for a video of `total` frames; of unknown length, windows start at one frame and
+    /// double whenever there are twice as many as wanted.
+    pub(super) fn new(options: &VideoOptions, total: Option<usize>) -> Self {
+        let auto = total.map_or(1, |total| total.div_ceil(options.max_frames));
+        let window = options.stride.unwrap_or(auto).max(1);
+        let limit = if options.stride.is_some() { usize::MAX } else { 2 * options.max_frames };
+        Self { window, limit, best: Vec::new() }
+    }
+
+    /// Look at one picture.
+    pub(super) fn offer(&mut self, picture: Picture) {
+        let window = picture.index / self.window;
+        let name = format!("frame_{:03}", picture.index);
+        let frame = Frame { name, size: picture.size, rgb: picture.rgb };
+        let sharpness = laplacian_variance(&halve(&frame.luma()), None);
+        match self.best.last_mut() {
+            Some(best) if best.0 == window => {
+                if sharpness > best.1 {
+                    *best = (window, sharpness, frame);
+                }
+            }
+            _ => self.best.push((window, sharpness, frame)),
+        }
+        if self.best.len() > self.limit {
+            self.double();
+        }
+    }
+
+    /// Windows of twice the length: of each pair the sharper frame stays.
+    fn double(&mut self) {
+        self.window *= 2;
+        let mut merged: Vec<(usize, f64, Frame)> = Vec::with_capacity(self.limit);
+        for (window, sharpness, frame) in self.best.drain(..) {
+            let window = window / 2;
+            match merged.last_mut() {
+                Some(last) if last.0 == window => {
+                    if sharpness > last.1 {
+                        *last = (window, sharpness, frame);
+                    }
+                }
+                _ => merged.push((window, sharpness, frame)),
+            }
+        }
+        self.best = merged;
+    }
+
+    /// The candidates that moved against the one chosen before, at most `max_frames`.
+    pub(super) fn choose(mut self, options: &VideoOptions) -> Vec<Frame> {
+        while self.best.len() > options.max_frames && self.best.len() > 1 {
+            self.double();
+        }
+        let mut chosen: Vec<Frame> = Vec::new();
+        let mut last: Option<Thumbnail> = None;
+        for (_, _, frame) in self.best {
+            let small = Thumbnail::new(&frame);
+            let still = last.as_ref().is_some_and(|l| displacement(l, &small) < options.min_motion);
+            if !still {
+                last = Some(small);
+                chosen.push(frame);
+            }
+        }
+        chosen
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A moving texture; every frame but each `sharp`th is blurred to a low contrast.
+    fn picture(index: usize, shift: usize, contrast: usize) -> Picture {
+        let size = [240, 120];
+        let grey = |i: usize| {
+            let (x, y) = ((i % 240 + shift) / 4, (i / 240) / 4);
+            (100 + contrast * ((x * 7919 + y * 104_729) % 19) / 2) as u8
+        };
+        Picture { index, size, rgb: (0..240 * 120).map(|i| [grey(i); 3]).collect() }
+    }
+
+    fn names(frames: &[Frame]) -> Vec<&str> {
+        frames.iter().map(|frame| frame.name.as_str()).collect()
+    }
+
+    #[test]
+    fn the_sharpest_of_each_window() {
+        let options = VideoOptions { max_frames: 4, ..Default::default() };
+        let mut candidates = Candidates::new(&options, Some(20));
+        for i in 0..20 {
+            candidates.offer(picture(i, 2 * i, if i % 5 == 3 { 10 } else { 6 }));
+        }
+        let frames = candidates.choose(&options);
+        assert_eq!(names(&frames), ["frame_003", "frame_008", "frame_013", "frame_018"]);
+    }
+
+    #[test]
+    fn a_resting_camera_gives_one_frame() {
+        let options = VideoOptions { max_frames: 4, ..Default::default() };
+        let mut candidates = Candidates::new(&options, Some(20));
+        (0..20).for_each(|i| candidates.offer(picture(i, 7, 6)));
+        assert_eq!(names(&candidates.choose(&options)), ["frame_000"]);
+    }
+
+    #[test]
+    fn unknown_length_keeps_memory_and_number_bounded() {
+        let options = VideoOptions { max_frames: 3, ..Default::default() };
+        let mut candidates = Candidates::new(&options, None);
+        for i in 0..50 {
+            candidates.offer(picture(i, 3 * i, 6));
+            assert!(candidates.best.len() <= 7);
+        }
+        let frames = candidates.choose(&options);
+        assert!((2..=3).contains(&frames.len()), "{:?}", names(&frames));
+        let every = VideoOptions { stride: Some(5), max_frames: 100, min_motion: 0.0 };
+        let mut candidates = Candidates::new(&every, None);
+        (0..20).for_each(|i| candidates.offer(picture(i, 0, 6)));
+        assert_eq!(candidates.choose(&every).len(), 4);
+    }
+}
