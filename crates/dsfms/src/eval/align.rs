@@ -1,8 +1,8 @@
 //! Alignment before a comparison.
 
-use super::closest::{SurfaceIndex, SurfacePoint};
 use crate::geometry::{Point3, Similarity, Vector3, align_rigid, align_similarity, normal};
 use crate::mesh::Mesh;
+use crate::mesh::surface_points::{ClosestPoints, SurfacePoint};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
@@ -55,11 +55,12 @@ pub fn align_surfaces(
     start: Similarity,
 ) -> Option<Similarity> {
     const ROUNDS: usize = 40;
-    let index = SurfaceIndex::new(truth);
+    let surface = ClosestPoints::new(truth);
     let mut fit = start;
     for _ in 0..ROUNDS {
-        let moved: Vec<Point3> = points.iter().map(|p| fit * p).collect();
-        let mut pairs: Vec<_> = moved.iter().map(|p| (*p, index.closest(p))).collect();
+        let moved = points.iter().map(|p| fit * p);
+        let mut pairs: Vec<_> =
+            moved.filter_map(|p| Some((p, surface.closest(&p)?))).collect();
         pairs.sort_by(|a, b| a.1.distance.total_cmp(&b.1.distance));
         pairs.truncate((pairs.len() * 9).div_ceil(10));
         let centre = pairs.iter().map(|p| p.0.coords).sum::<Vector3>() / pairs.len() as f64;

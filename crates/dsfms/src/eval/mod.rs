@@ -19,16 +19,15 @@
 //! ```
 
 pub mod align;
-pub mod closest;
 pub mod stats;
 pub mod zone;
 
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point3, Similarity};
 use crate::mesh::Mesh;
+use crate::mesh::surface_points::ClosestPoints;
 use crate::register::Match;
 pub use align::{Alignment, align_surfaces};
-pub use closest::{SurfaceIndex, SurfacePoint};
 use serde::{Deserialize, Serialize};
 pub use stats::ErrorStats;
 pub use zone::{deformed_zone, displacement_from_rest};
@@ -220,10 +219,10 @@ fn reprojection(found: &[Point3], truth: &Truth) -> Option<ErrorStats> {
 }
 
 fn surface_distance(from: &Mesh, to: &Mesh) -> ErrorStats {
-    let index = SurfaceIndex::new(to);
+    let surface = ClosestPoints::new(to);
     let used = |i: &usize| !from.topology.vertex_faces[*i].is_empty();
     let distances =
-        (0..from.positions.len()).filter(used).map(|i| index.closest(&from.positions[i]).distance);
+        (0..from.positions.len()).filter(used).filter_map(|i| Some(surface.closest(&from.positions[i])?.distance));
     ErrorStats::of(distances).unwrap_or_default()
 }
 
