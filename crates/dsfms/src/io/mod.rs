@@ -16,8 +16,10 @@ mod ply_read;
 pub mod poses;
 pub mod stl;
 pub mod template;
+mod template_arrays;
 mod template_glb;
 mod template_manifest;
+mod template_sparse;
 mod yaml;
 
 pub use error::InputError;

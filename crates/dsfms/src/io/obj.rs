@@ -5,7 +5,6 @@ use super::atomic::{WriteError, write_atomic};
 use super::mesh::{FormatError, MeshUnit, RawMesh, fan, polygon_warning};
 use crate::geometry::{Point2, Point3};
 use crate::mesh::Mesh;
-use std::io::Write;
 use std::path::Path;
 
 /// Lines of an OBJ file that are understood, gathered.

@@ -5,7 +5,7 @@ use super::mesh::{FormatError, RawMesh};
 use crate::geometry::{Point3, normal};
 use crate::mesh::Mesh;
 use std::collections::BTreeMap;
-use std::io::{Cursor, Write};
+use std::io::Cursor;
 use std::path::Path;
 
 /// Binary STL: 80 bytes of comment, the number of triangles, 50 bytes for each.

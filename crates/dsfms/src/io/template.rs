@@ -1,1 +1,236 @@
+//! The template on disk: a directory whose files the field's own tools open.
+//!
+//! `template.toml` (manifest), `template.ply` (surface, double precision), `albedo.npz`,
+//! `flattening.npz`, `features.npz` (NumPy), `template.glb` (viewers), `sparse/` (COLMAP text).
+//! Reading uses the manifest, the PLY and the npz files; the other two are for other programs.
 
+use super::atomic::{WriteError, parent, share};
+use super::mesh::{MeshFileError, read_mesh};
+use super::ply::{PlyExtras, Precision, write_ply};
+use super::template_manifest::{Counts, FileNote, Manifest, VERSION, VersionOnly};
+use super::{template_arrays as arrays, template_glb, template_sparse};
+use crate::template::Template;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+pub(super) const MANIFEST: &str = "template.toml";
+pub(super) const SURFACE: &str = "template.ply";
+pub(super) const ALBEDO: &str = "albedo.npz";
+pub(super) const FLATTENING: &str = "flattening.npz";
+pub(super) const FEATURES: &str = "features.npz";
+const SEEN: &str = "seen.npz";
+const VIEWER: &str = "template.glb";
+
+/// Why a template could not be written or read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TemplateFileError {
+    /// The target exists and is something else.
+    #[error("{} exists and is not a template (no {MANIFEST} in it); choose another name or remove it first", path.display())]
+    NotATemplate {
+        /// The target.
+        path: PathBuf,
+    },
+    /// Nothing there, or not a directory.
+    #[error("no template at {}: expected a directory with {MANIFEST}; build one with 'dsfms template'", path.display())]
+    Missing {
+        /// The path asked for.
+        path: PathBuf,
+    },
+    /// The manifest is damaged.
+    #[error("template manifest {}: {reason}", path.display())]
+    Manifest {
+        /// The manifest.
+        path: PathBuf,
+        /// What the parser said.
+        reason: String,
+    },
+    /// Written by another version.
+    #[error("template {} has version {found}, this program reads version {VERSION}; build it again", path.display())]
+    Version {
+        /// The template.
+        path: PathBuf,
+        /// Its version.
+        found: u32,
+    },
+    /// A file of the template is missing, truncated or damaged.
+    #[error("template file {}: {reason}; build or copy the template again", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What went wrong.
+        reason: String,
+    },
+    /// A file disagrees with the manifest.
+    #[error("template file {} holds {found} {what}, the manifest says {expected}; files of two templates were mixed", path.display())]
+    Count {
+        /// The file.
+        path: PathBuf,
+        /// What was counted.
+        what: &'static str,
+        /// In the manifest.
+        expected: usize,
+        /// In the file.
+        found: usize,
+    },
+    /// The surface is damaged.
+    #[error(transparent)]
+    Mesh(#[from] MeshFileError),
+    /// The operating system refused.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+}
+
+/// Write a template directory. All files are written to a temporary directory beside `path`, which
+/// then takes its name; an older template there is replaced, anything else is refused.
+pub fn write_template(path: &Path, template: &Template) -> Result<(), TemplateFileError> {
+    let replaces = path.exists();
+    if replaces && !path.join(MANIFEST).is_file() {
+        return Err(TemplateFileError::NotATemplate { path: path.to_path_buf() });
+    }
+    let fail = |source| WriteError::new(path, source);
+    let folder = parent(path);
+    fs::create_dir_all(folder).map_err(fail)?;
+    let temporary = |prefix| tempfile::Builder::new().prefix(prefix).tempdir_in(folder);
+    let fresh = temporary(".partial-template-").map_err(fail)?;
+    write_files(fresh.path(), template)?;
+    share(fresh.path()).map_err(fail)?;
+    // The old directory steps aside first: a directory cannot be renamed over another.
+    let old = temporary(".old-template-").map_err(fail)?;
+    let aside = old.path().join("template");
+    if replaces {
+        fs::rename(path, &aside).map_err(fail)?;
+    }
+    if let Err(error) = fs::rename(fresh.path(), path) {
+        if replaces {
+            fs::rename(&aside, path).map_err(fail)?;
+        }
+        return Err(fail(error).into());
+    }
+    // Its content now lies under the final name; there is nothing left to remove.
+    let _moved = fresh.keep();
+    Ok(())
+}
+
+fn write_files(folder: &Path, template: &Template) -> Result<(), TemplateFileError> {
+    let mut files = Vec::new();
+    let mut note = |name: &str, content: &str| {
+        files.push(FileNote { name: name.into(), content: content.into() });
+        folder.join(name)
+    };
+    let extras = PlyExtras { precision: Precision::Double, ..PlyExtras::default() };
+    let mesh = &template.mesh;
+    let surface = note(SURFACE, "rest surface, double precision");
+    write_ply(&surface, &mesh.topology, &mesh.positions, template.unit, &extras)?;
+    if !template.seen.is_empty() {
+        arrays::write_seen(&note(SEEN, "exploration frames that saw each vertex"), &template.seen)?;
+    }
+    if let Some(albedo) = &template.albedo {
+        arrays::write_albedo(&note(ALBEDO, "albedo on the surface, linear RGB"), albedo)?;
+    }
+    if let Some(map) = &template.flattening {
+        arrays::write_flattening(&note(FLATTENING, "UV per face corner and distortion"), map)?;
+    }
+    if let Some(features) = &template.features {
+        arrays::write_features(&note(FEATURES, "descriptors on the surface"), features)?;
+    }
+    template_glb::write(&note(VIEWER, "for viewers: UV, baked albedo, normals"), template)?;
+    if !template.views.is_empty() {
+        template_sparse::write(&note("sparse", "COLMAP text model of the exploration"), template)?;
+    }
+    let manifest = Manifest {
+        version: VERSION,
+        unit: template.unit,
+        generator: concat!("dsfms ", env!("CARGO_PKG_VERSION")).into(),
+        counts: counts(template),
+        tone: template.tone.clone(),
+        camera: template.camera.clone(),
+        light: template.light.clone(),
+        files,
+        views: template.views.clone(),
+    };
+    let path = folder.join(MANIFEST);
+    let text = toml::to_string(&manifest)
+        .map_err(|e| TemplateFileError::Manifest { path: path.clone(), reason: e.to_string() })?;
+    fs::write(&path, text).map_err(|e| WriteError::new(&path, e))?;
+    Ok(())
+}
+
+fn counts(template: &Template) -> Counts {
+    Counts {
+        vertices: template.mesh.positions.len(),
+        faces: template.mesh.topology.faces.len(),
+        texels: template.albedo.as_ref().map_or(0, |a| a.value.len()),
+        features: template.features.as_ref().map_or(0, |f| f.descriptors.len()),
+        flattened: template.flattening.is_some(),
+        seen: !template.seen.is_empty(),
+    }
+}
+
+/// Read a template directory; what [`write_template`] wrote comes back bit for bit.
+pub fn read_template(path: &Path) -> Result<Template, TemplateFileError> {
+    let manifest = read_manifest(path)?;
+    let counts = manifest.counts;
+    let surface = path.join(SURFACE);
+    let mesh = read_mesh(&surface)?.mesh;
+    expect(&surface, "vertices", counts.vertices, mesh.positions.len())?;
+    let faces = mesh.topology.faces.len();
+    expect(&surface, "faces", counts.faces, faces)?;
+    let seen = if counts.seen { arrays::read_seen(&path.join(SEEN))? } else { Vec::new() };
+    if counts.seen {
+        expect(&path.join(SEEN), "vertices", counts.vertices, seen.len())?;
+    }
+    let optional = |name: &str, wanted: bool| wanted.then(|| path.join(name));
+    let albedo = optional(ALBEDO, counts.texels > 0)
+        .map(|file| arrays::read_albedo(&file, faces, counts.texels))
+        .transpose()?;
+    let flattening = optional(FLATTENING, counts.flattened)
+        .map(|file| arrays::read_flattening(&file, &mesh.topology))
+        .transpose()?;
+    let features = optional(FEATURES, counts.features > 0 || path.join(FEATURES).exists())
+        .map(|file| arrays::read_features(&file, faces, counts.features))
+        .transpose()?;
+    Ok(Template {
+        unit: manifest.unit,
+        mesh,
+        seen,
+        flattening,
+        albedo,
+        features,
+        views: manifest.views,
+        camera: manifest.camera,
+        tone: manifest.tone,
+        light: manifest.light,
+    })
+}
+
+fn read_manifest(folder: &Path) -> Result<Manifest, TemplateFileError> {
+    let path = folder.join(MANIFEST);
+    if !path.is_file() {
+        return Err(TemplateFileError::Missing { path: folder.to_path_buf() });
+    }
+    let wrong = |reason: String| TemplateFileError::Manifest { path: path.clone(), reason };
+    let text = fs::read_to_string(&path).map_err(|e| wrong(e.to_string()))?;
+    let version: VersionOnly = toml::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+    if version.version != VERSION {
+        let path = folder.to_path_buf();
+        return Err(TemplateFileError::Version { path, found: version.version });
+    }
+    toml::from_str(&text).map_err(|e| wrong(e.to_string()))
+}
+
+/// Compare a file with the manifest.
+pub(super) fn expect(
+    path: &Path,
+    what: &'static str,
+    expected: usize,
+    found: usize,
+) -> Result<(), TemplateFileError> {
+    if expected == found {
+        return Ok(());
+    }
+    Err(TemplateFileError::Count { path: path.to_path_buf(), what, expected, found })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,1 +1,56 @@
+//! `template.toml`: what a template directory holds, readable by people and other programs.
 
+use crate::camera::CameraModel;
+use crate::image::ToneCurve;
+use crate::light::LightModel;
+use crate::template::{LengthUnit, View};
+use serde::{Deserialize, Serialize};
+
+/// Version of the layout; raised when an older reader would misunderstand it.
+pub(super) const VERSION: u32 = 1;
+
+/// The manifest. Lengths are in `unit`, poses are `camera_from_template`.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Manifest {
+    pub version: u32,
+    pub unit: LengthUnit,
+    /// Program that wrote it.
+    pub generator: String,
+    pub counts: Counts,
+    pub tone: ToneCurve,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<CameraModel>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light: Option<LightModel>,
+    #[serde(default)]
+    pub files: Vec<FileNote>,
+    #[serde(default)]
+    pub views: Vec<View>,
+}
+
+/// Sizes that the other files must agree with.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Counts {
+    pub vertices: usize,
+    pub faces: usize,
+    pub texels: usize,
+    pub features: usize,
+    pub flattened: bool,
+    pub seen: bool,
+}
+
+/// One file of the directory.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FileNote {
+    pub name: String,
+    pub content: String,
+}
+
+/// Enough to recognise a version we do not know before complaining about its fields.
+#[derive(Deserialize)]
+pub(super) struct VersionOnly {
+    pub version: u32,
+}

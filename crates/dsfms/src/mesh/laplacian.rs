@@ -65,7 +65,12 @@ mod tests {
 
     #[test]
     fn kills_constants_and_is_linear_on_a_flat_irregular_interior() {
-        let mesh = shapes::irregular_sheet(9);
+        // Nearly equilateral faces: no cotangent is negative, so none is clamped.
+        let sheet = shapes::irregular_sheet(9);
+        let shear = |p: &crate::geometry::Point3| {
+            crate::geometry::Point3::new(p.x - 0.5 * p.y, 0.75f64.sqrt() * p.y, 0.0)
+        };
+        let mesh = sheet.with_positions(sheet.positions.iter().map(shear).collect());
         let laplacian = Laplacian::new(&mesh);
         let linear: Vec<Vector3> =
             mesh.positions.iter().map(|p| Vector3::new(3.0, p.x - 2.0 * p.y, p.y)).collect();

@@ -16,8 +16,8 @@ use std::sync::Arc;
 pub struct RemeshOptions {
     /// Rounds of split, collapse, flip, smooth; at least 1. After about eight nothing changes.
     pub rounds: usize,
-    /// Boundary vertices where the boundary turns by more than this stay in place, degrees in
-    /// `(0, 180]`.
+    /// Boundary vertices where the boundary turns by more than this within one edge length of the
+    /// result on either side stay in place, degrees in `(0, 180]`.
     pub corner_deg: f64,
 }
 
@@ -77,9 +77,9 @@ pub fn remesh(
     validate(target_vertices, options)?;
     let all: Vec<usize> = (0..mesh.topology.faces.len()).collect();
     let (input, _) = mesh.subset(&all);
-    let outline = Outline::new(&input, options.corner_deg);
     let surface = ClosestPoints::new(&input);
     let mut length = first_length(&input, target_vertices)?;
+    let outline = Outline::new(&input, options.corner_deg, length);
     let mut work = Working {
         positions: input.positions.clone(),
         faces: input.topology.faces.clone(),
@@ -134,16 +134,27 @@ struct Outline {
 }
 
 impl Outline {
-    fn new(mesh: &Mesh, corner_deg: f64) -> Self {
+    fn new(mesh: &Mesh, corner_deg: f64, length: f64) -> Self {
         let mut segments = Vec::new();
         let mut corners = vec![false; mesh.positions.len()];
         for vertices in boundary_loops(&mesh.topology) {
             let n = vertices.len();
             let at = |k: usize| mesh.positions[vertices[k % n] as usize];
+            segments.extend((0..n).map(|k| [at(k), at(k + 1)]));
+            let turns: Vec<f64> = (0..n)
+                .map(|k| {
+                    // Steps finer than the result are ragged edges, not corners: look further.
+                    let ahead = (1..n).map(|j| at(k + j)).find(|p| (p - at(k)).norm() >= length);
+                    let behind =
+                        (1..n).map(|j| at(k + n - j)).find(|p| (p - at(k)).norm() >= length);
+                    let (ahead, behind) =
+                        (ahead.unwrap_or(at(k + 1)), behind.unwrap_or(at(k + n - 1)));
+                    (at(k) - behind).angle(&(ahead - at(k)))
+                })
+                .collect();
             for k in 0..n {
-                segments.push([at(k), at(k + 1)]);
-                let turn = (at(k + 1) - at(k)).angle(&(at(k + 2) - at(k + 1)));
-                corners[vertices[(k + 1) % n] as usize] |= turn > corner_deg.to_radians();
+                let peak = turns[k] >= turns[(k + 1) % n] && turns[k] > turns[(k + n - 1) % n];
+                corners[vertices[k] as usize] |= peak && turns[k] > corner_deg.to_radians();
             }
         }
         Self { segments, corners }

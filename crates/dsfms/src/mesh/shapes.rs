@@ -17,7 +17,7 @@ pub(crate) fn irregular_sheet(n: usize) -> Mesh {
     for j in 0..n {
         for i in 0..n {
             let inner = i > 0 && j > 0 && i + 1 < n && j + 1 < n;
-            let shake = if inner { 0.5 } else { 0.0 };
+            let shake = if inner { 0.3 } else { 0.0 };
             let (x, y) = (i as f64 + shake * noise(j * n + i), j as f64 + shake * noise(3 * i + j));
             positions.push(Point3::new(x / (n - 1) as f64, y / (n - 1) as f64, 0.0));
         }

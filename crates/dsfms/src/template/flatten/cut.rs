@@ -1,7 +1,6 @@
 //! Cutting a connected surface open to a disc.
 
 use crate::mesh::Mesh;
-use crate::mesh::components::face_edges;
 use crate::mesh::paths::{Distances, shortest_paths};
 use crate::mesh::{Topology, boundary::boundary_loops};
 

@@ -36,7 +36,7 @@ fn a_hemisphere_becomes_the_stereographic_disc() {
     assert!(map.seam.is_empty());
     let mut ratios = map.quasi_conformal.clone();
     ratios.sort_by(f64::total_cmp);
-    assert!(ratios[ratios.len() / 2] < 1.02, "{}", ratios[ratios.len() / 2]);
+    assert!(ratios[ratios.len() / 2] < 1.03, "{}", ratios[ratios.len() / 2]);
     // Scale of the stereographic map: 2/(1 + cos θ), so the area ratio rim to pole is 4.
     let low = map.log_area.iter().copied().fold(f64::INFINITY, f64::min);
     let high = map.log_area.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -67,12 +67,15 @@ fn components_lie_side_by_side() {
     let area = |range: std::ops::Range<usize>| map.corners[range].iter().map(signed_area).sum();
     let (small, large): (f64, f64) = (area(0..half), area(half..2 * half));
     assert!((large / small - 4.0).abs() < 1e-6);
-    let bound = |range: std::ops::Range<usize>| {
-        let x = map.corners[range].iter().flatten().map(|p| p.x);
+    let bound = |range: std::ops::Range<usize>, axis: usize| {
+        let x = map.corners[range].iter().flatten().map(|p| p[axis]);
         x.fold((1.0f64, 0.0f64), |(low, high), x| (low.min(x), high.max(x)))
     };
-    let (a, b) = (bound(0..half), bound(half..2 * half));
-    assert!(a.0 > b.1 || b.0 > a.1);
+    let apart = |axis| {
+        let (a, b) = (bound(0..half, axis), bound(half..2 * half, axis));
+        a.0 > b.1 || b.0 > a.1
+    };
+    assert!(apart(0) || apart(1));
 }
 
 #[test]

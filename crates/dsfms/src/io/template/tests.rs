@@ -1,0 +1,148 @@
+use super::*;
+use crate::camera::{CameraModel, Lens};
+use crate::geometry::{Isometry, Vector3};
+use crate::image::ToneCurve;
+use crate::light::{LightModel, PointLight, Spot};
+use crate::mesh::shapes;
+use crate::template::bake::choose_resolution;
+use crate::template::flatten::{FlattenOptions, flatten};
+use crate::template::statistics::template_statistics;
+use crate::template::{Features, LengthUnit, SurfaceTexels, View};
+
+fn tiny() -> Template {
+    let mesh = shapes::icosphere(1, 7.123456789);
+    let values: Vec<[f32; 3]> =
+        (0..mesh.positions.len()).map(|i| [0.01 * i as f32, 0.3, 0.2]).collect();
+    let resolution = choose_resolution(&mesh, 1.0);
+    let mut albedo = SurfaceTexels::from_vertex_values(&mesh, &values, resolution).unwrap();
+    albedo.views[3] = 0;
+    Template {
+        unit: LengthUnit::Millimetre,
+        seen: (0..mesh.positions.len() as u32).collect(),
+        flattening: Some(flatten(&mesh, &FlattenOptions::default()).unwrap()),
+        mesh,
+        albedo: Some(albedo),
+        features: Some(Features {
+            descriptors: vec![[7; 128], [9; 128]],
+            faces: vec![3, 5],
+            barycentrics: vec![[0.1, 0.2, 0.7], [1.0 / 3.0; 3]],
+        }),
+        views: vec![View {
+            name: "frame_000".into(),
+            camera_from_template: Isometry::new(
+                Vector3::new(0.1, 0.2, 1.0 / 3.0),
+                Vector3::new(0.3, -0.2, 0.1),
+            ),
+            gain: 1.0 / 7.0,
+            reprojection_px: 0.27,
+        }],
+        camera: Some(CameraModel {
+            size: [640, 480],
+            focal: [700.1, 699.9],
+            centre: [319.5, 239.5],
+            lens: Lens::BrownConrady { k: [0.1, -0.02, 0.003], p: [1e-4, -2e-5] },
+        }),
+        tone: ToneCurve::Gamma(2.2),
+        light: Some(LightModel::Point(PointLight {
+            positions: vec![crate::geometry::Point3::new(0.0, -3.0, 0.0)],
+            reference_distance: 50.0,
+            spot: Spot::Linear { inner_deg: 10.0, outer_deg: 52.0 },
+        })),
+    }
+}
+
+fn assert_same(a: &Template, b: &Template) {
+    assert_eq!(a.unit, b.unit);
+    assert_eq!(a.mesh.positions, b.mesh.positions);
+    assert_eq!(a.mesh.topology, b.mesh.topology);
+    assert_eq!(a.seen, b.seen);
+    assert_eq!(a.flattening, b.flattening);
+    assert_eq!(a.albedo, b.albedo);
+    assert_eq!(a.features, b.features);
+    assert_eq!(a.views, b.views);
+    assert_eq!(a.camera, b.camera);
+    assert_eq!(a.tone, b.tone);
+    assert_eq!(a.light, b.light);
+}
+
+#[test]
+fn a_template_comes_back_bit_for_bit_and_can_be_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("new/organ.template");
+    let mut template = tiny();
+    write_template(&path, &template).unwrap();
+    assert_same(&read_template(&path).unwrap(), &template);
+    template.features = None;
+    template.albedo = None;
+    template.flattening = None;
+    template.seen.clear();
+    template.unit = LengthUnit::TemplateUnit;
+    write_template(&path, &template).unwrap();
+    assert_same(&read_template(&path).unwrap(), &template);
+    assert!(!path.join(ALBEDO).exists());
+    assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+}
+
+#[test]
+fn the_glb_opens_in_a_gltf_reader() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("organ.template");
+    let template = tiny();
+    write_template(&path, &template).unwrap();
+    let document = gltf::Gltf::open(path.join("template.glb")).unwrap();
+    assert_eq!(document.images().count(), 1);
+    let file = read_mesh(&path.join("template.glb")).unwrap();
+    assert_eq!(file.mesh.topology.faces.len(), template.mesh.topology.faces.len());
+    let uv = file.uv.unwrap();
+    let wanted = &template.flattening.unwrap().corners;
+    assert!(uv.iter().flatten().zip(wanted.iter().flatten()).all(|(a, b)| (a - b).norm() < 1e-6));
+    let sparse = fs::read_to_string(path.join("sparse/cameras.txt")).unwrap();
+    assert!(sparse.contains("1 FULL_OPENCV 640 480 700.1 699.9 320 240 0.1 "), "{sparse}");
+}
+
+#[test]
+fn refuses_to_replace_what_is_not_a_template() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = write_template(folder.path(), &tiny()).unwrap_err();
+    assert!(matches!(error, TemplateFileError::NotATemplate { .. }));
+    assert!(folder.path().is_dir());
+}
+
+#[test]
+fn every_damage_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("organ.template");
+    let missing = read_template(&path).unwrap_err();
+    assert!(matches!(missing, TemplateFileError::Missing { .. }));
+    write_template(&path, &tiny()).unwrap();
+    let albedo = fs::read(path.join(ALBEDO)).unwrap();
+    fs::write(path.join(ALBEDO), &albedo[..albedo.len() / 2]).unwrap();
+    let cut = read_template(&path).unwrap_err().to_string();
+    assert!(cut.contains(ALBEDO), "{cut}");
+    fs::remove_file(path.join(ALBEDO)).unwrap();
+    assert!(matches!(read_template(&path), Err(TemplateFileError::Damaged { .. })));
+    fs::write(path.join(ALBEDO), &albedo).unwrap();
+    let manifest = fs::read_to_string(path.join(MANIFEST)).unwrap();
+    let edit = |from: &str, to: &str| {
+        fs::write(path.join(MANIFEST), manifest.replace(from, to)).unwrap();
+        read_template(&path).unwrap_err()
+    };
+    let version = edit("version = 1", "version = 99");
+    assert!(matches!(version, TemplateFileError::Version { found: 99, .. }));
+    let count = edit("vertices = 42", "vertices = 43");
+    assert!(matches!(count, TemplateFileError::Count { expected: 43, found: 42, .. }), "{count}");
+    let field = edit("unit = ", "unity = ");
+    assert!(field.to_string().contains("template.toml"), "{field}");
+}
+
+#[test]
+fn statistics_of_the_tiny_template() {
+    let s = template_statistics(&tiny());
+    assert_eq!((s.vertices, s.faces, s.components, s.boundary_loops), (42, 80, 1, 0));
+    assert_eq!((s.euler_characteristic, s.frames, s.features), (2, 1, 2));
+    assert_eq!(s.seen_vertices, Some(41));
+    assert_eq!(s.flattening.unwrap().flipped, 0);
+    let albedo = s.albedo.unwrap();
+    assert!(albedo.observed < 1.0 && albedo.observed > 0.99);
+    assert!(albedo.p5 < albedo.mean && albedo.mean < albedo.p95);
+}
