@@ -1,1 +1,139 @@
-//! (in progress)
+//! Multi-view stereo: from posed frames to an open surface of what they saw.
+//!
+//! ```text
+//! posed frames ─► depth_maps ─► surface
+//!                 one a frame   truncated signed distances ─► tetrahedra ─► mesh
+//! ```
+//!
+//! The light moves with the camera and highlights move over the tissue, so images are compared by
+//! zero-mean normalised cross-correlation, on the best few of several views, with saturated pixels
+//! and a ring around them left out. Each depth map is found by PatchMatch with slanted planes
+//! (Galliani, Lasinger, Schindler 2015; Xu and Tao 2019), polished by Gauss-Newton on the images at
+//! twice the resolution, checked against the other depth maps, and smoothed with the inverse of its
+//! own variance as weight. Lengths are those of the poses.
+
+mod clean;
+mod consistency;
+mod error;
+mod holes;
+mod neighbours;
+mod options;
+mod patchmatch;
+mod plane;
+mod polish;
+mod score;
+mod smooth;
+mod surface;
+mod tetrahedra;
+mod view;
+mod volume;
+
+pub use error::DenseError;
+pub use options::DenseOptions;
+pub use surface::{DenseSurface, VertexSupport, surface};
+
+use crate::camera::CameraModel;
+use crate::geometry::{Isometry, Point3};
+use crate::image::{Frame, Mask};
+use plane::Field;
+use rayon::prelude::*;
+use view::Pyramid;
+
+/// A frame whose camera and pose are known.
+#[derive(Clone, Copy, Debug)]
+pub struct PosedFrame<'a> {
+    /// The image, encoded as in the file.
+    pub frame: &'a Frame,
+    /// Its camera.
+    pub camera: &'a CameraModel,
+    /// `camera_from_world`.
+    pub pose: Isometry,
+    /// `true` where pixels may be used (inside the viewport, not an instrument); `None` = all.
+    pub valid: Option<&'a Mask>,
+    /// `true` where the organ is the first surface hit; `None` = reconstruct whatever is seen.
+    /// Points that project outside it are not organ.
+    pub organ: Option<&'a Mask>,
+}
+
+/// Depth of one frame on a pinhole grid of its own (undistorted, usually coarser than the frame).
+#[derive(Clone, Debug)]
+pub struct DepthMap {
+    /// The pinhole camera of the grid; its size is that of the vectors, row major.
+    pub camera: CameraModel,
+    /// `camera_from_world`.
+    pub pose: Isometry,
+    /// Depth z in camera axes, length units; 0 = none.
+    pub depth: Vec<f32>,
+    /// Unit normal towards the camera, camera axes; zero where there is no depth.
+    pub normal: Vec<[f32; 3]>,
+    /// Standard deviation of the depth expected from image noise and texture, length units;
+    /// infinity where there is no depth.
+    pub sigma: Vec<f32>,
+    /// Trust in `[0, 1]`: correlation with, and agreement of, the other views; 0 = none.
+    /// Depth filled in from the neighbourhood has a low value.
+    pub confidence: Vec<f32>,
+}
+
+/// One depth map a frame, in the order of `views`.
+///
+/// `sparse` are points of the scene in the world frame, as triangulated by structure from motion;
+/// they bound the depth and help to choose which frames are compared. Without them a wide range is
+/// searched, which is slower to converge and less robust. `progress` is told `(done, total)`.
+pub fn depth_maps(
+    views: &[PosedFrame],
+    sparse: &[Point3],
+    options: &DenseOptions,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Vec<DepthMap>, DenseError> {
+    options.validate()?;
+    if views.len() < 2 {
+        return Err(DenseError::TooFewFrames { found: views.len() });
+    }
+    let scale = view::working_scale(views, options.max_pixels);
+    let pyramids =
+        views.par_iter().map(|v| Pyramid::new(v, scale)).collect::<Result<Vec<_>, _>>()?;
+    let sources = neighbours::select(&pyramids, sparse, options);
+    let total = views.len();
+    let mut fields: Vec<Field> = Vec::with_capacity(total);
+    for i in 0..total {
+        let range = neighbours::depth_range(&pyramids, i, &sources[i], sparse);
+        fields.push(estimate(&pyramids, i, &sources[i], range, options));
+        progress(i + 1, total);
+    }
+    let agreement = consistency::check(&pyramids, &fields, options);
+    let maps: Vec<DepthMap> = (0..total)
+        .into_par_iter()
+        .map(|i| smooth::depth_map(&pyramids[i], &fields[i], &agreement[i], options))
+        .collect();
+    if maps.iter().all(|m| m.confidence.iter().all(|&c| c == 0.0)) {
+        return Err(DenseError::NoDepth { frames: total });
+    }
+    Ok(maps)
+}
+
+/// PatchMatch from the coarsest level to the grid, then Gauss-Newton on the finest images.
+fn estimate(
+    pyramids: &[Pyramid],
+    reference: usize,
+    sources: &[usize],
+    range: [f64; 2],
+    options: &DenseOptions,
+) -> Field {
+    let seed = options.seed ^ (reference as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let mut field: Option<Field> = None;
+    for (level, &iterations) in
+        [(3, &options.iterations[0]), (2, &options.iterations[1]), (1, &options.iterations[2])]
+    {
+        let pairs = score::Pairs::new(pyramids, reference, sources, level);
+        let start = match field {
+            Some(coarse) => coarse.upsampled(pairs.reference.size),
+            None => patchmatch::random_field(&pairs, range, seed),
+        };
+        field =
+            Some(patchmatch::run(&pairs, start, range, iterations, seed ^ level as u64, options));
+    }
+    let fine = score::Pairs::new(pyramids, reference, sources, 0);
+    let mut field = field.unwrap_or_default();
+    polish::run(&fine, &mut field, range, options);
+    field
+}

@@ -73,7 +73,11 @@ impl FaceRing {
     fn corner_sums(&self, v: &[Point3]) -> [Vector3; 3] {
         [0, 1, 2].map(|k| {
             let faces = self.around[k].iter();
-            faces.map(|f: &[u8; 3]| area_normal(&v[f[0] as usize], &v[f[1] as usize], &v[f[2] as usize])).sum()
+            faces
+                .map(|f: &[u8; 3]| {
+                    area_normal(&v[f[0] as usize], &v[f[1] as usize], &v[f[2] as usize])
+                })
+                .sum()
         })
     }
 
@@ -167,8 +171,8 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Photometric<'_, C, L> {
             ring.pull_back(v, &sums, b, &(shade.d_normal * slope), |k, d| {
                 j.vertices[k] += d.transpose();
             });
-            let d_point =
-                gradient.transpose() * projection.jacobian / sample.sigma + shade.d_point.transpose() * slope;
+            let d_point = gradient.transpose() * projection.jacobian / sample.sigma
+                + shade.d_point.transpose() * slope;
             for k in 0..3 {
                 j.vertices[k] += d_point * b[k];
             }
@@ -196,10 +200,15 @@ mod tests {
             lens: Lens::Pinhole,
         };
         // A slanted image: bilinear sampling is then smooth everywhere.
-        let data = (0..64 * 48).map(|i| 0.001 * (i % 64) as f32 + 0.004 * (i / 64) as f32).collect();
+        let data =
+            (0..64 * 48).map(|i| 0.001 * (i % 64) as f32 + 0.004 * (i / 64) as f32).collect();
         let image = Plane { size: [64, 48], data };
-        let samples = [0, 5, 5, 17, 31]
-            .map(|face| Sample { face, barycentric: [0.5, 0.3, 0.2], albedo: 0.6, sigma: 0.05 });
+        let samples = [0, 5, 5, 17, 31].map(|face| Sample {
+            face,
+            barycentric: [0.5, 0.3, 0.2],
+            albedo: 0.6,
+            sigma: 0.05,
+        });
         let near = LightModel::Point(PointLight {
             positions: vec![Point3::new(0.0, -3.0, 0.0)],
             reference_distance: 50.0,

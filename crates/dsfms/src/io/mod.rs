@@ -1,5 +1,5 @@
-//! Files in and out: frames, masks, cameras, poses, matches, meshes, the template container, and
-//! writing without half-written results.
+//! Files in and out: frames, masks, cameras, poses, matches, meshes and the template container;
+//! everything is written to a temporary file first and renamed.
 
 pub mod atomic;
 pub mod camera;

@@ -8,7 +8,7 @@ use crate::image::{Mask, Plane};
 use crate::light::LightModel;
 use crate::refine::{Photograph, RefineOptions, Refined, refine};
 use crate::register::scene::visibility;
-use crate::register::{Match, Posed, RegisterOptions, Registered, Scene, pose, register};
+use crate::register::{Match, Posed, RegisterOptions, Registered, Scene, find, pose, register};
 use crate::template::{SurfaceTexels, Template};
 use std::time::Instant;
 
@@ -41,9 +41,9 @@ pub fn reconstruct(
 ) -> Result<Reconstruction, ReconstructError> {
     check(template, observation, method)?;
     let mut log = StageLog::default();
-    let matches = log.time("matching", || find_matches(template, observation))?;
-    let register_options =
-        RegisterOptions { literal: options.literal, ..options.register.clone() };
+    let register_options = RegisterOptions { literal: options.literal, ..options.register.clone() };
+    let matches = log
+        .time("matching", || matches_of(template, observation, &register_options, options.seed))?;
     let posed = log.time("pose", || {
         pose(observation.camera, &template.mesh, &matches, &register_options, options.seed)
     })?;
@@ -54,14 +54,12 @@ pub fn reconstruct(
         Method::Rigid => {}
         Method::Sfs => shade_alone(template, observation, &mut result, &mut log)?,
         Method::Dsfm | Method::Dsfms => {
-            let coarse = log.time("register (eq. 3)", || {
-                register(&scene, &matches, &posed, &register_options)
-            });
+            let coarse = log
+                .time("register (eq. 3)", || register(&scene, &matches, &posed, &register_options));
             log.attach(&coarse.summary);
             take_coarse(&mut result, &matches, &coarse);
             if method == Method::Dsfms {
-                let kept: Vec<Match> =
-                    result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
+                let kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
                 let refined = log.time("refine (eq. 4)", || {
                     refine_frame(template, observation, &scene, &coarse, &kept, options)
                 });
@@ -116,15 +114,20 @@ fn check(
     Ok(())
 }
 
-fn find_matches(
+/// The given matches, or found ones.
+fn matches_of(
     template: &Template,
     observation: &Observation,
+    options: &RegisterOptions,
+    seed: u64,
 ) -> Result<Vec<Match>, ReconstructError> {
-    match (observation.matches, &template.features) {
-        (Some(given), _) => Ok(given.to_vec()),
-        (None, Some(_)) => todo!(),
-        (None, None) => Err(ReconstructError::NoDescriptors),
+    if let Some(given) = observation.matches {
+        return Ok(given.to_vec());
     }
+    let features = template.features.as_ref().ok_or(ReconstructError::NoDescriptors)?;
+    let usable = usable(observation);
+    let Observation { camera, frame, .. } = observation;
+    Ok(find(camera, &template.mesh, features, frame, &usable, options, seed)?)
 }
 
 fn rigid_result(
@@ -251,7 +254,10 @@ fn finish(
     let total = result.matches.len();
     let status = &mut result.status;
     if kept < FEW_MATCHES {
-        degrade(status, &format!("only {kept} matches carry the surface; {FEW_MATCHES} or more are wanted"));
+        degrade(
+            status,
+            &format!("only {kept} matches carry the surface; {FEW_MATCHES} or more are wanted"),
+        );
     }
     if 2 * kept < total {
         degrade(status, &format!("only {kept} of {total} matches agree with the surface"));

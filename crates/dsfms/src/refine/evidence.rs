@@ -47,7 +47,12 @@ pub struct Evidence {
 }
 
 /// Look at the photograph with the surface at `shape` (camera axes).
-pub fn gather(photo: &Photograph, rest: &Mesh, shape: &[Point3], options: &RefineOptions) -> Evidence {
+pub fn gather(
+    photo: &Photograph,
+    rest: &Mesh,
+    shape: &[Point3],
+    options: &RefineOptions,
+) -> Evidence {
     let raster = rasterize(photo.camera, &rest.topology, shape);
     let visible = visible_vertices(photo.camera, &rest.topology, shape, &raster, tolerance(rest));
     let diagonal = (photo.grey.size[0] as f64).hypot(photo.grey.size[1] as f64);

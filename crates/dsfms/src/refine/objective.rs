@@ -1,7 +1,7 @@
 //! Eq. 4: boundary condition, reprojection, diffuse and specular vertices, smoothing.
 
-use super::evidence::{Evidence, Photograph, gather};
 use super::RefineOptions;
+use super::evidence::{Evidence, Photograph, gather};
 use crate::energy::{
     Diffuse, GlobalsPrior, Objective, Reprojection, Smoothing, Specular, Stay, Unknowns,
 };

@@ -4,12 +4,14 @@
 //! noise and by the **visible** area, so one set of weights serves any organ, mesh resolution and
 //! unit.
 
+pub mod find;
 pub mod objective;
 pub mod options;
 pub mod pose;
 pub mod scene;
 
 use crate::geometry::Point2;
+pub use find::find;
 pub use objective::{Registered, register};
 pub use options::RegisterOptions;
 pub use pose::{Posed, pose};

@@ -62,7 +62,8 @@ impl<'a> Scene<'a> {
 pub fn visibility(camera: &CameraModel, rest: &Mesh, shape: &[Point3]) -> Vec<bool> {
     let raster = rasterize(camera, &rest.topology, shape);
     let edges = &rest.topology.edges;
-    let length = |e: &[u32; 2]| (rest.positions[e[0] as usize] - rest.positions[e[1] as usize]).norm();
+    let length =
+        |e: &[u32; 2]| (rest.positions[e[0] as usize] - rest.positions[e[1] as usize]).norm();
     let mean = edges.iter().map(length).sum::<f64>() / edges.len().max(1) as f64;
     visible_vertices(camera, &rest.topology, shape, &raster, 0.5 * mean)
 }

@@ -46,6 +46,11 @@ impl UnitDescriptors {
         &self.rows[i * 128..][..128]
     }
 
+    /// `count` rows from row `start`, 128 values each.
+    pub(super) fn rows(&self, start: usize, count: usize) -> &[f32] {
+        &self.rows[start * 128..][..count * 128]
+    }
+
     /// The first `n` rows (all, if there are fewer).
     pub fn head(&self, n: usize) -> Self {
         Self { rows: self.rows[..(n * 128).min(self.rows.len())].to_vec() }

@@ -20,6 +20,7 @@ mod kornia;
 mod map;
 pub mod matching;
 pub mod options;
+pub mod places;
 pub mod random;
 mod reconstruct;
 pub mod reconstruction;

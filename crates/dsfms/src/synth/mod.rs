@@ -1,1 +1,14 @@
-//! (in progress)
+//! The synthetic protocol of the paper (§8.1): deformation by attraction points, z-buffer
+//! rendering with self-occlusion and texture, sparse correspondences that avoid the deformed zone.
+
+pub mod correspond;
+pub mod deform;
+pub mod patch;
+pub mod random;
+pub mod render;
+
+pub use correspond::correspond;
+pub use deform::{Attraction, Deformation, deform};
+pub use patch::{Patch, patch};
+pub use random::Random;
+pub use render::{Gloss, RenderOptions, render};

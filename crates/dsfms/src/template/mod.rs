@@ -1,8 +1,18 @@
 //! The template: rest surface, flattening, texture, albedo, descriptors (paper §4, §5).
 
+pub mod albedo;
 pub mod bake;
+pub mod coat;
 pub mod flatten;
+pub mod light_fit;
+mod log_linear;
+pub mod photometric;
+mod robust;
+mod spots;
 pub mod statistics;
+#[cfg(test)]
+mod test_scene;
+pub mod texel_fill;
 pub mod texels;
 
 use crate::camera::CameraModel;

@@ -1,0 +1,222 @@
+//! A triangle soup into one clean manifold piece.
+
+use super::tetrahedra::Triangles;
+use crate::geometry::{Point3, Vector3};
+use std::collections::BTreeMap;
+
+/// Weights of the two steps of Taubin's smoothing: shrink, then grow back a little more.
+const TAUBIN: [f64; 2] = [0.5, -0.53];
+
+/// Keep the pieces (connected over edges) of the most faces only.
+pub(super) fn keep_largest(triangles: &mut Triangles) {
+    let labels = components(&triangles.faces);
+    let mut sizes = BTreeMap::<u32, usize>::new();
+    labels.iter().for_each(|&l| *sizes.entry(l).or_default() += 1);
+    // Of equal pieces the first.
+    let largest = sizes.iter().max_by_key(|(label, size)| (**size, std::cmp::Reverse(**label)));
+    let Some((&largest, _)) = largest else { return };
+    retain(triangles, |f| labels[f] == largest);
+}
+
+/// Drop pieces of fewer than `faces` faces.
+pub(super) fn drop_small(triangles: &mut Triangles, faces: usize) {
+    let labels = components(&triangles.faces);
+    let mut sizes = BTreeMap::<u32, usize>::new();
+    labels.iter().for_each(|&l| *sizes.entry(l).or_default() += 1);
+    retain(triangles, |f| sizes[&labels[f]] >= faces);
+}
+
+fn retain(triangles: &mut Triangles, keep: impl Fn(usize) -> bool) {
+    let mut f = 0;
+    triangles.faces.retain(|_| {
+        f += 1;
+        keep(f - 1)
+    });
+}
+
+/// Label of the piece of each face: the smallest face index in it.
+fn components(faces: &[[u32; 3]]) -> Vec<u32> {
+    let mut parent: Vec<u32> = (0..faces.len() as u32).collect();
+    fn root(parent: &mut [u32], mut i: u32) -> u32 {
+        while parent[i as usize] != i {
+            parent[i as usize] = parent[parent[i as usize] as usize];
+            i = parent[i as usize];
+        }
+        i
+    }
+    for pair in edge_list(faces).windows(2) {
+        if pair[0].0 == pair[1].0 {
+            let (a, b) = (root(&mut parent, pair[0].1), root(&mut parent, pair[1].1));
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    (0..faces.len() as u32).map(|f| root(&mut parent, f)).collect()
+}
+
+/// Undirected edges with their faces, sorted.
+fn edge_list(faces: &[[u32; 3]]) -> Vec<([u32; 2], u32)> {
+    let mut edges: Vec<([u32; 2], u32)> = faces
+        .iter()
+        .enumerate()
+        .flat_map(|(f, &[a, b, c])| {
+            [(a, b), (b, c), (c, a)].map(|(p, q)| ([p.min(q), p.max(q)], f as u32))
+        })
+        .collect();
+    edges.sort_unstable();
+    edges
+}
+
+/// Directed edges `[from, to]` with a face on one side only, sorted.
+pub(super) fn boundary_edges(faces: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    let mut directed: Vec<[u32; 2]> =
+        faces.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
+    directed.sort_unstable();
+    let alone = |e: &&[u32; 2]| directed.binary_search(&[e[1], e[0]]).is_err();
+    directed.iter().filter(alone).copied().collect()
+}
+
+/// Take away faces with two or more sides on the boundary until there are none: the teeth left by
+/// the grid at the rim.
+pub(super) fn shave(triangles: &mut Triangles) {
+    for _ in 0..8 {
+        let boundary = boundary_edges(&triangles.faces);
+        let open = |f: &[u32; 3]| {
+            let [a, b, c] = *f;
+            [[a, b], [b, c], [c, a]].iter().filter(|e| boundary.binary_search(e).is_ok()).count()
+        };
+        let before = triangles.faces.len();
+        triangles.faces.retain(|f| open(f) < 2);
+        if triangles.faces.len() == before {
+            break;
+        }
+    }
+}
+
+/// Give each fan of faces at a vertex its own copy of it, so that every vertex has one fan.
+pub(super) fn split_bow_ties(triangles: &mut Triangles) {
+    let mut around = vec![Vec::new(); triangles.positions.len()];
+    for (f, face) in triangles.faces.iter().enumerate() {
+        face.iter().for_each(|&v| around[v as usize].push(f));
+    }
+    for (v, fan) in around.iter().enumerate() {
+        let mut rest = fan.clone();
+        let mut first = true;
+        while let Some(seed) = rest.first().copied() {
+            let group = connected_fan(&triangles.faces, &rest, seed, v as u32);
+            rest.retain(|f| !group.contains(f));
+            if !first {
+                let copy = triangles.positions.len() as u32;
+                triangles.positions.push(triangles.positions[v]);
+                for &f in &group {
+                    triangles.faces[f]
+                        .iter_mut()
+                        .filter(|c| **c == v as u32)
+                        .for_each(|c| *c = copy);
+                }
+            }
+            first = false;
+        }
+    }
+}
+
+/// Faces of `fan` reached from `seed` over edges at `v`.
+fn connected_fan(faces: &[[u32; 3]], fan: &[usize], seed: usize, v: u32) -> Vec<usize> {
+    let mut group = vec![seed];
+    let mut next = 0;
+    while next < group.len() {
+        let face = faces[group[next]];
+        for &f in fan {
+            let shares = faces[f].iter().any(|c| *c != v && face.contains(c));
+            if shares && !group.contains(&f) {
+                group.push(f);
+            }
+        }
+        next += 1;
+    }
+    group
+}
+
+/// Number the used vertices anew, in their order.
+pub(super) fn compact(triangles: &mut Triangles) {
+    let mut used = vec![false; triangles.positions.len()];
+    triangles.faces.iter().flatten().for_each(|&v| used[v as usize] = true);
+    let mut renumbered = vec![0u32; used.len()];
+    let mut positions = Vec::new();
+    for (v, _) in used.iter().enumerate().filter(|(_, used)| **used) {
+        renumbered[v] = positions.len() as u32;
+        positions.push(triangles.positions[v]);
+    }
+    triangles.faces.iter_mut().flatten().for_each(|v| *v = renumbered[*v as usize]);
+    triangles.positions = positions;
+}
+
+/// Taubin's smoothing against the noise of the grid; the rim is smoothed along itself only.
+pub(super) fn smooth(triangles: &mut Triangles, rounds: usize) {
+    let n = triangles.positions.len();
+    let boundary = boundary_edges(&triangles.faces);
+    let mut rim = vec![false; n];
+    boundary.iter().flatten().for_each(|&v| rim[v as usize] = true);
+    let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); n];
+    for ([a, b], _) in edge_list(&triangles.faces) {
+        let along = rim[a as usize] == rim[b as usize];
+        for (v, other) in [(a, b), (b, a)] {
+            if !rim[v as usize] || along && is_boundary(&boundary, a, b) {
+                neighbours[v as usize].push(other);
+            }
+        }
+    }
+    neighbours.iter_mut().for_each(|ring| ring.dedup());
+    for _ in 0..rounds {
+        for factor in TAUBIN {
+            triangles.positions = step(&triangles.positions, &neighbours, factor);
+        }
+    }
+}
+
+fn is_boundary(boundary: &[[u32; 2]], a: u32, b: u32) -> bool {
+    boundary.binary_search(&[a, b]).is_ok() || boundary.binary_search(&[b, a]).is_ok()
+}
+
+/// Move every vertex towards the mean of its neighbours by `factor` of the way.
+fn step(positions: &[Point3], neighbours: &[Vec<u32>], factor: f64) -> Vec<Point3> {
+    let moved = |(p, ring): (&Point3, &Vec<u32>)| {
+        if ring.is_empty() {
+            return *p;
+        }
+        let sum: Vector3 = ring.iter().map(|&v| positions[v as usize] - p).sum();
+        p + sum * (factor / ring.len() as f64)
+    };
+    positions.iter().zip(neighbours).map(moved).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points(n: usize) -> Vec<Point3> {
+        (0..n).map(|i| Point3::new(i as f64, (i * i) as f64, 0.0)).collect()
+    }
+
+    #[test]
+    fn a_bow_tie_becomes_two_corners() {
+        let mut bow_tie = Triangles { positions: points(5), faces: vec![[0, 1, 2], [2, 3, 4]] };
+        split_bow_ties(&mut bow_tie);
+        assert_eq!(bow_tie.faces, vec![[0, 1, 2], [5, 3, 4]]);
+        assert_eq!(bow_tie.positions[5], bow_tie.positions[2]);
+    }
+
+    #[test]
+    fn the_larger_piece_stays_and_is_renumbered() {
+        let faces = vec![[0, 1, 2], [3, 4, 5], [5, 4, 6]];
+        let mut two = Triangles { positions: points(7), faces };
+        keep_largest(&mut two);
+        compact(&mut two);
+        assert_eq!(two.faces, vec![[0, 1, 2], [2, 1, 3]]);
+        assert_eq!(two.positions[0], points(7)[3]);
+    }
+
+    #[test]
+    fn boundary_of_two_triangles() {
+        assert_eq!(boundary_edges(&[[0, 1, 2], [2, 1, 3]]), vec![[0, 1], [1, 3], [2, 0], [3, 2]]);
+    }
+}

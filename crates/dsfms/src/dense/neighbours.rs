@@ -1,0 +1,95 @@
+//! Which frames are compared with which, and between which depths.
+
+use super::options::DenseOptions;
+use super::view::Pyramid;
+use crate::geometry::Point3;
+
+/// Sparse points looked at, at most.
+const MAX_POINTS: usize = 2000;
+
+/// For each frame the frames it is compared with, best first.
+///
+/// The score of a pair is the number of shared points, each weighted by how close its parallax is
+/// to the angle at which baseline and similarity of the images balance (about 15 degrees).
+pub(super) fn select(
+    views: &[Pyramid],
+    sparse: &[Point3],
+    options: &DenseOptions,
+) -> Vec<Vec<usize>> {
+    let points = thinned(sparse);
+    (0..views.len())
+        .map(|i| {
+            let mut scored: Vec<(f64, usize)> = (0..views.len())
+                .filter(|&j| j != i)
+                .map(|j| (pair_score(&views[i], &views[j], &points, options), j))
+                .filter(|s| s.0 > 0.0)
+                .collect();
+            scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            scored.iter().take(options.max_sources).map(|s| s.1).collect()
+        })
+        .collect()
+}
+
+fn thinned(sparse: &[Point3]) -> Vec<Point3> {
+    let step = sparse.len().div_ceil(MAX_POINTS).max(1);
+    sparse.iter().step_by(step).copied().collect()
+}
+
+fn pair_score(a: &Pyramid, b: &Pyramid, points: &[Point3], options: &DenseOptions) -> f64 {
+    let (ca, cb) = (a.centre(), b.centre());
+    if points.is_empty() {
+        // Nothing known of the scene: the nearest frames that did move.
+        let baseline = (cb - ca).norm();
+        let turn = (a.pose.rotation.inverse() * b.pose.rotation).angle();
+        let overlap = (1.0 - turn / 1.2).max(0.0);
+        return if baseline > 0.0 { overlap / (1.0 + baseline) } else { 0.0 };
+    }
+    let weight = |p: &Point3| {
+        if !sees(a, p) || !sees(b, p) {
+            return 0.0;
+        }
+        let angle = (ca - p).angle(&(cb - p)).to_degrees();
+        if angle < options.min_parallax_deg || angle > options.max_parallax_deg {
+            return 0.0;
+        }
+        let sigma = if angle < 15.0 { 6.0 } else { 14.0 };
+        (-(angle - 15.0f64).powi(2) / (2.0 * sigma * sigma)).exp()
+    };
+    points.iter().map(weight).sum()
+}
+
+/// Whether the point projects on usable pixels (which does not exclude occlusion).
+pub(super) fn sees(view: &Pyramid, point: &Point3) -> bool {
+    use crate::camera::Camera;
+    let Some(hit) = view.camera.project(&(view.pose * point)) else { return false };
+    let [w, h] = view.camera.size.map(|s| s as f64);
+    let p = hit.pixel;
+    let inside = p.x >= 0.0 && p.y >= 0.0 && p.x <= w - 1.0 && p.y <= h - 1.0;
+    inside && [view.valid, view.organ].into_iter().flatten().all(|m| m.at_pixel(&p))
+}
+
+/// Nearest and farthest depth searched in a frame: the sparse points it may see, with a margin; or,
+/// without points, 1 to 40 times the median distance to the frames it is compared with.
+pub(super) fn depth_range(
+    views: &[Pyramid],
+    frame: usize,
+    sources: &[usize],
+    sparse: &[Point3],
+) -> [f64; 2] {
+    let view = &views[frame];
+    let mut depths: Vec<f64> =
+        thinned(sparse).iter().filter(|p| sees(view, p)).map(|p| (view.pose * p).z).collect();
+    depths.sort_by(f64::total_cmp);
+    if depths.len() >= 8 {
+        let at = |q: f64| depths[((depths.len() - 1) as f64 * q).round() as usize];
+        let (near, far) = (at(0.01), at(0.99));
+        let margin = 0.35 * (far - near) + 0.08 * near;
+        return [(near - margin).max(0.3 * near), far + margin];
+    }
+    let centre = view.centre();
+    let mut baselines: Vec<f64> =
+        sources.iter().map(|&j| (views[j].centre() - centre).norm()).collect();
+    baselines.sort_by(f64::total_cmp);
+    let baseline = baselines.get(baselines.len() / 2).copied().unwrap_or(1.0);
+    [baseline, 40.0 * baseline]
+}

@@ -1,0 +1,149 @@
+//! Options of multi-view stereo.
+
+use super::DenseError;
+use serde::{Deserialize, Serialize};
+
+/// How depth is estimated and fused.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DenseOptions {
+    /// Bound on the depth pixels of all frames together; frames are scaled down to keep it. Sets
+    /// time and memory: about 20 µs and 200 bytes a pixel on one core.
+    pub max_pixels: usize,
+    /// Frames each frame is compared with, at most (2 to 16).
+    pub max_sources: usize,
+    /// Of these, the best that count at a pixel: the others may be occluded or see a highlight.
+    pub best_sources: usize,
+    /// Smallest mean angle between two sightlines of a compared pair, degrees.
+    pub min_parallax_deg: f64,
+    /// Largest such angle, degrees: beyond it foreshortening and shading differ too much.
+    pub max_parallax_deg: f64,
+    /// PatchMatch iterations at an eighth, a quarter and a half of the working resolution.
+    pub iterations: [usize; 3],
+    /// Smallest mean correlation of a trusted pixel, `[0, 1]`.
+    pub min_correlation: f64,
+    /// Largest relative difference of depth between two frames that agree.
+    pub max_relative_depth: f64,
+    /// Largest distance after projection into another frame and back, px of the depth grid.
+    pub max_reprojection_px: f64,
+    /// Frames that must agree with a pixel.
+    pub min_consistent: usize,
+    /// Standard deviation of the encoded image, `[0, 1]`: quantisation, noise and compression.
+    pub image_noise: f64,
+    /// How far depth is filled in from trusted neighbours, px of the depth grid; 0 = not at all.
+    pub fill_px: usize,
+    /// Vertices of the surface, about; they set the edge of the grid of signed distances.
+    pub target_vertices: usize,
+    /// Edge of that grid, length units; overrides `target_vertices`.
+    pub voxel: Option<f64>,
+    /// Total trust (sum over frames of `confidence`) a piece of surface needs.
+    pub min_support: f64,
+    /// Holes with at most this many edges are closed.
+    pub max_hole_edges: usize,
+    /// Rounds of volume-preserving (Taubin) smoothing of the surface.
+    pub smoothing: usize,
+    /// Keep only the largest connected piece.
+    pub largest_only: bool,
+    /// Seed of the random search; the same seed gives the same bits.
+    pub seed: u64,
+}
+
+impl Default for DenseOptions {
+    fn default() -> Self {
+        Self {
+            max_pixels: 4_000_000,
+            max_sources: 8,
+            best_sources: 3,
+            min_parallax_deg: 2.0,
+            max_parallax_deg: 45.0,
+            iterations: [6, 3, 2],
+            min_correlation: 0.5,
+            max_relative_depth: 0.01,
+            max_reprojection_px: 1.0,
+            min_consistent: 2,
+            image_noise: 0.004,
+            fill_px: 12,
+            target_vertices: 60_000,
+            voxel: None,
+            min_support: 0.6,
+            max_hole_edges: 60,
+            smoothing: 6,
+            largest_only: true,
+            seed: 0,
+        }
+    }
+}
+
+impl DenseOptions {
+    /// Check every field against its bounds.
+    pub fn validate(&self) -> Result<(), DenseError> {
+        let checks: [(&'static str, &'static str, f64, bool); 12] = [
+            ("max_pixels", "at least 1000", self.max_pixels as f64, self.max_pixels >= 1000),
+            (
+                "max_sources",
+                "from 1 to 16",
+                self.max_sources as f64,
+                (1..=16).contains(&self.max_sources),
+            ),
+            ("best_sources", "at least 1", self.best_sources as f64, self.best_sources >= 1),
+            ("min_parallax_deg", "positive", self.min_parallax_deg, self.min_parallax_deg > 0.0),
+            (
+                "max_parallax_deg",
+                "above min_parallax_deg and below 90",
+                self.max_parallax_deg,
+                self.max_parallax_deg > self.min_parallax_deg && self.max_parallax_deg < 90.0,
+            ),
+            (
+                "min_correlation",
+                "from 0 to 1",
+                self.min_correlation,
+                (0.0..=1.0).contains(&self.min_correlation),
+            ),
+            (
+                "max_relative_depth",
+                "positive",
+                self.max_relative_depth,
+                self.max_relative_depth > 0.0,
+            ),
+            (
+                "max_reprojection_px",
+                "positive",
+                self.max_reprojection_px,
+                self.max_reprojection_px > 0.0,
+            ),
+            ("image_noise", "positive", self.image_noise, self.image_noise > 0.0),
+            (
+                "target_vertices",
+                "at least 100",
+                self.target_vertices as f64,
+                self.target_vertices >= 100,
+            ),
+            (
+                "voxel",
+                "positive",
+                self.voxel.unwrap_or(1.0),
+                self.voxel.unwrap_or(1.0) > 0.0 && self.voxel.unwrap_or(1.0).is_finite(),
+            ),
+            ("min_support", "positive", self.min_support, self.min_support > 0.0),
+        ];
+        match checks.into_iter().find(|c| !c.3) {
+            Some((field, bound, value, _)) => Err(DenseError::Option { field, bound, value }),
+            None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_the_field_out_of_bounds() {
+        assert_eq!(DenseOptions::default().validate(), Ok(()));
+        let bad = DenseOptions { max_parallax_deg: f64::NAN, ..Default::default() };
+        assert!(matches!(
+            bad.validate(),
+            Err(DenseError::Option { field: "max_parallax_deg", .. })
+        ));
+    }
+}

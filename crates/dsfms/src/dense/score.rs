@@ -1,0 +1,181 @@
+//! How well a plane explains the other views: normalised correlation of warped windows.
+
+use super::options::DenseOptions;
+use super::plane::InversePlane;
+use super::view::{Image, Pyramid, bilinear};
+
+/// Half the side of the window, px of the level.
+const RADIUS: i32 = 3;
+/// Every second pixel of the window, like the black squares of a chessboard.
+const TAPS: usize = 25;
+/// Correlation cost of a view that cannot be compared.
+pub(super) const NONE: f32 = 2.0;
+/// Views scored at once, at most (the bound of `max_sources`).
+const MAX_VIEWS: usize = 16;
+
+/// One frame and those it is compared with, at one level.
+pub(super) struct Pairs<'a> {
+    pub reference: &'a Image,
+    pub k: [f32; 4],
+    pub views: Vec<PairView<'a>>,
+}
+
+/// A source and the warp to it: a point at pixel `(u, v)` of inverse depth `w` appears at
+/// `h (u, v, 1)ᵀ + w t`, dehomogenised.
+pub(super) struct PairView<'a> {
+    pub image: &'a Image,
+    pub h: [f32; 9],
+    pub t: [f32; 3],
+}
+
+impl<'a> Pairs<'a> {
+    pub fn new(views: &'a [Pyramid], reference: usize, sources: &[usize], level: usize) -> Self {
+        let image = &views[reference].levels[level];
+        let pairs = sources.iter().map(|&j| PairView::new(views, reference, j, level)).collect();
+        Self { reference: image, k: image.k.map(|v| v as f32), views: pairs }
+    }
+}
+
+impl<'a> PairView<'a> {
+    fn new(views: &'a [Pyramid], reference: usize, source: usize, level: usize) -> Self {
+        use nalgebra::Matrix3;
+        let matrix = |k: [f64; 4]| Matrix3::new(k[0], 0.0, k[2], 0.0, k[1], k[3], 0.0, 0.0, 1.0);
+        let motion = views[source].pose * views[reference].pose.inverse();
+        let (kr, image) = (matrix(views[reference].levels[level].k), &views[source].levels[level]);
+        let ks = matrix(image.k);
+        // A pinhole matrix has positive focal lengths; the identity stands in if it has not.
+        let inverse = kr.try_inverse().unwrap_or_else(Matrix3::identity);
+        let h = ks * motion.rotation.to_rotation_matrix().matrix() * inverse;
+        let t = ks * motion.translation.vector;
+        let rows = std::array::from_fn(|i| h[(i / 3, i % 3)] as f32);
+        Self { image, h: rows, t: [t.x as f32, t.y as f32, t.z as f32] }
+    }
+
+    /// The homography of a plane about pixel `(u, v)`: homogeneous image of the centre and its
+    /// change per px along u and v.
+    #[inline]
+    pub fn warp(&self, plane: &InversePlane, u: f32, v: f32) -> [[f32; 3]; 3] {
+        let (h, t) = (&self.h, &self.t);
+        let base =
+            [0, 1, 2].map(|i| h[3 * i] * u + h[3 * i + 1] * v + h[3 * i + 2] + plane.w * t[i]);
+        let du = [0, 1, 2].map(|i| h[3 * i] + plane.a * t[i]);
+        let dv = [0, 1, 2].map(|i| h[3 * i + 1] + plane.b * t[i]);
+        [base, du, dv]
+    }
+}
+
+/// The usable samples of the window around one pixel of the reference.
+pub(super) struct Patch {
+    u: f32,
+    v: f32,
+    offsets: [[f32; 2]; TAPS],
+    values: [f32; TAPS],
+    count: usize,
+}
+
+impl Patch {
+    /// `None` where the centre is masked or too little of the window is usable.
+    pub fn new(image: &Image, x: usize, y: usize) -> Option<Self> {
+        let [w, h] = image.size.map(|s| s as i32);
+        let centre = image.grey[y * image.size[0] + x];
+        if centre.is_nan() {
+            return None;
+        }
+        let mut patch = Self {
+            u: x as f32,
+            v: y as f32,
+            offsets: [[0.0; 2]; TAPS],
+            values: [0.0; TAPS],
+            count: 0,
+        };
+        for dy in -RADIUS..=RADIUS {
+            for dx in -RADIUS..=RADIUS {
+                let (px, py) = (x as i32 + dx, y as i32 + dy);
+                if (dx + dy) % 2 != 0 || px < 0 || py < 0 || px >= w || py >= h {
+                    continue;
+                }
+                let value = image.grey[(py * w + px) as usize];
+                if !value.is_nan() {
+                    patch.offsets[patch.count] = [dx as f32, dy as f32];
+                    patch.values[patch.count] = value - centre;
+                    patch.count += 1;
+                }
+            }
+        }
+        (patch.count >= TAPS * 2 / 5).then_some(patch)
+    }
+
+    /// `1 - correlation` in one view, in `[0, 2]`; the noise added to both variances draws windows
+    /// without texture towards 1, "no idea".
+    pub fn cost(&self, view: &PairView, plane: &InversePlane, noise_variance: f32) -> f32 {
+        let [base, du, dv] = view.warp(plane, self.u, self.v);
+        let (data, size) = (&view.image.grey, view.image.size);
+        let (mut n, mut sr, mut ss, mut rr, mut rs, mut s2) = (0.0f32, 0.0, 0.0, 0.0, 0.0, 0.0);
+        for (offset, r) in self.offsets[..self.count].iter().zip(&self.values) {
+            let [x, y] = *offset;
+            let z = base[2] + x * du[2] + y * dv[2];
+            if z <= 0.0 {
+                return NONE;
+            }
+            let iz = 1.0 / z;
+            let px = (base[0] + x * du[0] + y * dv[0]) * iz;
+            let py = (base[1] + x * du[1] + y * dv[1]) * iz;
+            let s = bilinear(data, size, px, py) - 0.5;
+            if !s.is_nan() {
+                n += 1.0;
+                sr += r;
+                ss += s;
+                rr += r * r;
+                rs += r * s;
+                s2 += s * s;
+            }
+        }
+        if n < 10.0 || n < 0.6 * self.count as f32 {
+            return NONE;
+        }
+        let i = 1.0 / n;
+        let vr = (rr - sr * sr * i) * i + noise_variance;
+        let vs = (s2 - ss * ss * i) * i + noise_variance;
+        let correlation = (rs - sr * ss * i) * i / (vr * vs).sqrt();
+        (1.0 - correlation).clamp(0.0, NONE)
+    }
+
+    /// Mean cost over the best few views; views that cannot be compared count as [`NONE`] where too
+    /// few others are left.
+    pub fn score(&self, pairs: &Pairs, plane: &InversePlane, options: &DenseOptions) -> f32 {
+        let noise = (options.image_noise * options.image_noise) as f32;
+        let mut costs = [NONE; MAX_VIEWS];
+        let count = pairs.views.len().min(MAX_VIEWS);
+        for (cost, view) in costs.iter_mut().zip(&pairs.views) {
+            *cost = self.cost(view, plane, noise);
+        }
+        let best = options.best_sources.min(count).max(1);
+        mean_of_smallest(&mut costs[..count], best)
+    }
+}
+
+/// Mean of the `k` smallest values; reorders them.
+fn mean_of_smallest(values: &mut [f32], k: usize) -> f32 {
+    if values.is_empty() {
+        return NONE;
+    }
+    for i in 0..k {
+        for j in i + 1..values.len() {
+            if values[j] < values[i] {
+                values.swap(i, j);
+            }
+        }
+    }
+    values[..k].iter().sum::<f32>() / k as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn smallest_by_hand() {
+        assert_eq!(mean_of_smallest(&mut [2.0, 0.5, 1.0, 0.1], 2), 0.3);
+        assert_eq!(mean_of_smallest(&mut [], 2), NONE);
+    }
+}

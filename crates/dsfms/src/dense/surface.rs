@@ -1,0 +1,97 @@
+//! From depth maps to the mesh of what was seen.
+
+use super::tetrahedra::{Triangles, extract};
+use super::volume::Volume;
+use super::{DenseError, DenseOptions, DepthMap, PosedFrame, clean, holes};
+use crate::geometry::Point3;
+use crate::mesh::{Mesh, Topology};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Depths that differ by more than this fraction are not of the same surface.
+const SAME_SURFACE: f64 = 0.01;
+/// Pieces of fewer faces are dust.
+const DUST: usize = 200;
+
+/// An open surface in the world frame of the poses.
+#[derive(Clone, Debug)]
+pub struct DenseSurface {
+    /// Manifold, consistently oriented; normals point towards the cameras.
+    pub mesh: Mesh,
+    /// What the frames say of each vertex.
+    pub support: Vec<VertexSupport>,
+}
+
+/// How well a vertex is supported.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct VertexSupport {
+    /// Frames whose depth map agrees.
+    pub frames: u32,
+    /// Standard deviation expected of its position, length units: image noise of the depth maps
+    /// averaged, and the scatter between them; infinity where no frame agrees (a closed hole).
+    pub sigma: f64,
+}
+
+/// Fuse depth maps into signed distances and take their zero level where the frames support it.
+///
+/// `maps` are those of [`super::depth_maps`] for the same `views`, in the same order.
+pub fn surface(
+    views: &[PosedFrame],
+    maps: &[DepthMap],
+    options: &DenseOptions,
+) -> Result<DenseSurface, DenseError> {
+    options.validate()?;
+    let volume = Volume::fuse(views, maps, options);
+    let mut triangles = extract(&volume, options.min_support as f32);
+    drop(volume);
+    tidy(&mut triangles, options);
+    let none = |_| DenseError::NoSurface { frames: maps.len() };
+    let topology = Topology::new(triangles.positions.len(), triangles.faces).map_err(none)?;
+    let positions = triangles.positions;
+    let support = positions.par_iter().map(|p| support(maps, p)).collect();
+    Ok(DenseSurface { mesh: Mesh { topology: Arc::new(topology), positions }, support })
+}
+
+/// One manifold piece without teeth and small holes, smoothed.
+fn tidy(triangles: &mut Triangles, options: &DenseOptions) {
+    clean::drop_small(triangles, DUST);
+    clean::shave(triangles);
+    clean::split_bow_ties(triangles);
+    if options.largest_only {
+        clean::keep_largest(triangles);
+    }
+    clean::compact(triangles);
+    holes::close_small(triangles, options.max_hole_edges);
+    clean::smooth(triangles, options.smoothing);
+}
+
+/// Which depth maps agree with a point, and how closely.
+fn support(maps: &[DepthMap], point: &Point3) -> VertexSupport {
+    let (mut frames, mut information, mut squares, mut weights) = (0, 0.0, 0.0, 0.0);
+    for m in maps {
+        let p = m.pose * point;
+        let u = (m.camera.focal[0] * p.x / p.z + m.camera.centre[0]).round();
+        let v = (m.camera.focal[1] * p.y / p.z + m.camera.centre[1]).round();
+        let [w, h] = m.camera.size.map(|s| s as f64);
+        if !(p.z > 0.0 && u >= 0.0 && v >= 0.0 && u < w && v < h) {
+            continue;
+        }
+        let i = v as usize * m.camera.size[0] + u as usize;
+        let z = m.depth[i] as f64;
+        if z <= 0.0 || (z - p.z).abs() > SAME_SURFACE * p.z {
+            continue;
+        }
+        let sigma = (m.sigma[i] as f64).max(1e-4 * z);
+        let facing = -m.normal[i][2] as f64;
+        frames += 1;
+        information += 1.0 / (sigma * sigma);
+        squares += ((z - p.z) * facing / sigma).powi(2);
+        weights += 1.0;
+    }
+    if frames == 0 {
+        return VertexSupport { frames, sigma: f64::INFINITY };
+    }
+    // Scatter beyond what the noise explains widens the error (Birge ratio).
+    let ratio = (squares / weights as f64).sqrt().max(1.0);
+    VertexSupport { frames, sigma: ratio / f64::sqrt(information) }
+}

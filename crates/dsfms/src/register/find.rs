@@ -1,0 +1,130 @@
+//! Automatic matches: the frame's features against the template's, cleaned by geometry.
+
+use super::{Match, RegisterError, RegisterOptions};
+use crate::camera::{Camera, CameraModel};
+use crate::geometry::{Point2, Point3, Vector2, point_at};
+use crate::image::{Frame, Mask};
+use crate::mesh::Mesh;
+use crate::sfm::matching::UnitDescriptors;
+use crate::sfm::places::match_places;
+use crate::sfm::random::Random;
+use crate::sfm::{SfmOptions, detect, resect};
+use crate::template::Features;
+
+/// Fewest matches a found pose must rest on: below this, chance agreements of unrelated tissue
+/// with some pose are likely.
+pub const NEEDED: usize = 12;
+
+/// Matches kept at most; more only repeat one another.
+const MOST: usize = 600;
+
+/// Find matches of a template in a frame.
+///
+/// `usable`: `true` where the organ may be seen. A rigid pose with a tolerance of
+/// `options.robust_px[0] / 2` finds the part of the frame that is this organ; after it, a match is
+/// kept when its displacement from the pose agrees with that of its neighbours, so that tissue that
+/// moved together is kept and a stray match is not.
+///
+/// # Errors
+/// Fewer than [`NEEDED`] descriptor matches, or fewer than that in agreement with a pose.
+pub fn find(
+    camera: &CameraModel,
+    rest: &Mesh,
+    features: &Features,
+    frame: &Frame,
+    usable: &Mask,
+    options: &RegisterOptions,
+    seed: u64,
+) -> Result<Vec<Match>, RegisterError> {
+    let places: Vec<Point3> = features
+        .faces
+        .iter()
+        .zip(&features.barycentrics)
+        .map(|(&f, &b)| point_at(rest.corners(f as usize), b))
+        .collect();
+    let sfm = SfmOptions::default();
+    let seen = detect(frame, Some(usable), &sfm);
+    let (a, b) =
+        (UnitDescriptors::new(&seen.descriptors), UnitDescriptors::new(&features.descriptors));
+    let radius = 0.02 * extent(&rest.positions);
+    let pairs = match_places(&a, &b, &places, radius, sfm.ratio, sfm.max_distance);
+    if pairs.len() < NEEDED {
+        return Err(RegisterError::TooFewMatches { found: pairs.len(), needed: NEEDED });
+    }
+    let pixels: Vec<Point2> = pairs.iter().map(|m| seen.points[m.a as usize]).collect();
+    let points: Vec<Point3> = pairs.iter().map(|m| places[m.b as usize]).collect();
+    let tolerance = 0.5 * options.robust_px[0];
+    let posed = resect(camera, &points, &pixels, tolerance, &mut Random::new(seed, 1));
+    let inliers = posed.as_ref().map_or(0, |p| p.inliers.len());
+    let posed = posed
+        .filter(|_| inliers >= NEEDED)
+        .ok_or(RegisterError::NoPose { inliers, found: pairs.len() })?;
+    let offsets: Vec<Option<Vector2>> = points
+        .iter()
+        .zip(&pixels)
+        .map(|(p, x)| Some(x - camera.project(&(posed.pose * p))?.pixel))
+        .collect();
+    let kept = agreeing(&pixels, &offsets, 2.0 * tolerance);
+    let matches = kept.into_iter().take(MOST).map(|i| Match {
+        face: features.faces[pairs[i].b as usize],
+        barycentric: features.barycentrics[pairs[i].b as usize],
+        pixel: pixels[i],
+    });
+    Ok(matches.collect())
+}
+
+/// Largest side of the bounding box.
+fn extent(points: &[Point3]) -> f64 {
+    (0..3)
+        .map(|k| {
+            let (low, high) =
+                points.iter().fold((f64::MAX, f64::MIN), |(l, h), p| (l.min(p[k]), h.max(p[k])));
+            high - low
+        })
+        .fold(0.0, f64::max)
+}
+
+/// Indices whose offset is below `limit` and within a tolerance of the median offset of the eight
+/// nearest others; the tolerance, 4 px plus a third of that median's length, allows for strain.
+fn agreeing(pixels: &[Point2], offsets: &[Option<Vector2>], limit: f64) -> Vec<usize> {
+    let usable = |i: &usize| offsets[*i].is_some_and(|o| o.norm() < limit);
+    let candidates: Vec<usize> = (0..pixels.len()).filter(usable).collect();
+    let agrees = |&i: &usize| {
+        let mut others: Vec<(f64, usize)> = candidates
+            .iter()
+            .filter(|&&j| j != i)
+            .map(|&j| ((pixels[i] - pixels[j]).norm_squared(), j))
+            .collect();
+        others.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        others.truncate(8);
+        let component = |axis: usize| {
+            let mut values: Vec<f64> =
+                others.iter().filter_map(|&(_, j)| offsets[j].map(|o| o[axis])).collect();
+            values.sort_unstable_by(f64::total_cmp);
+            values.get(values.len() / 2).copied().unwrap_or(0.0)
+        };
+        let typical = Vector2::new(component(0), component(1));
+        offsets[i].is_some_and(|o| (o - typical).norm() < 4.0 + typical.norm() / 3.0)
+    };
+    candidates.iter().filter(|i| agrees(i)).copied().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stray_match_is_dropped_and_a_moving_patch_is_kept() {
+        let pixels: Vec<_> =
+            (0..40).map(|i| Point2::new((i % 8) as f64 * 10.0, (i / 8) as f64 * 10.0)).collect();
+        // The right half moved by 12 px; one match there claims the opposite.
+        let mut offsets: Vec<_> = pixels
+            .iter()
+            .map(|p| Some(Vector2::new(if p.x > 35.0 { 12.0 } else { 0.0 }, 0.0)))
+            .collect();
+        offsets[22] = Some(Vector2::new(-14.0, 3.0));
+        let kept = agreeing(&pixels, &offsets, 60.0);
+        assert!(!kept.contains(&22));
+        assert!(kept.len() >= 36, "{}", kept.len());
+    }
+}

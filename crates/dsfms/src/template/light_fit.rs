@@ -1,0 +1,399 @@
+//! The light estimated from the exploration itself.
+//!
+//! The same surface point seen by a camera in known motion changes its brightness only with the
+//! light, which moves along: with the albedo eliminated, ratios of brightness over views give the
+//! light's offset from the camera, its spot profile and the light reflected from all around. Several
+//! models are fitted and the one with the best Bayesian information criterion is kept.
+
+use super::albedo::{AlbedoError, centred_gains, check_views};
+use super::coat::{WET_TISSUE, relative_transmission};
+use super::log_linear::{LogFit, LogLinear, ShadingModel};
+use super::photometric::{AlbedoView, Observation, ObservationBounds};
+use super::spots::{observe_spots, prepare, smoothed_normals};
+use crate::geometry::Point3;
+use crate::light::{Light, LightModel, PointLight, Spot};
+use crate::mesh::Mesh;
+use serde::{Deserialize, Serialize};
+
+/// Options of [`fit_light`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LightFitOptions {
+    /// Which observations count.
+    pub bounds: ObservationBounds,
+    /// Rounds of one-ring averaging of the vertex normals.
+    pub normal_smoothing: usize,
+    /// Number of surface spots tried, at least 100.
+    pub spots: usize,
+    /// Prior standard deviation of a frame's log gain; small where the exposure is fixed.
+    pub gain_sigma: f64,
+    /// Whether light reflected from all around is estimated too.
+    pub ambient: bool,
+    /// Prior standard deviation of the light's offset from its initial place, relative to the
+    /// median distance of the surface.
+    pub offset_sigma: f64,
+    /// Refractive index of the wet film on the organ, at least 1 (1 = Lambert without a film);
+    /// default that of wet tissue.
+    pub refractive_index: f64,
+}
+
+impl Default for LightFitOptions {
+    fn default() -> Self {
+        Self {
+            bounds: ObservationBounds::default(),
+            normal_smoothing: 2,
+            spots: 3000,
+            gain_sigma: 0.3,
+            ambient: true,
+            offset_sigma: 0.1,
+            refractive_index: WET_TISSUE,
+        }
+    }
+}
+
+/// One model that was tried.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LightCandidate {
+    /// What was free: `given`, `collinear`, `offset + linear spot`, ...
+    pub name: String,
+    /// The light at its optimum.
+    pub light: LightModel,
+    /// Light from all around that the surface reflects, in units of the shading.
+    pub ambient: f64,
+    /// Robust relative standard deviation of one observation.
+    pub relative_residual: f64,
+    /// Free parameters, gains not counted.
+    pub parameters: usize,
+    /// Bayesian information criterion up to a constant; smaller is better.
+    pub bic: f64,
+}
+
+/// What [`fit_light`] found.
+#[derive(Clone, Debug)]
+pub struct LightFit {
+    /// The best candidate's light.
+    pub light: LightModel,
+    /// The best candidate's ambient part, in units of the shading: `I = gain · α · (s + ambient)`.
+    pub ambient: f64,
+    /// Its robust relative residual.
+    pub relative_residual: f64,
+    /// Exposure gain of every view under it; geometric mean 1.
+    pub gains: Vec<f64>,
+    /// Surface spots and observations used.
+    pub observations: [usize; 2],
+    /// All that were tried, best first.
+    pub candidates: Vec<LightCandidate>,
+}
+
+/// Fewer spots than this say nothing about a light.
+const MIN_SPOTS: usize = 50;
+
+/// Estimate the light. `mesh` in the template frame; `initial` (from a camera file) serves as one
+/// candidate, as starting point and as centre of the prior on the offset.
+///
+/// The reference distance is that of `initial`, or else the median distance of the observations.
+pub fn fit_light(
+    mesh: &Mesh,
+    views: &[AlbedoView],
+    initial: Option<&LightModel>,
+    options: &LightFitOptions,
+) -> Result<LightFit, AlbedoError> {
+    check_views(views)?;
+    let normals = smoothed_normals(mesh, options.normal_smoothing);
+    let prepared = prepare(mesh, views, &options.bounds);
+    let at_camera = point_light(Point3::origin(), 1.0, Spot::Isotropic);
+    let gate = initial.unwrap_or(&at_camera);
+    let count = options.spots.max(100);
+    let spots = observe_spots(mesh, &normals, &prepared, gate, &options.bounds, count);
+    if spots.len() < MIN_SPOTS {
+        return Err(AlbedoError::NothingObserved { views: views.len() });
+    }
+    let gain_priors: Vec<_> =
+        views.iter().map(|v| (v.gain.max(1e-6).ln(), options.gain_sigma)).collect();
+    let fits: Vec<_> = models(initial, median_distance(&spots), options)
+        .into_iter()
+        .map(|model| {
+            let problem =
+                LogLinear { model: &model, spots: &spots, gain_priors: gain_priors.clone() };
+            let fit = problem.solve(&model.start());
+            (model, fit)
+        })
+        .collect();
+    Ok(choose(&fits, &spots))
+}
+
+fn choose(fits: &[(ParametricLight, LogFit)], spots: &[Vec<Observation>]) -> LightFit {
+    // One noise for all, so that their losses can be compared.
+    let scale = fits.iter().map(|(_, fit)| fit.scale).fold(f64::INFINITY, f64::min);
+    let mut ranked: Vec<(LightCandidate, &LogFit)> = fits
+        .iter()
+        .map(|(model, fit)| {
+            let problem = LogLinear { model, spots, gain_priors: Vec::new() };
+            let (loss, count) = problem.loss(fit, scale);
+            // Neighbouring views of a spot err alike: spots, not observations, are independent.
+            let independent = spots.len() as f64;
+            let bic = independent * (loss / count as f64).ln()
+                + fit.theta.len() as f64 * independent.ln();
+            (model.candidate(fit, bic), fit)
+        })
+        .collect();
+    ranked.sort_by(|a, b| a.0.bic.total_cmp(&b.0.bic));
+    let (best, fit) = &ranked[0];
+    LightFit {
+        light: best.light.clone(),
+        ambient: best.ambient,
+        relative_residual: best.relative_residual,
+        gains: centred_gains(&fit.log_gains),
+        observations: [spots.len(), spots.iter().map(Vec::len).sum()],
+        candidates: ranked.into_iter().map(|(candidate, _)| candidate).collect(),
+    }
+}
+
+fn median_distance(spots: &[Vec<Observation>]) -> f64 {
+    let mut distances: Vec<_> = spots.iter().flatten().map(|o| o.point.coords.norm()).collect();
+    distances.sort_by(f64::total_cmp);
+    distances[distances.len() / 2]
+}
+
+fn point_light(position: Point3, reference_distance: f64, spot: Spot) -> LightModel {
+    LightModel::Point(PointLight { positions: vec![position], reference_distance, spot })
+}
+
+/// Which family of lights.
+#[derive(Clone, Debug)]
+enum Family {
+    /// As it is, e.g. given or collinear.
+    Fixed(&'static str, LightModel),
+    /// A near point light; its position and its spot profile free or not.
+    Near { offset: bool, spot: SpotFamily },
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum SpotFamily {
+    Isotropic,
+    Cosine,
+    Linear,
+}
+
+/// A family with its free parameters: `[x, y, z] / distance`, then those of the spot (exponent/2;
+/// or inner angle and width in rad), then ambient.
+struct ParametricLight {
+    family: Family,
+    ambient: bool,
+    /// Positions are in units of this; also the reference distance.
+    distance: f64,
+    /// Start and prior mean of the offset, over `distance`.
+    origin: [f64; 3],
+    /// Start of the spot profile.
+    spot: Spot,
+    offset_sigma: f64,
+    refractive_index: f64,
+}
+
+fn models(
+    initial: Option<&LightModel>,
+    median: f64,
+    options: &LightFitOptions,
+) -> Vec<ParametricLight> {
+    use SpotFamily::{Cosine, Isotropic, Linear};
+    let given = match initial {
+        Some(LightModel::Point(light)) if !light.positions.is_empty() => Some(light),
+        _ => None,
+    };
+    let distance = given.map_or(median, |l| l.reference_distance);
+    let mean = |l: &PointLight| {
+        l.positions.iter().map(|p| p.coords).sum::<crate::geometry::Vector3>()
+            / l.positions.len() as f64
+    };
+    let origin = given.map_or([0.0; 3], |l| (mean(l) / distance).into());
+    let spot = given.map_or(Spot::Isotropic, |l| l.spot);
+    let mut families = vec![Family::Fixed("collinear", LightModel::Collinear)];
+    families.extend(initial.map(|light| Family::Fixed("given", light.clone())));
+    for offset in [false, true] {
+        families.extend([Isotropic, Cosine, Linear].map(|spot| Family::Near { offset, spot }));
+    }
+    families
+        .into_iter()
+        .map(|family| ParametricLight {
+            family,
+            ambient: options.ambient,
+            distance,
+            origin,
+            spot,
+            offset_sigma: options.offset_sigma,
+            refractive_index: options.refractive_index,
+        })
+        .collect()
+}
+
+impl ParametricLight {
+    fn start(&self) -> Vec<f64> {
+        let mut theta = Vec::new();
+        if let Family::Near { offset, spot } = self.family {
+            if offset {
+                theta.extend(self.origin);
+            }
+            match (spot, self.spot) {
+                (SpotFamily::Isotropic, _) => {}
+                (SpotFamily::Cosine, Spot::CosinePower { exponent }) => theta.push(exponent / 2.0),
+                (SpotFamily::Cosine, _) => theta.push(1.0),
+                (SpotFamily::Linear, Spot::Linear { inner_deg, outer_deg }) => {
+                    theta.extend([inner_deg.to_radians(), (outer_deg - inner_deg).to_radians()])
+                }
+                (SpotFamily::Linear, _) => theta.extend([0.2, 0.8]),
+            }
+        }
+        if self.ambient {
+            theta.push(0.02);
+        }
+        theta
+    }
+
+    /// Light and ambient part at `theta`.
+    fn decode(&self, theta: &[f64]) -> (LightModel, f64) {
+        let ambient = if self.ambient { theta[theta.len() - 1] } else { 0.0 };
+        let light = match &self.family {
+            Family::Fixed(_, light) => light.clone(),
+            Family::Near { offset, spot } => {
+                let (position, rest) = if *offset { theta.split_at(3) } else { (&[][..], theta) };
+                let place = match position {
+                    [x, y, z] => Point3::new(*x, *y, *z) * self.distance,
+                    _ => Point3::origin(),
+                };
+                point_light(place, self.distance, decode_spot(*spot, rest))
+            }
+        };
+        (light, ambient)
+    }
+
+    fn name(&self) -> String {
+        let (place, spot) = match &self.family {
+            Family::Fixed(name, _) => return (*name).to_owned(),
+            Family::Near { offset: false, spot } => ("at the camera", spot),
+            Family::Near { offset: true, spot } => ("offset", spot),
+        };
+        let profile = match spot {
+            SpotFamily::Isotropic => "",
+            SpotFamily::Cosine => " + cosine spot",
+            SpotFamily::Linear => " + linear spot",
+        };
+        format!("{place}{profile}")
+    }
+
+    fn candidate(&self, fit: &LogFit, bic: f64) -> LightCandidate {
+        let (light, ambient) = self.decode(&fit.theta);
+        LightCandidate {
+            name: self.name(),
+            light,
+            ambient,
+            relative_residual: fit.scale,
+            parameters: fit.theta.len(),
+            bic,
+        }
+    }
+
+    fn spot_range(&self) -> std::ops::Range<usize> {
+        let Family::Near { offset, spot } = self.family else { return 0..0 };
+        let first = if offset { 3 } else { 0 };
+        first..first + [0, 1, 2][spot as usize]
+    }
+}
+
+fn decode_spot(family: SpotFamily, theta: &[f64]) -> Spot {
+    match family {
+        SpotFamily::Isotropic => Spot::Isotropic,
+        SpotFamily::Cosine => Spot::CosinePower { exponent: 2.0 * theta[0] },
+        SpotFamily::Linear => Spot::Linear {
+            inner_deg: theta[0].to_degrees(),
+            outer_deg: (theta[0] + theta[1]).to_degrees(),
+        },
+    }
+}
+
+impl ShadingModel for ParametricLight {
+    type At = (LightModel, f64);
+
+    fn at(&self, theta: &[f64]) -> Self::At {
+        self.decode(theta)
+    }
+
+    fn log_shading(&self, o: &Observation, (light, ambient): &Self::At) -> f64 {
+        let passed = relative_transmission(self.refractive_index, light, &o.point, &o.normal);
+        (passed * (light.shade(&o.point, &o.normal).value + ambient)).max(1e-4).ln()
+    }
+
+    fn steps(&self) -> Vec<f64> {
+        vec![1e-4; self.start().len()]
+    }
+
+    fn priors(&self) -> Vec<(f64, f64)> {
+        let start = self.start();
+        let spot = self.spot_range();
+        let sigma = |i: usize| match i {
+            _ if spot.contains(&i) => 1.0,
+            _ if i < spot.start => self.offset_sigma,
+            _ => 0.05, // ambient
+        };
+        let mean = |i: usize, s: f64| if self.ambient && i + 1 == start.len() { 0.0 } else { s };
+        start.iter().enumerate().map(|(i, &s)| (mean(i, s), sigma(i))).collect()
+    }
+
+    fn clamp(&self, theta: &mut [f64]) {
+        let spot = self.spot_range();
+        match spot.len() {
+            1 => theta[spot.start] = theta[spot.start].clamp(0.0, 10.0),
+            2 => {
+                theta[spot.start] = theta[spot.start].clamp(0.0, 1.4);
+                let widest = std::f64::consts::PI - theta[spot.start];
+                theta[spot.start + 1] = theta[spot.start + 1].clamp(0.05, widest.min(2.5));
+            }
+            _ => {}
+        }
+        if let (true, Some(ambient)) = (self.ambient, theta.last_mut()) {
+            *ambient = ambient.clamp(0.0, 1.0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_scene::{bounds, patch, pictures};
+    use super::*;
+
+    #[test]
+    fn finds_an_offset_light_from_nothing() {
+        let mesh = patch();
+        let place = Point3::new(2.0, -4.0, 1.0);
+        let light = point_light(place, 50.0, Spot::CosinePower { exponent: 2.0 });
+        let pictures = pictures(&mesh, &light, [1.0, 1.1, 0.95, 1.0, 0.9]);
+        let views: Vec<_> = pictures.iter().map(|p| p.view()).collect();
+        let options = LightFitOptions {
+            bounds: bounds(),
+            normal_smoothing: 0,
+            spots: 600,
+            ..Default::default()
+        };
+        let fit = fit_light(&mesh, &views, None, &options).unwrap();
+        let LightModel::Point(found) = &fit.light else { panic!("{:?}", fit.candidates) };
+        assert!((found.positions[0] - place).norm() < 1.5, "{:?}", fit.candidates);
+        assert!(fit.relative_residual < 0.02 && fit.ambient < 0.03);
+        let collinear = fit.candidates.iter().find(|c| c.name == "collinear").unwrap();
+        assert!(collinear.relative_residual > 2.0 * fit.relative_residual);
+    }
+
+    #[test]
+    fn a_distant_light_is_recognised() {
+        let mesh = patch();
+        let pictures = pictures(&mesh, &LightModel::Collinear, [1.0; 5]);
+        let views: Vec<_> = pictures.iter().map(|p| p.view()).collect();
+        let options = LightFitOptions {
+            bounds: bounds(),
+            normal_smoothing: 0,
+            spots: 400,
+            gain_sigma: 0.02,
+            ..Default::default()
+        };
+        let fit = fit_light(&mesh, &views, None, &options).unwrap();
+        assert_eq!(fit.light, LightModel::Collinear, "{:?}", fit.candidates);
+    }
+}

@@ -1,0 +1,273 @@
+//! Albedo, gains and light parameters from logarithms of brightness, with the albedo eliminated.
+//!
+//! For observation `o` of surface spot `i` in view `v`
+//!
+//! ```text
+//! r_o = ln I_o − ln m(o; θ) − g_v − a_i
+//! ```
+//!
+//! with `m` the model shading, `g` log gains and `a` log albedos. `Σ w ρ(r/σ)` (Tukey) plus
+//! quadratic priors on `g` and `θ` is minimised by Levenberg–Marquardt on `(θ, g)`; every `a_i` is
+//! the robust mean of its spot's residuals and leaves by its Schur complement (variable projection).
+
+use super::photometric::Observation;
+use super::robust::{robust_scale, tukey_loss, tukey_mean, tukey_weight};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Smallest noise of a log residual: an image of 8 bits never gives less.
+const SCALE_FLOOR: f64 = 0.005;
+/// Noise assumed before the first fit.
+const SCALE_START: f64 = 0.2;
+
+/// The shading model `m(o; θ)`.
+pub(super) trait ShadingModel: Sync {
+    /// What a choice of θ amounts to, worked out once for all observations.
+    type At: Send + Sync;
+    /// The model at θ.
+    fn at(&self, theta: &[f64]) -> Self::At;
+    /// `ln m`; finite for every θ.
+    fn log_shading(&self, observation: &Observation, at: &Self::At) -> f64;
+    /// Steps for central differences, one per parameter.
+    fn steps(&self) -> Vec<f64>;
+    /// Prior mean and standard deviation of every parameter.
+    fn priors(&self) -> Vec<(f64, f64)>;
+    /// Nearest admissible parameters.
+    fn clamp(&self, _theta: &mut [f64]) {}
+}
+
+/// Observations grouped by surface spot.
+pub(super) struct LogLinear<'a, M> {
+    pub model: &'a M,
+    /// One entry per surface spot.
+    pub spots: &'a [Vec<Observation>],
+    /// Prior mean and standard deviation of every view's log gain.
+    pub gain_priors: Vec<(f64, f64)>,
+}
+
+/// Where the minimisation ended.
+#[derive(Clone, Debug)]
+pub(super) struct LogFit {
+    pub theta: Vec<f64>,
+    pub log_gains: Vec<f64>,
+    /// Robust standard deviation of the log residuals.
+    pub scale: f64,
+}
+
+impl<M: ShadingModel> LogLinear<'_, M> {
+    /// Minimise from `theta`; the noise is re-estimated between rounds.
+    pub fn solve(&self, theta: &[f64]) -> LogFit {
+        let mut x: Vec<f64> = theta.to_vec();
+        self.model.clamp(&mut x);
+        x.extend(self.gain_priors.iter().map(|p| p.0));
+        let mut scale = SCALE_START;
+        for _ in 0..4 {
+            scale = self.scale(&x, scale).clamp(SCALE_FLOOR, scale);
+            self.minimise(&mut x, scale);
+        }
+        let scale = self.scale(&x, scale).max(SCALE_FLOOR);
+        let log_gains = x.split_off(theta.len());
+        LogFit { theta: x, log_gains, scale }
+    }
+
+    /// `Σ w ρ` and the number of observations at a fit, for a common noise `scale`.
+    pub fn loss(&self, fit: &LogFit, scale: f64) -> (f64, usize) {
+        let at = self.model.at(&fit.theta);
+        let per_spot = self.per_spot(|spot| {
+            let r = self.residuals(spot, &at, &fit.log_gains, scale);
+            r.iter().map(|&r| tukey_loss(r, scale)).sum::<f64>()
+        });
+        (per_spot.iter().sum(), self.spots.iter().map(Vec::len).sum())
+    }
+
+    fn per_spot<T: Send>(&self, f: impl Fn(&[Observation]) -> T + Sync) -> Vec<T> {
+        self.spots.par_iter().map(|spot| f(spot)).collect()
+    }
+
+    fn parameters(&self) -> usize {
+        self.model.steps().len()
+    }
+
+    /// Residuals of one spot with its own log albedo removed.
+    fn residuals(&self, spot: &[Observation], at: &M::At, gains: &[f64], scale: f64) -> Vec<f64> {
+        let mut r: Vec<f64> = spot
+            .iter()
+            .map(|o| o.grey().ln() - self.model.log_shading(o, at) - gains[o.view])
+            .collect();
+        let mut samples: Vec<_> = r.iter().zip(spot).map(|(&r, o)| (r, o.weight)).collect();
+        let centre = tukey_mean(&mut samples, scale);
+        r.iter_mut().for_each(|r| *r -= centre);
+        r
+    }
+
+    fn scale(&self, x: &[f64], scale: f64) -> f64 {
+        let (theta, gains) = x.split_at(self.parameters());
+        let at = self.model.at(theta);
+        let residuals = self.per_spot(|spot| {
+            let n = spot.len() as f64;
+            // The mean of n observations takes one degree of freedom.
+            let unbias = (n / (n - 1.0).max(1.0)).sqrt();
+            self.residuals(spot, &at, gains, scale)
+                .into_iter()
+                .map(|r| r * unbias)
+                .collect::<Vec<_>>()
+        });
+        let scale = robust_scale(residuals.into_iter().flatten());
+        if scale.is_finite() { scale } else { SCALE_START }
+    }
+
+    fn prior(&self) -> Vec<(f64, f64)> {
+        let mut prior = self.model.priors();
+        prior.extend_from_slice(&self.gain_priors);
+        prior
+    }
+
+    fn cost(&self, x: &[f64], scale: f64) -> f64 {
+        let (theta, gains) = x.split_at(self.parameters());
+        let at = self.model.at(theta);
+        let data: f64 = self
+            .per_spot(|spot| {
+                let r = self.residuals(spot, &at, gains, scale);
+                r.iter().zip(spot).map(|(&r, o)| o.weight * tukey_loss(r, scale)).sum::<f64>()
+            })
+            .iter()
+            .sum();
+        data + x.iter().zip(self.prior()).map(|(x, (m, s))| ((x - m) / s).powi(2)).sum::<f64>()
+    }
+
+    fn minimise(&self, x: &mut Vec<f64>, scale: f64) {
+        let (mut damping, mut cost) = (1e-3, self.cost(x, scale));
+        for _ in 0..15 {
+            let (hessian, gradient) = self.linearise(x, scale);
+            let mut accepted = None;
+            while damping < 1e8 && accepted.is_none() {
+                if let Some(trial) = self.step(x, &hessian, &gradient, damping) {
+                    let trial_cost = self.cost(&trial, scale);
+                    accepted = (trial_cost < cost).then_some((trial, trial_cost));
+                }
+                damping *= if accepted.is_some() { 0.2 } else { 5.0 };
+            }
+            let Some((trial, trial_cost)) = accepted else { return };
+            let decrease = cost - trial_cost;
+            (*x, cost) = (trial, trial_cost);
+            if decrease < 1e-7 * cost {
+                return;
+            }
+        }
+    }
+
+    fn step(
+        &self,
+        x: &[f64],
+        h: &DMatrix<f64>,
+        g: &DVector<f64>,
+        damping: f64,
+    ) -> Option<Vec<f64>> {
+        let mut damped = h.clone();
+        for i in 0..x.len() {
+            damped[(i, i)] += damping * h[(i, i)].max(1e-9);
+        }
+        let step = damped.cholesky()?.solve(g);
+        let mut trial: Vec<f64> = x.iter().zip(step.iter()).map(|(x, d)| x + d).collect();
+        self.model.clamp(&mut trial[..self.parameters()]);
+        Some(trial)
+    }
+
+    /// Gauss–Newton matrix and descent direction of the reduced problem.
+    fn linearise(&self, x: &[f64], scale: f64) -> (DMatrix<f64>, DVector<f64>) {
+        let n = x.len();
+        let (mut h, mut g) = (DMatrix::zeros(n, n), DVector::zeros(n));
+        for (i, (mean, sigma)) in self.prior().into_iter().enumerate() {
+            h[(i, i)] += 1.0 / (sigma * sigma);
+            g[i] += (mean - x[i]) / (sigma * sigma);
+        }
+        let around = self.around(&x[..self.parameters()]);
+        for rows in self.per_spot(|spot| self.rows(spot, &around, x, scale)) {
+            accumulate(&rows, &mut h, &mut g);
+        }
+        (h, g)
+    }
+
+    /// The model at θ and at one step to both sides of every parameter.
+    fn around(&self, theta: &[f64]) -> Around<M::At> {
+        let moved = |j: usize, step: f64| {
+            let mut moved = theta.to_vec();
+            moved[j] += step;
+            self.model.at(&moved)
+        };
+        let steps = self.model.steps();
+        let sides =
+            steps.iter().enumerate().map(|(j, &h)| (moved(j, h), moved(j, -h), h)).collect();
+        Around { centre: self.model.at(theta), sides }
+    }
+
+    /// Rows of one spot, centred by its albedo (the Schur complement).
+    fn rows(
+        &self,
+        spot: &[Observation],
+        around: &Around<M::At>,
+        x: &[f64],
+        scale: f64,
+    ) -> Vec<Row> {
+        let k = self.parameters();
+        let residuals = self.residuals(spot, &around.centre, &x[k..], scale);
+        let log = |o, at| self.model.log_shading(o, at);
+        let mut rows: Vec<Row> = spot
+            .iter()
+            .zip(&residuals)
+            .map(|(o, &r)| {
+                let slopes =
+                    around.sides.iter().map(|(u, d, h)| (log(o, u) - log(o, d)) / (2.0 * h));
+                let mut entries: Vec<(usize, f64)> = slopes.enumerate().collect();
+                entries.push((k + o.view, 1.0));
+                let weight = o.weight * tukey_weight(r, scale) / (scale * scale);
+                Row { entries, residual: r, weight }
+            })
+            .collect();
+        centre(&mut rows);
+        rows
+    }
+}
+
+/// A model and its neighbours for central differences: up, down, step.
+struct Around<T> {
+    centre: T,
+    sides: Vec<(T, T, f64)>,
+}
+
+/// One linearised observation: sparse derivative of the prediction, residual, weight.
+struct Row {
+    entries: Vec<(usize, f64)>,
+    residual: f64,
+    weight: f64,
+}
+
+/// Subtract the weighted mean row, which is what eliminating the spot's own albedo amounts to.
+fn centre(rows: &mut [Row]) {
+    let total: f64 = rows.iter().map(|r| r.weight).sum();
+    if total <= 0.0 {
+        return;
+    }
+    let mut mean = std::collections::BTreeMap::new();
+    for row in rows.iter() {
+        for &(i, v) in &row.entries {
+            *mean.entry(i).or_insert(0.0) += v * row.weight / total;
+        }
+    }
+    for row in rows.iter_mut() {
+        let own = std::mem::take(&mut row.entries);
+        let at = |i| own.iter().find(|e| e.0 == i).map_or(0.0, |e| e.1);
+        row.entries = mean.iter().map(|(&i, m)| (i, at(i) - m)).collect();
+    }
+}
+
+fn accumulate(rows: &[Row], h: &mut DMatrix<f64>, g: &mut DVector<f64>) {
+    for row in rows {
+        for &(i, vi) in &row.entries {
+            g[i] += row.weight * vi * row.residual;
+            for &(j, vj) in &row.entries {
+                h[(i, j)] += row.weight * vi * vj;
+            }
+        }
+    }
+}

@@ -1,0 +1,218 @@
+//! What a registered frame says about the brightness of one surface point, and when it must not be
+//! believed: saturation and its halo, the specular lobe, grazing light, predicted contours,
+//! occlusion, masks.
+
+use crate::camera::{Camera, CameraModel};
+use crate::geometry::{Isometry, Point2, Point3, Vector3};
+use crate::image::{ColorImage, Mask};
+use crate::light::{Light, LightModel, specular_angle};
+use crate::mesh::Mesh;
+use crate::raster::{Raster, rasterize, regions::distance_to};
+use serde::{Deserialize, Serialize};
+
+/// One registered exploration frame, as the photometric steps need it.
+#[derive(Clone, Copy, Debug)]
+pub struct AlbedoView<'a> {
+    /// The frame in linear light, `[0, 1]`.
+    pub image: &'a ColorImage,
+    /// `true` where the encoded frame is saturated (judged before linearisation).
+    pub saturation: &'a Mask,
+    /// `true` where the organ may be measured (viewport, no instrument, organ outline); `None` =
+    /// everywhere.
+    pub valid: Option<&'a Mask>,
+    /// Camera of the frame.
+    pub camera: &'a CameraModel,
+    /// `camera_from_template`.
+    pub pose: Isometry,
+    /// First guess of the exposure gain, e.g. from the file's exposure data; 1 when nothing is known.
+    pub gain: f64,
+}
+
+/// When an observation counts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ObservationBounds {
+    /// Distance from saturated pixels, px, to be out of their halo.
+    pub halo_px: f64,
+    /// Distance from predicted contours (silhouettes and depth jumps), px.
+    pub contour_px: f64,
+    /// Depth jump between neighbouring pixels that counts as a contour, relative to the depth.
+    pub relative_jump: f64,
+    /// Distance from masked pixels, px.
+    pub mask_px: f64,
+    /// Angle in degrees between the normal and that of a mirror reflection.
+    pub specular_deg: f64,
+    /// Smallest cosine between the normal and the directions to light and camera. Beyond 60
+    /// degrees (0.5) light from all around and the film on the tissue weigh in.
+    pub grazing_cos: f64,
+    /// Darkest usable channel mean, linear; below it quantisation rules.
+    pub darkest: f64,
+    /// Brightest usable channel, linear; above it a single channel may be clipped.
+    pub brightest: f64,
+}
+
+impl Default for ObservationBounds {
+    fn default() -> Self {
+        Self {
+            halo_px: 12.0,
+            contour_px: 4.0,
+            relative_jump: 0.02,
+            mask_px: 2.0,
+            specular_deg: 20.0,
+            grazing_cos: 0.5,
+            darkest: 0.005,
+            brightest: 0.97,
+        }
+    }
+}
+
+/// A surface point counts as seen when it lies within this of the z-buffer, relative to its depth.
+const OCCLUSION_TOLERANCE: f64 = 0.01;
+
+/// Brightness of one surface point in one frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Observation {
+    /// Index of the view.
+    pub view: usize,
+    /// The surface point in camera axes.
+    pub point: Point3,
+    /// Its unit normal in camera axes.
+    pub normal: Vector3,
+    /// Linear RGB of the image there.
+    pub rgb: [f64; 3],
+    /// Cosine towards the camera times cosine towards the light.
+    pub weight: f64,
+}
+
+impl Observation {
+    /// Mean of the three channels.
+    pub fn grey(&self) -> f64 {
+        (self.rgb[0] + self.rgb[1] + self.rgb[2]) / 3.0
+    }
+}
+
+/// A view with its z-buffer and the pixels that may be used.
+pub(super) struct PreparedView<'a> {
+    view: &'a AlbedoView<'a>,
+    pub raster: Raster,
+    usable: Vec<bool>,
+}
+
+impl<'a> PreparedView<'a> {
+    pub fn new(mesh: &Mesh, view: &'a AlbedoView<'a>, bounds: &ObservationBounds) -> Self {
+        let positions: Vec<_> = mesh.positions.iter().map(|p| view.pose * p).collect();
+        let raster = rasterize(view.camera, &mesh.topology, &positions);
+        let usable = usable_pixels(view, &raster, bounds);
+        Self { view, raster, usable }
+    }
+
+    /// What this view says about a surface point given in the template frame.
+    pub fn observe(
+        &self,
+        index: usize,
+        point: &Point3,
+        normal: &Vector3,
+        light: &LightModel,
+        bounds: &ObservationBounds,
+    ) -> Option<Observation> {
+        let point = self.view.pose * point;
+        let pixel = self.view.camera.project(&point)?.pixel;
+        let at = nearest(&pixel, self.raster.size)?;
+        let hidden = point.z > self.raster.depth[at] + OCCLUSION_TOLERANCE * point.z;
+        if hidden || !self.usable[at] {
+            return None;
+        }
+        let normal = self.view.pose * normal;
+        let lit = lit_cosine(light, &point, &normal);
+        let seen = -normal.dot(&point.coords) / point.coords.norm();
+        let cosine = lit.min(seen);
+        let specular = specular_angle(light, &point, &normal).to_degrees();
+        if cosine < bounds.grazing_cos || specular < bounds.specular_deg {
+            return None;
+        }
+        let rgb = sample_rgb(self.view.image, &pixel)?;
+        let brightest = rgb[0].max(rgb[1]).max(rgb[2]);
+        let grey = (rgb[0] + rgb[1] + rgb[2]) / 3.0;
+        if !(grey >= bounds.darkest && brightest <= bounds.brightest) {
+            return None;
+        }
+        Some(Observation { view: index, point, normal, rgb, weight: lit * seen })
+    }
+}
+
+/// Cosine between the normal and the direction to the light.
+pub(super) fn lit_cosine(light: &LightModel, point: &Point3, normal: &Vector3) -> f64 {
+    // The mirror normal halves the angle between the directions to camera and light.
+    let to_camera = -point.coords.normalize();
+    let half = light.mirror_normal(point);
+    let to_light = half * (2.0 * half.dot(&to_camera)) - to_camera;
+    normal.dot(&to_light)
+}
+
+fn usable_pixels(view: &AlbedoView, raster: &Raster, bounds: &ObservationBounds) -> Vec<bool> {
+    let contour = distance_to(&raster.discontinuities(bounds.relative_jump));
+    let saturated = distance_to(view.saturation);
+    let masked = view.valid.map(|valid| {
+        distance_to(&Mask { size: valid.size, data: valid.data.iter().map(|&v| !v).collect() })
+    });
+    (0..contour.len())
+        .map(|i| {
+            contour[i] >= bounds.contour_px as f32
+                && saturated[i] >= bounds.halo_px as f32
+                && masked.as_ref().is_none_or(|d| d[i] >= bounds.mask_px as f32)
+        })
+        .collect()
+}
+
+fn nearest(p: &Point2, size: [usize; 2]) -> Option<usize> {
+    let (x, y) = (p.x.round(), p.y.round());
+    (x >= 0.0 && y >= 0.0 && x < size[0] as f64 && y < size[1] as f64)
+        .then(|| y as usize * size[0] + x as usize)
+}
+
+/// Bilinear RGB; `None` outside the rectangle of pixel centres.
+pub(super) fn sample_rgb(image: &ColorImage, p: &Point2) -> Option<[f64; 3]> {
+    let [w, h] = image.size;
+    if !(p.x >= 0.0 && p.y >= 0.0 && p.x <= w as f64 - 1.0 && p.y <= h as f64 - 1.0) {
+        return None;
+    }
+    let (x0, y0) = (p.x as usize, p.y as usize);
+    let (x1, y1) = ((x0 + 1).min(w - 1), (y0 + 1).min(h - 1));
+    let (u, v) = (p.x - x0 as f64, p.y - y0 as f64);
+    let corners = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)];
+    let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
+    let mut rgb = [0.0; 3];
+    for ((x, y), weight) in corners.into_iter().zip(weights) {
+        let pixel = image.data[y * w + x];
+        (0..3).for_each(|c| rgb[c] += weight * pixel[c] as f64);
+    }
+    Some(rgb)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::{PointLight, Spot};
+
+    #[test]
+    fn lit_cosine_points_at_the_light() {
+        let light = LightModel::Point(PointLight {
+            positions: vec![Point3::new(0.0, -3.0, 0.0)],
+            reference_distance: 50.0,
+            spot: Spot::Isotropic,
+        });
+        let (point, normal) = (Point3::new(4.0, 2.0, 40.0), Vector3::new(0.1, 0.3, -0.9));
+        let normal = normal.normalize();
+        let expected = (Point3::new(0.0, -3.0, 0.0) - point).normalize().dot(&normal);
+        assert!((lit_cosine(&light, &point, &normal) - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn bilinear_colour_by_hand() {
+        let data = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 4.0]];
+        let image = ColorImage { size: [2, 2], data };
+        assert_eq!(sample_rgb(&image, &Point2::new(0.5, 0.5)), Some([0.25, 0.5, 1.0]));
+        assert_eq!(sample_rgb(&image, &Point2::new(1.0, 1.0)), Some([0.0, 0.0, 4.0]));
+        assert_eq!(sample_rgb(&image, &Point2::new(1.1, 1.0)), None);
+    }
+}

@@ -1,0 +1,88 @@
+//! A wavy patch photographed from several sides under a known light, for the tests of this folder.
+
+use super::coat::{WET_TISSUE, relative_transmission};
+use super::photometric::{AlbedoView, ObservationBounds};
+use super::spots::{smoothed_normals, surface_point};
+use crate::camera::{CameraModel, Lens};
+use crate::geometry::{Isometry, Point3, Vector3};
+use crate::image::{ColorImage, Mask};
+use crate::light::{Light, LightModel};
+use crate::mesh::{Mesh, Topology};
+use crate::raster::{Raster, rasterize};
+use std::sync::Arc;
+
+pub const SIZE: [usize; 2] = [96, 72];
+
+pub struct Picture {
+    pub raster: Raster,
+    pub image: ColorImage,
+    pub unsaturated: Mask,
+    pub camera: CameraModel,
+    pub pose: Isometry,
+}
+
+impl Picture {
+    pub fn view(&self) -> AlbedoView<'_> {
+        AlbedoView {
+            image: &self.image,
+            saturation: &self.unsaturated,
+            valid: None,
+            camera: &self.camera,
+            pose: self.pose,
+            gain: 1.0,
+        }
+    }
+}
+
+pub fn patch() -> Mesh {
+    const N: u32 = 17;
+    let at = |i: u32| -20.0 + 40.0 * f64::from(i) / f64::from(N - 1);
+    let positions = (0..N * N)
+        .map(|k| (at(k % N), at(k / N)))
+        .map(|(x, y)| Point3::new(x, y, 3.0 * (0.15 * x).sin() * (0.2 * y).cos()))
+        .collect();
+    let cell = |k: u32| [[k, k + N, k + 1], [k + 1, k + N, k + N + 1]];
+    let faces = (0..(N - 1) * (N - 1)).flat_map(|c| cell(c / (N - 1) * N + c % (N - 1))).collect();
+    let topology = Arc::new(Topology::new((N * N) as usize, faces).unwrap());
+    Mesh { topology, positions }
+}
+
+pub fn true_albedo(p: &Point3) -> [f64; 3] {
+    let a = 0.4 + 0.1 * (0.3 * p.x).sin();
+    [a, 0.8 * a, 0.5 * a]
+}
+
+/// Bounds that suit so small a picture, without any highlight in it.
+pub fn bounds() -> ObservationBounds {
+    ObservationBounds { contour_px: 2.0, halo_px: 2.0, specular_deg: 0.0, ..Default::default() }
+}
+
+/// Five views, tilted by 17 degrees to all sides, at different distances.
+pub fn pictures(mesh: &Mesh, light: &LightModel, gains: [f64; 5]) -> Vec<Picture> {
+    let tilts = [[0.0, 0.0], [0.3, 0.0], [-0.3, 0.1], [0.1, 0.3], [0.0, -0.3]];
+    let distances = [45.0, 50.0, 60.0, 48.0, 55.0];
+    (0..5)
+        .map(|i| {
+            let axis = Vector3::new(tilts[i][0], tilts[i][1], 0.0);
+            let pose = Isometry::new(Vector3::new(0.0, 0.0, distances[i]), axis);
+            picture(mesh, light, pose, gains[i])
+        })
+        .collect()
+}
+
+pub fn picture(mesh: &Mesh, light: &LightModel, pose: Isometry, gain: f64) -> Picture {
+    let camera =
+        CameraModel { size: SIZE, focal: [90.0; 2], centre: [47.0, 36.0], lens: Lens::Pinhole };
+    let positions: Vec<_> = mesh.positions.iter().map(|p| pose * p).collect();
+    let raster = rasterize(&camera, &mesh.topology, &positions);
+    let normals = smoothed_normals(mesh, 0);
+    let data = raster.render([0.0; 3], |face, w| {
+        let Some((p, n)) = surface_point(mesh, &normals, face, w) else { return [0.0; 3] };
+        let (point, normal) = (pose * p, pose * n);
+        let passed = relative_transmission(WET_TISSUE, light, &point, &normal);
+        let light = gain * passed * light.shade(&point, &normal).value;
+        true_albedo(&p).map(|a| (a * light) as f32)
+    });
+    let image = ColorImage { size: SIZE, data };
+    Picture { raster, image, unsaturated: Mask::filled(SIZE, false), camera, pose }
+}
