@@ -2,12 +2,14 @@
 
 use crate::args::Global;
 use anyhow::Context;
+use dsfms::camera::CameraModel;
 use dsfms::image::{Frame, Mask, ToneCurve};
 use dsfms::io::InputError;
 use dsfms::io::camera::{CameraFile, read_camera};
-use dsfms::io::images::{find_frames, read_frame};
+use dsfms::io::images::{check_camera_size, find_frames, read_frame};
 use dsfms::io::masks::{MaskKind, read_masks};
 use dsfms::pipeline::Progress;
+use dsfms::video::{VideoOptions, is_video, select_reporting};
 use std::path::{Path, PathBuf};
 
 /// A camera file with the tone curve that counts: `--tone`, else the file's, else sRGB.
@@ -60,19 +62,43 @@ impl Source {
     }
 }
 
-/// Extensions that are taken for videos.
-const VIDEO: [&str; 10] =
-    ["mp4", "m4v", "mov", "avi", "mkv", "webm", "mpg", "mpeg", "wmv", "ts"];
-
-/// Whether a path names a video.
-pub fn is_video(path: &Path) -> bool {
-    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    VIDEO.contains(&extension.as_str())
+/// Frames of files, folders, patterns and videos, in order.
+pub fn sources(
+    inputs: &[PathBuf],
+    purpose: Purpose,
+    progress: &dyn Progress,
+) -> anyhow::Result<Vec<Source>> {
+    let mut sources = Vec::new();
+    for input in inputs {
+        if input.is_file() && is_video(input) {
+            let frames = video_frames(input, purpose, progress)?;
+            sources.extend(frames.into_iter().map(Source::Decoded));
+        } else {
+            let found = find_frames(std::slice::from_ref(input))?;
+            sources.extend(found.into_iter().map(Source::File));
+        }
+    }
+    Ok(sources)
 }
 
-/// Frames of files, folders and patterns, in order.
-pub fn image_sources(inputs: &[PathBuf]) -> Result<Vec<Source>, InputError> {
-    Ok(find_frames(inputs)?.into_iter().map(Source::File).collect())
+fn video_frames(
+    path: &Path,
+    purpose: Purpose,
+    progress: &dyn Progress,
+) -> anyhow::Result<Vec<Frame>> {
+    let options = match purpose {
+        Purpose::Template => VideoOptions::default(),
+        Purpose::Reconstruct => VideoOptions {
+            max_frames: usize::MAX,
+            stride: Some(1),
+            min_motion: 0.0,
+            ..VideoOptions::default()
+        },
+    };
+    let mut report = |done: usize, total: Option<usize>| {
+        progress.step("video", done, total.unwrap_or(done));
+    };
+    Ok(select_reporting(path, &options, &mut report)?)
 }
 
 /// What frames are wanted for: it decides which frames of a video are taken.
@@ -86,7 +112,7 @@ pub enum Purpose {
 
 /// Check a frame against the camera it is said to come from.
 pub fn check_size(frame: &Frame, camera: &CameraModel, path: &Path) -> Result<(), InputError> {
-    check_camera_size(std::slice::from_ref(frame), camera, path)
+    check_camera_size(std::slice::from_ref(frame), camera.size, path)
 }
 
 /// A path that must be there before any work begins.

@@ -2,12 +2,12 @@
 
 mod args;
 mod commands;
+mod demo;
 mod draw;
 mod exit;
 mod inputs;
 mod outputs;
 mod progress;
-mod report;
 
 use clap::Parser;
 use std::process::ExitCode;

@@ -40,7 +40,7 @@ pub fn output_names(inputs: &[String]) -> Vec<String> {
 }
 
 /// `OUT/frame_NNN.json`.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct FrameReport {
     /// `ok`, `degraded` or `failed`.
     pub status: &'static str,

@@ -301,7 +301,7 @@ fn read_vertex_values(path: &Path, vertices: usize) -> Result<Vec<[f32; 3]>, Inp
     }
     if values.len() != vertices {
         let problem = format!("{} albedo values, but the mesh has {vertices} vertices", values.len());
-        return Err(InputError::Format { path: path.into(), problem });
+        return Err(InputError::Format { path: path.into(), reason: problem });
     }
     Ok(values)
 }
