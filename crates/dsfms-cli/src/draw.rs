@@ -20,9 +20,7 @@ const SIDE_DEG: f64 = 65.0;
 /// The frame as an image that can be drawn on.
 pub fn picture(frame: &Frame) -> RgbImage {
     let [w, h] = frame.size;
-    RgbImage::from_fn(w as u32, h as u32, |x, y| {
-        image::Rgb(frame.rgb[y as usize * w + x as usize])
-    })
+    RgbImage::from_fn(w as u32, h as u32, |x, y| image::Rgb(frame.rgb[y as usize * w + x as usize]))
 }
 
 /// The mesh's visible edges and the matches over the frame. `vertices` in camera axes.

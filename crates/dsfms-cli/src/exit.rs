@@ -59,7 +59,9 @@ fn hint(error: &anyhow::Error) -> Option<&'static str> {
 fn advice(cause: &(dyn Error + 'static)) -> Option<&'static str> {
     if let Some(error) = cause.downcast_ref::<InputError>() {
         return match error {
-            InputError::Missing(_) => Some("check the path; relative paths start at the current folder"),
+            InputError::Missing(_) => {
+                Some("check the path; relative paths start at the current folder")
+            }
             InputError::Image { .. } => Some("expected PNG, JPEG or TIFF; export the frame again"),
             InputError::CameraSize { .. } => {
                 Some("scale fx, fy, cx, cy with the image, or give images of the calibrated size")

@@ -38,9 +38,7 @@ impl Source {
     /// File stem, or the name that a video frame was given.
     pub fn name(&self) -> String {
         match self {
-            Self::File(path) => {
-                path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
-            }
+            Self::File(path) => path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
             Self::Decoded(frame) => frame.name.clone(),
         }
     }

@@ -19,10 +19,7 @@ use std::path::{Path, PathBuf};
 /// Make sure, before any work, that results can be written.
 pub fn prepare_folder(folder: &Path) -> anyhow::Result<()> {
     let refuse = || {
-        format!(
-            "the output folder {} cannot be written; choose another with -o",
-            folder.display()
-        )
+        format!("the output folder {} cannot be written; choose another with -o", folder.display())
     };
     std::fs::create_dir_all(folder).with_context(refuse)?;
     tempfile::tempfile_in(folder).with_context(refuse)?;
@@ -33,8 +30,7 @@ pub fn prepare_folder(folder: &Path) -> anyhow::Result<()> {
 /// the same, else its place in the sequence.
 pub fn output_names(inputs: &[String]) -> Vec<String> {
     let numbers: Option<Vec<u64>> = inputs.iter().map(|name| frame_number(name)).collect();
-    let unique =
-        numbers.filter(|n| n.iter().collect::<BTreeSet<_>>().len() == inputs.len());
+    let unique = numbers.filter(|n| n.iter().collect::<BTreeSet<_>>().len() == inputs.len());
     let numbers = unique.unwrap_or_else(|| (0..inputs.len() as u64).collect());
     numbers.iter().map(|n| format!("frame_{n:03}")).collect()
 }

@@ -109,7 +109,9 @@ fn reconstruct_all(
     let mut frames: Vec<FrameResult> = scene
         .deformed
         .iter()
-        .map(|d| FrameResult::new(d, tie.matches(template, scene, &d.matches), tie.carry(template, d)))
+        .map(|d| {
+            FrameResult::new(d, tie.matches(template, scene, &d.matches), tie.carry(template, d))
+        })
         .collect();
     let jobs: Vec<(usize, Method)> =
         METHODS.iter().flat_map(|&m| (0..frames.len()).map(move |i| (i, m))).collect();

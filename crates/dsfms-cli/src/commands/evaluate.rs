@@ -85,8 +85,7 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<Outcome> {
     for (name, found, truth) in pairs {
         match truth {
             Some(truth) => {
-                let result =
-                    compare(&found, &truth, rest.as_ref(), camera.as_ref(), &options)?;
+                let result = compare(&found, &truth, rest.as_ref(), camera.as_ref(), &options)?;
                 results.insert(name, result);
             }
             None => {

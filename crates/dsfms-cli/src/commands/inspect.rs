@@ -5,7 +5,6 @@ use clap::Args;
 use dsfms::io::template::read_template;
 use dsfms::template::Template;
 use dsfms::template::statistics::{TemplateStatistics, template_statistics};
-use std::io::Write;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -58,7 +57,12 @@ fn rows(template: &Template, s: &TemplateStatistics) -> Vec<(&'static str, Strin
     let albedo = s.albedo.as_ref().map_or("none".into(), |a| {
         format!(
             "{} texels, {:.1} % observed; mean {:.3}, p5 {:.3}, p95 {:.3}; median spread {:.4}",
-            a.texels, 100.0 * a.observed, a.mean, a.p5, a.p95, a.median_spread
+            a.texels,
+            100.0 * a.observed,
+            a.mean,
+            a.p5,
+            a.p95,
+            a.median_spread
         )
     });
     let frames = match s.median_reprojection_px {

@@ -167,9 +167,10 @@ fn prepare<'a>(
             (input.file.camera, input.tone)
         }
         None => {
-            let camera = template.camera.clone().context(
-                "the template holds no camera; give the frames' camera with --camera",
-            )?;
+            let camera = template
+                .camera
+                .clone()
+                .context("the template holds no camera; give the frames' camera with --camera")?;
             (camera, global.tone.map_or(template.tone.clone(), Into::into))
         }
     };

@@ -107,7 +107,9 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
 fn check(args: &TemplateArgs) -> anyhow::Result<()> {
     let wrong = |text: &str| Err(Usage(text.into()).into());
     match (args.frames.is_empty(), &args.mesh, &args.poses, &args.camera) {
-        (true, None, ..) => wrong("give exploration frames (a folder, files or a video), or --mesh"),
+        (true, None, ..) => {
+            wrong("give exploration frames (a folder, files or a video), or --mesh")
+        }
         (true, Some(_), Some(_), _) => wrong("--poses belongs to frames; give the frames too"),
         (false, Some(_), None, _) => wrong("frames on a given --mesh need --poses"),
         (false, _, _, None) => wrong("frames need --camera"),
@@ -214,8 +216,9 @@ fn load(
         }
     }
     match first_error {
-        Some(error) if loaded.frames.len() < 2 => Err(error)
-            .with_context(|| format!("{} of {} frames can be used", loaded.frames.len(), sources.len())),
+        Some(error) if loaded.frames.len() < 2 => Err(error).with_context(|| {
+            format!("{} of {} frames can be used", loaded.frames.len(), sources.len())
+        }),
         _ => Ok(loaded),
     }
 }
@@ -281,9 +284,8 @@ fn read_albedo(path: &Path, file: &MeshFile, global: &Global) -> anyhow::Result<
 }
 
 fn mean_edge(mesh: &Mesh) -> f64 {
-    let length = |&[a, b]: &[u32; 2]| {
-        (mesh.positions[a as usize] - mesh.positions[b as usize]).norm()
-    };
+    let length =
+        |&[a, b]: &[u32; 2]| (mesh.positions[a as usize] - mesh.positions[b as usize]).norm();
     mesh.topology.edges.iter().map(length).sum::<f64>() / mesh.topology.edges.len() as f64
 }
 
@@ -296,11 +298,14 @@ fn read_vertex_values(path: &Path, vertices: usize) -> Result<Vec<[f32; 3]>, Inp
         match vertex_value(line) {
             Ok(value) => values.push(value),
             Err(_) if values.is_empty() && line.contains(char::is_alphabetic) && i == 0 => {}
-            Err(problem) => return Err(InputError::Line { path: path.into(), line: i + 1, problem }),
+            Err(problem) => {
+                return Err(InputError::Line { path: path.into(), line: i + 1, problem });
+            }
         }
     }
     if values.len() != vertices {
-        let problem = format!("{} albedo values, but the mesh has {vertices} vertices", values.len());
+        let problem =
+            format!("{} albedo values, but the mesh has {vertices} vertices", values.len());
         return Err(InputError::Format { path: path.into(), reason: problem });
     }
     Ok(values)

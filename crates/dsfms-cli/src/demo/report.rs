@@ -46,7 +46,11 @@ impl FrameResult {
     }
 
     /// Add the result of the next method.
-    pub fn add(&mut self, method: Method, outcome: (FrameReport, Option<(Reconstruction, Evaluation)>)) {
+    pub fn add(
+        &mut self,
+        method: Method,
+        outcome: (FrameReport, Option<(Reconstruction, Evaluation)>),
+    ) {
         debug_assert_eq!(METHODS[self.methods.len()], method);
         let (report, surface) = outcome;
         self.methods.push(MethodResult { report, surface });
@@ -131,7 +135,10 @@ impl Report<'_> {
             }
             text.push('\n');
         }
-        text += &format!("{:.0} s in all, of which template {:.0} s\n", self.seconds, self.template_seconds);
+        text += &format!(
+            "{:.0} s in all, of which template {:.0} s\n",
+            self.seconds, self.template_seconds
+        );
         text
     }
 }
@@ -192,7 +199,10 @@ fn overview(report: &Report) -> String {
 }
 
 /// Rows of `(method, cells)`, the smallest value of every column marked.
-fn error_table(caption: &str, cell: impl Fn(usize, Part, fn(&ErrorStats) -> f64) -> Option<f64>) -> String {
+fn error_table(
+    caption: &str,
+    cell: impl Fn(usize, Part, fn(&ErrorStats) -> f64) -> Option<f64>,
+) -> String {
     let columns: Vec<(Part, &str, fn(&ErrorStats) -> f64)> = Part::ALL
         .into_iter()
         .flat_map(|p| [(p, "rms", (|s| s.rms) as fn(&ErrorStats) -> f64), (p, "mean", |s| s.mean)])
@@ -200,9 +210,7 @@ fn error_table(caption: &str, cell: impl Fn(usize, Part, fn(&ErrorStats) -> f64)
     let values: Vec<Vec<Option<f64>>> = (0..METHODS.len())
         .map(|k| columns.iter().map(|&(part, _, value)| cell(k, part, value)).collect())
         .collect();
-    let best = |c: usize| {
-        values.iter().filter_map(|row| row[c]).fold(f64::INFINITY, f64::min)
-    };
+    let best = |c: usize| values.iter().filter_map(|row| row[c]).fold(f64::INFINITY, f64::min);
     let mut html = format!(
         "<div class=\"scroll\"><table><caption>{caption}</caption><thead><tr><th rowspan=\"2\" scope=\"col\">method</th>"
     );
@@ -262,7 +270,11 @@ fn template_section(report: &Report) -> anyhow::Result<String> {
         html += &card("Exploration frame 0", &photo, "First exploration frame");
     }
     if let Some(albedo) = albedo_picture(report)? {
-        html += &card("Albedo on the flattening", &albedo, "Albedo of the organ on its conformal flattening");
+        html += &card(
+            "Albedo on the flattening",
+            &albedo,
+            "Albedo of the organ on its conformal flattening",
+        );
     }
     let mm = report.tie.in_mm(&in_first_camera(report));
     let colour: Vec<[u8; 3]> =
@@ -327,9 +339,17 @@ fn frame_section(report: &Report, i: usize, frame: &FrameResult) -> anyhow::Resu
         frame.given_matches
     );
     html += "<div class=\"card\"><h3>Image and truth</h3>";
-    html += &figure(&jpeg(&draw::picture(&deformed.frame))?, &format!("{name}, the image"), "The image");
+    html += &figure(
+        &jpeg(&draw::picture(&deformed.frame))?,
+        &format!("{name}, the image"),
+        "The image",
+    );
     let truth = view.render(topology, &frame.truth.mesh.positions, None);
-    html += &figure(&jpeg(&truth)?, &format!("{name}, true shape from the side"), "True shape from the side");
+    html += &figure(
+        &jpeg(&truth)?,
+        &format!("{name}, true shape from the side"),
+        "True shape from the side",
+    );
     html += "</div>";
     for (k, method) in METHODS.into_iter().enumerate() {
         html += &method_card(report, frame, deformed, &view, k, method)?;
@@ -361,13 +381,16 @@ fn method_card(
             &surface.visible,
             &surface.matches,
         );
-        html += &figure(&jpeg(&overlay)?, &format!("{name}, mesh of {method} over the image"), "Mesh over the image");
+        html += &figure(
+            &jpeg(&overlay)?,
+            &format!("{name}, mesh of {method} over the image"),
+            "Mesh over the image",
+        );
         let mm = report.tie.in_mm(&surface.vertices);
         let error = |(a, b): (&dsfms::geometry::Point3, &dsfms::geometry::Point3)| {
             draw::error_colour((a - b).norm(), RAMP_MM)
         };
-        let colour: Vec<[u8; 3]> =
-            mm.iter().zip(&frame.truth.mesh.positions).map(error).collect();
+        let colour: Vec<[u8; 3]> = mm.iter().zip(&frame.truth.mesh.positions).map(error).collect();
         let side = view.render(topology, &mm, Some(&colour));
         html += &figure(
             &jpeg(&side)?,
@@ -405,11 +428,11 @@ fn jpeg(picture: &RgbImage) -> anyhow::Result<String> {
 }
 
 fn base64(bytes: &[u8]) -> String {
-    const ALPHABET: &[u8; 64] =
-        b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
     for chunk in bytes.chunks(3) {
-        let word = chunk.iter().fold(0u32, |w, &b| w << 8 | u32::from(b)) << (8 * (3 - chunk.len()));
+        let word =
+            chunk.iter().fold(0u32, |w, &b| w << 8 | u32::from(b)) << (8 * (3 - chunk.len()));
         for k in 0..4 {
             let index = (word >> (18 - 6 * k)) as usize & 63;
             text.push(if k <= chunk.len() { ALPHABET[index] as char } else { '=' });

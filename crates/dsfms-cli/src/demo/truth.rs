@@ -7,9 +7,7 @@
 use super::scene::{DeformedFrame, Scene};
 use anyhow::Context;
 use dsfms::eval::zone::extent;
-use dsfms::eval::{
-    ErrorStats, EvaluateOptions, Evaluation, Truth, deformed_zone, evaluate,
-};
+use dsfms::eval::{ErrorStats, EvaluateOptions, Evaluation, Truth, deformed_zone, evaluate};
 use dsfms::geometry::{Isometry, Point3, Similarity, align_similarity, point_at};
 use dsfms::mesh::Mesh;
 use dsfms::mesh::surface_points::{ClosestPoints, SurfacePoint};
@@ -65,12 +63,17 @@ impl Tie {
     /// Truth of a frame on the template's vertices.
     pub fn carry(&self, template: &Template, deformed: &DeformedFrame) -> FrameTruth {
         let faces = &deformed.mesh.topology.faces;
-        let positions = self.anchors.iter().map(|a| {
-            point_at(deformed.mesh.corners(a.face as usize), a.barycentric)
-        });
+        let positions = self
+            .anchors
+            .iter()
+            .map(|a| point_at(deformed.mesh.corners(a.face as usize), a.barycentric));
         let mix = |value: &dyn Fn(usize) -> f64| -> Vec<f64> {
             let at = |a: &SurfacePoint| {
-                faces[a.face as usize].iter().zip(a.barycentric).map(|(&v, w)| w * value(v as usize)).sum()
+                faces[a.face as usize]
+                    .iter()
+                    .zip(a.barycentric)
+                    .map(|(&v, w)| w * value(v as usize))
+                    .sum()
             };
             self.anchors.iter().map(at).collect()
         };

@@ -178,8 +178,7 @@ impl Camera for CameraModel {
             self.focal[0] * value.x + self.centre[0],
             self.focal[1] * value.y + self.centre[1],
         );
-        let perspective =
-            Matrix2x3::new(iz, 0.0, -normalised.x * iz, 0.0, iz, -normalised.y * iz);
+        let perspective = Matrix2x3::new(iz, 0.0, -normalised.x * iz, 0.0, iz, -normalised.y * iz);
         let mut jacobian = jacobian * perspective;
         jacobian.row_mut(0).scale_mut(self.focal[0]);
         jacobian.row_mut(1).scale_mut(self.focal[1]);

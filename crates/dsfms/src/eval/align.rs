@@ -59,8 +59,7 @@ pub fn align_surfaces(
     let mut fit = start;
     for _ in 0..ROUNDS {
         let moved = points.iter().map(|p| fit * p);
-        let mut pairs: Vec<_> =
-            moved.filter_map(|p| Some((p, surface.closest(&p)?))).collect();
+        let mut pairs: Vec<_> = moved.filter_map(|p| Some((p, surface.closest(&p)?))).collect();
         pairs.sort_by(|a, b| a.1.distance.total_cmp(&b.1.distance));
         pairs.truncate((pairs.len() * 9).div_ceil(10));
         let centre = pairs.iter().map(|p| p.0.coords).sum::<Vector3>() / pairs.len() as f64;

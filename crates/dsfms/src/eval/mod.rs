@@ -221,8 +221,9 @@ fn reprojection(found: &[Point3], truth: &Truth) -> Option<ErrorStats> {
 fn surface_distance(from: &Mesh, to: &Mesh) -> ErrorStats {
     let surface = ClosestPoints::new(to);
     let used = |i: &usize| !from.topology.vertex_faces[*i].is_empty();
-    let distances =
-        (0..from.positions.len()).filter(used).filter_map(|i| Some(surface.closest(&from.positions[i])?.distance));
+    let distances = (0..from.positions.len())
+        .filter(used)
+        .filter_map(|i| Some(surface.closest(&from.positions[i])?.distance));
     ErrorStats::of(distances).unwrap_or_default()
 }
 

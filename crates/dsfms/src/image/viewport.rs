@@ -68,9 +68,8 @@ fn surround_level(brightest: &[u8], [w, h]: [usize; 2]) -> Option<u8> {
         return None;
     }
     let corner = |x0: usize, y0: usize| {
-        let mut values: Vec<u8> = (0..side * side)
-            .map(|i| brightest[(y0 + i / side) * w + x0 + i % side])
-            .collect();
+        let mut values: Vec<u8> =
+            (0..side * side).map(|i| brightest[(y0 + i / side) * w + x0 + i % side]).collect();
         values.sort_unstable();
         values[values.len() * 9 / 10]
     };

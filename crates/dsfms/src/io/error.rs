@@ -184,11 +184,7 @@ impl InputError {
         Self::Format { path: path.into(), reason: reason.into() }
     }
 
-    pub(super) fn field(
-        path: &Path,
-        field: impl Into<String>,
-        problem: impl Into<String>,
-    ) -> Self {
+    pub(super) fn field(path: &Path, field: impl Into<String>, problem: impl Into<String>) -> Self {
         Self::Field { path: path.into(), field: field.into(), problem: problem.into() }
     }
 

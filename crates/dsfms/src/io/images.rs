@@ -43,11 +43,7 @@ fn frames_like(pattern: &Path) -> Result<Vec<PathBuf>, InputError> {
     non_empty(files, pattern, "expected PNG, JPEG or TIFF files matching this pattern")
 }
 
-fn non_empty(
-    files: Vec<PathBuf>,
-    path: &Path,
-    expected: &str,
-) -> Result<Vec<PathBuf>, InputError> {
+fn non_empty(files: Vec<PathBuf>, path: &Path, expected: &str) -> Result<Vec<PathBuf>, InputError> {
     if files.is_empty() {
         return Err(InputError::Empty { path: path.into(), expected: expected.into() });
     }
@@ -155,7 +151,10 @@ mod tests {
         std::fs::write(dir.path().join("notes.txt"), "x").unwrap();
         let paths = find_frames(&[dir.path().into()]).unwrap();
         let frames = read_frames(&paths).unwrap();
-        assert_eq!(frames.iter().map(|f| f.name.as_str()).collect::<Vec<_>>(), ["frame_9", "frame_10"]);
+        assert_eq!(
+            frames.iter().map(|f| f.name.as_str()).collect::<Vec<_>>(),
+            ["frame_9", "frame_10"]
+        );
         assert_eq!(frames[0].size, [4, 3]);
         assert_eq!(frames[0].rgb[4 + 2], [20, 10, 77]);
         assert_eq!(find_frames(&[dir.path().join("frame_?.png")]).unwrap().len(), 1);
@@ -196,7 +195,10 @@ mod tests {
             let path = dir.path().join(name);
             std::fs::write(&path, bytes).unwrap();
             let message = read_frame(&path).unwrap_err().to_string();
-            assert!(message.contains(name) && message.contains("not a readable image"), "{message}");
+            assert!(
+                message.contains(name) && message.contains("not a readable image"),
+                "{message}"
+            );
         }
     }
 

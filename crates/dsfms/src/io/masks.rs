@@ -145,11 +145,11 @@ fn choose(
     let number = frame_number(frame);
     let same_number = |stem: &str| number.is_some() && frame_number(stem) == number;
     let lower = frame.to_lowercase();
-    let names_frame =
-        |stem: &str| stem == lower || (stem.contains(&lower) && number.is_none());
-    let by_keyword = kind.keywords().iter().map(|word| {
-        pick(&candidates, |s| s.contains(word) && (same_number(s) || names_frame(s)))
-    });
+    let names_frame = |stem: &str| stem == lower || (stem.contains(&lower) && number.is_none());
+    let by_keyword = kind
+        .keywords()
+        .iter()
+        .map(|word| pick(&candidates, |s| s.contains(word) && (same_number(s) || names_frame(s))));
     let others = [pick(&candidates, |s| s == lower), pick(&candidates, same_number)];
     let found = by_keyword.chain(others).find(|found| !found.is_empty()).unwrap_or_default();
     match found.as_slice() {

@@ -64,7 +64,8 @@ pub(super) fn files_in(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf
 
 /// Whether a file name matches a pattern of literal characters, `*` and `?`.
 pub(super) fn matches_pattern(name: &str, pattern: &str) -> bool {
-    let (name, pattern): (Vec<char>, Vec<char>) = (name.chars().collect(), pattern.chars().collect());
+    let (name, pattern): (Vec<char>, Vec<char>) =
+        (name.chars().collect(), pattern.chars().collect());
     // reachable[i]: the pattern so far matches the first i characters.
     let mut reachable = vec![false; name.len() + 1];
     reachable[0] = true;

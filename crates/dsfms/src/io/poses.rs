@@ -109,10 +109,15 @@ fn pose_from_json(path: &Path, index: usize, entry: &Value) -> Result<NamedPose,
     let texted = || entry.get("frame")?.as_str().map(str::to_owned);
     let name = name.map(str::to_owned).or_else(numbered).or_else(texted);
     let name = name.ok_or_else(|| {
-        InputError::field(path, format!("pose {index}"), "has no image name (\"image\" or \"name\")")
+        InputError::field(
+            path,
+            format!("pose {index}"),
+            "has no image name (\"image\" or \"name\")",
+        )
     })?;
     let numbers = |key: &str, count: usize| {
-        let error = |problem: String| InputError::field(path, format!("{key} of {name:?}"), problem);
+        let error =
+            |problem: String| InputError::field(path, format!("{key} of {name:?}"), problem);
         let value = entry.get(key).ok_or_else(|| error("is missing".into()))?;
         let list = flat_numbers(value).map_err(error)?;
         if list.len() != count {
@@ -168,8 +173,8 @@ fn from_colmap(path: &Path, text: &str) -> Result<Vec<NamedPose>, InputError> {
         if comment || points {
             continue;
         }
-        let pose = pose_from_line(&words)
-            .map_err(|problem| InputError::line(path, i + 1, problem))?;
+        let pose =
+            pose_from_line(&words).map_err(|problem| InputError::line(path, i + 1, problem))?;
         poses.push(pose);
     }
     Ok(poses)

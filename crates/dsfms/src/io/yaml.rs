@@ -97,7 +97,8 @@ fn mapping(lines: &mut Vec<Line>, indent: usize, depth: usize) -> Result<Value, 
         let rest = without_tag(rest);
         let value = if rest.is_empty() {
             // PyYAML does not indent a sequence below its key.
-            let flush = lines.first().is_some_and(|l| l.indent == indent && l.text.starts_with("- "));
+            let flush =
+                lines.first().is_some_and(|l| l.indent == indent && l.text.starts_with("- "));
             block(lines, if flush { indent } else { indent + 1 }, depth + 1)?
         } else {
             scalar(rest, line.number)?
@@ -178,7 +179,8 @@ mod tests {
     #[test]
     fn what_pyyaml_writes() {
         let text = "K:\n- - 1.0\n  - 2\n- - 3\n  - .nan\nname: 'left'  # comment\nd: [[1], [2]]\n";
-        let expected = json!({ "K": [[1.0, 2.0], [3.0, ".nan"]], "name": "left", "d": [[1.0], [2.0]] });
+        let expected =
+            json!({ "K": [[1.0, 2.0], [3.0, ".nan"]], "name": "left", "d": [[1.0], [2.0]] });
         assert_eq!(parse(text).unwrap(), expected);
     }
 

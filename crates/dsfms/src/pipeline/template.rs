@@ -135,13 +135,8 @@ pub fn template_from_frames(
     check(options)?;
     let usable = usable_masks(exploration);
     let report = |stage, done, total| progress.step(sfm_stage(stage), done, total);
-    let sparse = sfm::reconstruct(
-        exploration.frames,
-        &usable,
-        exploration.camera,
-        &options.sfm,
-        &report,
-    )?;
+    let sparse =
+        sfm::reconstruct(exploration.frames, &usable, exploration.camera, &options.sfm, &report)?;
     let points: Vec<Point3> = sparse.points.iter().map(|p| p.position).collect();
     let mesh = dense_mesh(exploration, &sparse.camera, &sparse.poses, &points, options, progress)?;
     let views = Views {
@@ -151,8 +146,7 @@ pub fn template_from_frames(
         reprojection_px: &sparse.reprojection_px,
         features: &sparse.features,
     };
-    let (template, light) =
-        views.dress(mesh, LengthUnit::TemplateUnit, options, progress)?;
+    let (template, light) = views.dress(mesh, LengthUnit::TemplateUnit, options, progress)?;
     let name = |(i, why): &(usize, String)| (exploration.frames[*i].name.clone(), why.clone());
     let rejected = sparse.rejected.iter().map(name).collect();
     Ok(BuiltTemplate { template, rejected, light, points })
@@ -286,9 +280,7 @@ fn try_flatten(
     progress.step("flattening", 0, 1);
     let result = flatten(mesh, &options.flatten);
     progress.step("flattening", 1, 1);
-    result
-        .map_err(|error| progress.warn(&format!("the template has no flattening: {error}")))
-        .ok()
+    result.map_err(|error| progress.warn(&format!("the template has no flattening: {error}"))).ok()
 }
 
 /// Registered frames, with all that is measured in them. One entry per frame in every list.

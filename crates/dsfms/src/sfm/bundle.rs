@@ -92,7 +92,8 @@ pub fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<Summary, B
     sort_by_point(bundle)?;
     bundle.camera = intrinsics::prepared(&bundle.camera, &options.refine);
     let layout = Layout::new(bundle, &options.refine.active());
-    let prior = Prior { sigmas: intrinsics::prior_sigmas(&bundle.camera), active: options.refine.active() };
+    let prior =
+        Prior { sigmas: intrinsics::prior_sigmas(&bundle.camera), active: options.refine.active() };
     let mut offset = [0.0; COUNT];
     let mut cost = reprojection_cost(bundle, options.loss)
         .ok_or_else(|| BundleError::Infeasible(count_infeasible(bundle)))?;
@@ -111,7 +112,8 @@ pub fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<Summary, B
                 let gained = total - trial_cost - prior.cost(&trial_offset);
                 if gained > 0.0 {
                     let quality = gained / promise.max(1e-300);
-                    damping = (damping * (1.0 - (2.0 * quality - 1.0).powi(3)).max(1.0 / 3.0)).max(1e-12);
+                    damping =
+                        (damping * (1.0 - (2.0 * quality - 1.0).powi(3)).max(1.0 / 3.0)).max(1e-12);
                     growth = 2.0;
                     (*bundle, offset, cost) = (trial, trial_offset, trial_cost);
                     accepted += 1;

@@ -202,7 +202,8 @@ mod tests {
 
     #[test]
     fn recovers_a_pose_among_outliers() {
-        let truth = Isometry::new(Vector3::new(0.8, -0.1, 0.59).normalize(), [0.05, -0.2, 0.1].into());
+        let truth =
+            Isometry::new(Vector3::new(0.8, -0.1, 0.59).normalize(), [0.05, -0.2, 0.1].into());
         let mut random = Random::new(3, 0);
         let mut unit = || random.below(1_000_000) as f64 / 1e6 - 0.5;
         let (mut a, mut b) = (Vec::new(), Vec::new());

@@ -63,7 +63,11 @@ pub fn match_guided(a: &GuidedView, b: &GuidedView, limits: &GuidedLimits) -> Ve
             && clear(back);
         let (ray, other) = (a.rays[i].as_ref()?, b.rays[best.0 as usize].as_ref()?);
         let near = epipolar_angle(&e, ray, other).abs() <= limits.angle;
-        (good && near).then(|| DescriptorMatch { a: i as u32, b: best.0, distance: distance(best.1) })
+        (good && near).then(|| DescriptorMatch {
+            a: i as u32,
+            b: best.0,
+            distance: distance(best.1),
+        })
     };
     forward.iter().enumerate().filter_map(keep).collect()
 }
@@ -134,8 +138,9 @@ mod tests {
     fn look_alikes_are_told_apart_by_the_epipolar_line() {
         let mut random = Random::new(4, 0);
         let mut unit = || random.below(1_000_000) as f64 / 1e6 - 0.5;
-        let points: Vec<_> =
-            (0..40).map(|_| Point3::new(20.0 * unit(), 20.0 * unit(), 50.0 + 5.0 * unit())).collect();
+        let points: Vec<_> = (0..40)
+            .map(|_| Point3::new(20.0 * unit(), 20.0 * unit(), 50.0 + 5.0 * unit()))
+            .collect();
         // All descriptors are nearly the same: unguided, the ratio test would refuse every match.
         let descriptors: Vec<[u8; 128]> =
             (0..40).map(|i| std::array::from_fn(|k| if k == i { 60 } else { 40 })).collect();

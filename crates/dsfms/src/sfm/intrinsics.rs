@@ -33,7 +33,11 @@ impl RefineIntrinsics {
             (self.distortion, &[3]),
             (self.distortion && self.second_distortion, &[4]),
         ];
-        groups.iter().filter(|(on, _)| *on).flat_map(|(_, indices)| indices.iter().copied()).collect()
+        groups
+            .iter()
+            .filter(|(on, _)| *on)
+            .flat_map(|(_, indices)| indices.iter().copied())
+            .collect()
     }
 }
 
@@ -120,8 +124,12 @@ mod tests {
         ];
         let point = Point3::new(0.4, -0.3, 1.1);
         for lens in lenses {
-            let camera =
-                CameraModel { size: [640, 480], focal: [500.0, 510.0], centre: [310.0, 250.0], lens };
+            let camera = CameraModel {
+                size: [640, 480],
+                focal: [500.0, 510.0],
+                centre: [310.0, 250.0],
+                lens,
+            };
             let pixel = camera.project(&point).unwrap().pixel;
             let analytic = jacobian(&camera, &point, &pixel);
             for k in 0..COUNT {

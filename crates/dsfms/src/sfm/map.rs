@@ -143,7 +143,8 @@ impl Map<'_> {
         refine: RefineIntrinsics,
         max_steps: usize,
     ) -> Result<Summary, BundleError> {
-        let views: Vec<usize> = (0..self.poses.len()).filter(|&v| self.poses[v].is_some()).collect();
+        let views: Vec<usize> =
+            (0..self.poses.len()).filter(|&v| self.poses[v].is_some()).collect();
         let tracks: Vec<usize> =
             (0..self.tracks.len()).filter(|&t| self.tracks[t].point.is_some()).collect();
         let mut at = vec![usize::MAX; self.poses.len()];
@@ -206,7 +207,9 @@ impl Map<'_> {
         let mut depths: Vec<f64> = Vec::new();
         for track in &self.tracks {
             let Some(point) = track.point else { continue };
-            depths.extend(track.seen().filter_map(|m| Some((self.poses[m.view as usize]? * point).z)));
+            depths.extend(
+                track.seen().filter_map(|m| Some((self.poses[m.view as usize]? * point).z)),
+            );
         }
         depths.sort_by(f64::total_cmp);
         depths.get(depths.len() / 2).copied().unwrap_or(0.0)

@@ -53,7 +53,8 @@ pub fn reconstruct(
     check_usable(frames, &rejected)?;
     let descriptors: Vec<_> =
         features.iter().map(|f| UnitDescriptors::new(&f.descriptors)).collect();
-    let count = Counter::new(SfmStage::Matching, candidate_pairs(frames.len(), options).len(), progress);
+    let count =
+        Counter::new(SfmStage::Matching, candidate_pairs(frames.len(), options).len(), progress);
     let pairs = verify_pairs(camera, &features, &descriptors, options, &|| count.next());
     let mut map = largest_model(camera, &features, &pairs, options, progress, &mut rejected)?;
     let first = map.poses.iter().position(Option::is_some).unwrap_or(0);
@@ -173,7 +174,10 @@ fn unusable(frames: &[Frame], features: &[Features2d]) -> Vec<(usize, String)> {
             let why = if brightest < 16 {
                 format!("the frame is black (brightest value {brightest} of 255)")
             } else {
-                format!("{} features inside the valid area, at least {MIN_FEATURES} are needed", f.len())
+                format!(
+                    "{} features inside the valid area, at least {MIN_FEATURES} are needed",
+                    f.len()
+                )
             };
             (i, why)
         })
@@ -202,16 +206,16 @@ fn largest_model<'a>(
 ) -> Result<Map<'a>, SfmError> {
     const MAX_MODELS: usize = 4;
     let counts: Vec<usize> = features.iter().map(Features2d::len).collect();
-    let matched: Vec<PairMatches> = pairs
-        .iter()
-        .map(|p| PairMatches { a: p.a, b: p.b, matches: p.matches.clone() })
-        .collect();
+    let matched: Vec<PairMatches> =
+        pairs.iter().map(|p| PairMatches { a: p.a, b: p.b, matches: p.matches.clone() }).collect();
     let tracks = build_tracks(&counts, &matched);
     let mut free = vec![true; features.len()];
     let mut models: Vec<Map> = Vec::new();
     let report = |n: usize| progress(SfmStage::Registration, n, features.len());
     while models.len() < MAX_MODELS {
-        let Some(map) = grow(camera, features, &tracks, pairs, &free, options, &report) else { break };
+        let Some(map) = grow(camera, features, &tracks, pairs, &free, options, &report) else {
+            break;
+        };
         free.iter_mut().zip(&map.poses).for_each(|(f, pose)| *f &= pose.is_none());
         models.push(map);
     }
@@ -220,7 +224,11 @@ fn largest_model<'a>(
     let Some(best) = best else {
         let largest = pairs.iter().map(|p| p.parallax_deg).fold(0.0, f64::max);
         let needed_deg = options.min_parallax_deg;
-        return Err(SfmError::NoInitialPair { pairs: pairs.len(), parallax_deg: largest, needed_deg });
+        return Err(SfmError::NoInitialPair {
+            pairs: pairs.len(),
+            parallax_deg: largest,
+            needed_deg,
+        });
     };
     explain(&models, best, pairs, rejected);
     Ok(models.swap_remove(best))
@@ -245,7 +253,9 @@ fn explain(
                 other.registered()
             ),
             (None, 0) => "no other frame matches it".to_string(),
-            (None, n) => format!("{n} frames match it, but too few reconstructed points agree on a pose"),
+            (None, n) => {
+                format!("{n} frames match it, but too few reconstructed points agree on a pose")
+            }
         };
         rejected.push((view, why));
     }
@@ -253,7 +263,12 @@ fn explain(
 }
 
 /// Match all registered pairs again along epipolar lines; new tracks, new points.
-fn rematch(map: &mut Map, descriptors: &[UnitDescriptors], options: &SfmOptions, progress: Progress) {
+fn rematch(
+    map: &mut Map,
+    descriptors: &[UnitDescriptors],
+    options: &SfmOptions,
+    progress: Progress,
+) {
     let views: Vec<Option<GuidedView>> = (0..map.poses.len())
         .map(|v| {
             let rays = map.features[v].points.iter().map(|p| map.camera.unproject(p)).collect();
@@ -288,10 +303,14 @@ fn depth_range(map: &Map) -> [f64; 2] {
     let mut depths: Vec<f64> = Vec::new();
     for track in &map.tracks {
         let Some(point) = track.point else { continue };
-        depths.extend(track.seen().filter_map(|m| Some((map.poses[m.view as usize]? * point).coords.norm())));
+        depths.extend(
+            track.seen().filter_map(|m| Some((map.poses[m.view as usize]? * point).coords.norm())),
+        );
     }
     depths.sort_by(f64::total_cmp);
-    if let (Some(near), Some(far)) = (depths.get(depths.len() / 100), depths.get(depths.len() * 99 / 100)) {
+    if let (Some(near), Some(far)) =
+        (depths.get(depths.len() / 100), depths.get(depths.len() * 99 / 100))
+    {
         return [0.7 * near, 1.5 * far];
     }
     let centres: Vec<_> = map.poses.iter().flatten().map(super::triangulation::centre_of).collect();

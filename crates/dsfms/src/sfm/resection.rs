@@ -32,7 +32,8 @@ pub fn resect(
     const MAX_DRAWS: usize = 2000;
     const NEEDED: usize = 4;
     let rays: Vec<Option<Vector3>> = pixels.iter().map(|p| camera.unproject(p)).collect();
-    let usable: Vec<usize> = (0..points.len().min(pixels.len())).filter(|&i| rays[i].is_some()).collect();
+    let usable: Vec<usize> =
+        (0..points.len().min(pixels.len())).filter(|&i| rays[i].is_some()).collect();
     if usable.len() < NEEDED {
         return None;
     }
@@ -121,7 +122,8 @@ pub fn refine_pose(
     let (mut pose, mut best, mut damping) = (*start, cost(start), 1e-4);
     for _ in 0..20 {
         let (hessian, gradient) = pose_normal_equations(camera, &pose, points, pixels, loss);
-        let damped = hessian + Matrix6::from_diagonal(&(hessian.diagonal() * damping).add_scalar(1e-12));
+        let damped =
+            hessian + Matrix6::from_diagonal(&(hessian.diagonal() * damping).add_scalar(1e-12));
         let Some(factor) = damped.cholesky() else { break };
         let trial = retract(&pose, &-factor.solve(&gradient));
         let trial_cost = cost(&trial);
@@ -162,7 +164,10 @@ fn pose_normal_equations(
 }
 
 /// `∂pixel/∂(ω, τ)` for the motion `p ↦ exp(ω)p + τ` of a point in camera axes.
-pub(super) fn pose_jacobian(pixel_by_point: &nalgebra::Matrix2x3<f64>, local: &Point3) -> Matrix2x6<f64> {
+pub(super) fn pose_jacobian(
+    pixel_by_point: &nalgebra::Matrix2x3<f64>,
+    local: &Point3,
+) -> Matrix2x6<f64> {
     let mut jacobian = Matrix2x6::zeros();
     let rotation = -pixel_by_point * local.coords.cross_matrix();
     jacobian.fixed_columns_mut::<3>(0).copy_from(&rotation);
@@ -245,8 +250,12 @@ mod tests {
     use crate::camera::{CameraModel, Lens};
 
     fn scene() -> (CameraModel, Isometry, Vec<Point3>, Vec<Point2>) {
-        let camera =
-            CameraModel { size: [640, 480], focal: [500.0, 510.0], centre: [318.0, 241.0], lens: Lens::Pinhole };
+        let camera = CameraModel {
+            size: [640, 480],
+            focal: [500.0, 510.0],
+            centre: [318.0, 241.0],
+            lens: Lens::Pinhole,
+        };
         let pose = Isometry::new(Vector3::new(3.0, -1.0, 60.0), Vector3::new(0.2, -0.4, 0.1));
         let mut random = Random::new(9, 0);
         let mut unit = || random.below(1_000_000) as f64 / 1e6 - 0.5;

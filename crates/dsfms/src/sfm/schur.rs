@@ -5,9 +5,7 @@
 
 use super::bundle::Bundle;
 use super::intrinsics::COUNT;
-use nalgebra::{
-    DMatrix, DVector, Matrix2x3, Matrix2x6, Matrix3, SMatrix, Vector2, Vector3,
-};
+use nalgebra::{DMatrix, DVector, Matrix2x3, Matrix2x6, Matrix3, SMatrix, Vector2, Vector3};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -42,7 +40,12 @@ impl Layout {
             })
         };
         let pose_at = bundle.fixed.iter().map(place).collect();
-        Self { pose_at, intrinsics: active.to_vec(), intrinsics_at: next, points: bundle.points.len() }
+        Self {
+            pose_at,
+            intrinsics: active.to_vec(),
+            intrinsics_at: next,
+            points: bundle.points.len(),
+        }
     }
 
     fn size(&self) -> usize {
@@ -71,7 +74,12 @@ struct Partial {
 impl Partial {
     fn zero(n: usize) -> Self {
         let vector = || DVector::zeros(n);
-        Self { matrix: DMatrix::zeros(n, n), diagonal: vector(), right: vector(), gradient: vector() }
+        Self {
+            matrix: DMatrix::zeros(n, n),
+            diagonal: vector(),
+            right: vector(),
+            gradient: vector(),
+        }
     }
 
     fn add(&mut self, other: &Self) {
@@ -114,8 +122,10 @@ pub(super) fn solve(
         0 => DVector::zeros(0),
         _ => -total.matrix.cholesky()?.solve(&total.right),
     };
-    let own: Vec<Option<(Vector3<f64>, f64)>> =
-        spans.par_iter().map(|s| back_substitute(&rows[s.clone()], layout, &cameras, damping)).collect();
+    let own: Vec<Option<(Vector3<f64>, f64)>> = spans
+        .par_iter()
+        .map(|s| back_substitute(&rows[s.clone()], layout, &cameras, damping))
+        .collect();
     let mut points = vec![Vector3::zeros(); layout.points];
     let mut promise = -total.gradient.dot(&cameras)
         + damping * cameras.component_mul(&cameras).dot(&total.diagonal);
@@ -150,12 +160,7 @@ fn point_block(rows: &[Row], damping: f64) -> (Matrix3<f64>, Vector3<f64>, Vecto
 }
 
 /// Contribution of some points to the reduced system.
-fn reduce(
-    rows: &[Row],
-    spans: &[Range<usize>],
-    layout: &Layout,
-    damping: f64,
-) -> Option<Partial> {
+fn reduce(rows: &[Row], spans: &[Range<usize>], layout: &Layout, damping: f64) -> Option<Partial> {
     let mut partial = Partial::zero(layout.size());
     let active = layout.intrinsics.len();
     for span in spans {
@@ -181,7 +186,8 @@ fn reduce(
                 block -= y * w.transpose();
             }
             for (k, z) in intrinsic_coupling.iter().enumerate() {
-                let mut block = partial.matrix.fixed_view_mut::<1, 6>(layout.intrinsics_at + k, *at);
+                let mut block =
+                    partial.matrix.fixed_view_mut::<1, 6>(layout.intrinsics_at + k, *at);
                 block -= (y * z).transpose();
             }
         }

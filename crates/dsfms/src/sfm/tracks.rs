@@ -76,7 +76,8 @@ impl Sets {
     /// Unite two sets unless they share a view.
     fn join(&mut self, i: usize, j: usize) {
         let (mut i, mut j) = (self.root(i), self.root(j));
-        let shares = |a: &[Member], b: &[Member]| a.iter().any(|m| b.iter().any(|n| n.view == m.view));
+        let shares =
+            |a: &[Member], b: &[Member]| a.iter().any(|m| b.iter().any(|n| n.view == m.view));
         if i == j || shares(&self.members[i], &self.members[j]) {
             return;
         }
@@ -102,11 +103,8 @@ mod tests {
     #[test]
     fn the_weaker_of_two_contradicting_matches_is_dropped() {
         // Feature 0 of frames 0, 1, 2 form a chain; the last match would add feature 1 of frame 0.
-        let pairs = [
-            pair(0, 1, &[(0, 0, 0.1)]),
-            pair(1, 2, &[(0, 0, 0.2)]),
-            pair(0, 2, &[(1, 0, 0.3)]),
-        ];
+        let pairs =
+            [pair(0, 1, &[(0, 0, 0.1)]), pair(1, 2, &[(0, 0, 0.2)]), pair(0, 2, &[(1, 0, 0.3)])];
         let tracks = build_tracks(&[2, 1, 1], &pairs);
         let member = |view, feature| Member { view, feature };
         assert_eq!(tracks, [vec![member(0, 0), member(1, 0), member(2, 0)]]);

@@ -57,9 +57,8 @@ pub fn nearest_to_rays(sightings: &[Sighting]) -> Option<Point3> {
 
 /// Gauss–Newton on the reprojection errors from a first point; the best point met.
 pub fn refine_point(camera: &dyn Camera, sightings: &[Sighting], start: Point3) -> Point3 {
-    let cost = |p: &Point3| -> f64 {
-        sightings.iter().map(|s| s.error_px(camera, p).powi(2)).sum()
-    };
+    let cost =
+        |p: &Point3| -> f64 { sightings.iter().map(|s| s.error_px(camera, p).powi(2)).sum() };
     let (mut point, mut best) = (start, cost(&start));
     for _ in 0..5 {
         let (mut normal, mut gradient) = (Matrix3::zeros(), V3::zeros());
@@ -125,7 +124,8 @@ pub fn triangulate(
     let point = refine_point(camera, &select(&agreeing(&point)), point);
     let used = agreeing(&point);
     let centres: Vec<Point3> = select(&used).iter().map(Sighting::centre).collect();
-    let wide = centres.len() >= 2 && largest_parallax_deg(&point, &centres) >= limits.min_parallax_deg;
+    let wide =
+        centres.len() >= 2 && largest_parallax_deg(&point, &centres) >= limits.min_parallax_deg;
     wide.then_some((point, used))
 }
 
@@ -143,7 +143,12 @@ mod tests {
     use crate::camera::{CameraModel, Lens};
 
     fn camera() -> CameraModel {
-        CameraModel { size: [640, 480], focal: [500.0; 2], centre: [320.0, 240.0], lens: Lens::Pinhole }
+        CameraModel {
+            size: [640, 480],
+            focal: [500.0; 2],
+            centre: [320.0, 240.0],
+            lens: Lens::Pinhole,
+        }
     }
 
     fn sighting(pose: Isometry, point: &Point3, shift: f64) -> Sighting {

@@ -47,15 +47,17 @@ pub fn verify_pairs(
     options: &SfmOptions,
     done: &(dyn Fn() + Sync),
 ) -> Vec<VerifiedPair> {
-    let rays: Vec<Vec<Option<Vector3>>> = features
-        .iter()
-        .map(|f| f.points.iter().map(|p| camera.unproject(p)).collect())
-        .collect();
+    let rays: Vec<Vec<Option<Vector3>>> =
+        features.iter().map(|f| f.points.iter().map(|p| camera.unproject(p)).collect()).collect();
     let heads: Vec<_> = descriptors.iter().map(|d| d.head(options.preview_features)).collect();
     let verify = |&(a, b): &(usize, usize)| {
         let found = (b - a <= 2 || looks_related(&heads[a], &heads[b], options))
-            .then(|| match_unit(&descriptors[a], &descriptors[b], options.ratio, options.max_distance))
-            .and_then(|matches| verify_pair(camera, [a, b], [&rays[a], &rays[b]], matches, options));
+            .then(|| {
+                match_unit(&descriptors[a], &descriptors[b], options.ratio, options.max_distance)
+            })
+            .and_then(|matches| {
+                verify_pair(camera, [a, b], [&rays[a], &rays[b]], matches, options)
+            });
         done();
         found
     };
@@ -104,8 +106,11 @@ fn verify_pair(
 /// Angle between two sightlines, degrees.
 fn pair_parallax(b_from_a: &Isometry, a: &Vector3, b: &Vector3) -> f64 {
     let origin = crate::geometry::Point2::origin();
-    let sightings = [(Isometry::identity(), *a), (*b_from_a, *b)]
-        .map(|(pose, ray)| Sighting { pose, ray, pixel: origin });
+    let sightings = [(Isometry::identity(), *a), (*b_from_a, *b)].map(|(pose, ray)| Sighting {
+        pose,
+        ray,
+        pixel: origin,
+    });
     nearest_to_rays(&sightings)
         .map_or(0.0, |p| parallax_deg(&p, &Point3::origin(), &centre_of(b_from_a)))
 }

@@ -37,7 +37,8 @@ pub fn deform(mesh: &Mesh, attractions: &[Attraction], extension: f64, lift: f64
     let field: Vec<Vector3> =
         mesh.positions.iter().zip(&normals).map(|(v, n)| pull(v, n, attractions, lift)).collect();
     let largest = field.iter().map(|d| d.norm()).fold(0.0, f64::max);
-    let zone: Vec<bool> = field.iter().map(|d| largest > 0.0 && d.norm() > ZONE * largest).collect();
+    let zone: Vec<bool> =
+        field.iter().map(|d| largest > 0.0 && d.norm() > ZONE * largest).collect();
     let at = |k: f64| -> Vec<Point3> {
         mesh.positions.iter().zip(&field).map(|(v, d)| v + d * k).collect()
     };

@@ -39,14 +39,7 @@ pub struct RenderOptions {
 
 impl Default for RenderOptions {
     fn default() -> Self {
-        Self {
-            gain: 1.0,
-            ambient: 0.0,
-            gloss: None,
-            noise: 1.0,
-            tone: ToneCurve::Srgb,
-            seed: 0,
-        }
+        Self { gain: 1.0, ambient: 0.0, gloss: None, noise: 1.0, tone: ToneCurve::Srgb, seed: 0 }
     }
 }
 
@@ -72,7 +65,8 @@ pub fn render(
         .iter()
         .map(|p| {
             p.map(|v| {
-                let noise = if options.noise > 0.0 { options.noise * normal(&mut random) } else { 0.0 };
+                let noise =
+                    if options.noise > 0.0 { options.noise * normal(&mut random) } else { 0.0 };
                 (encode(v) + noise).round().clamp(0.0, 255.0) as u8
             })
         })

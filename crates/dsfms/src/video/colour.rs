@@ -83,6 +83,8 @@ mod tests {
         // BT.601 blue: Y = 29, Cb = 255, Cr = 107.
         let blue = full.rgb(29, 255, 107);
         assert!(blue[2] >= 253 && blue[0] <= 1 && blue[1] <= 1, "{blue:?}");
-        assert!(!Coding::new(2, false, [640, 480]).bt709 && Coding::new(2, false, [1920, 1080]).bt709);
+        assert!(
+            !Coding::new(2, false, [640, 480]).bt709 && Coding::new(2, false, [1920, 1080]).bt709
+        );
     }
 }

@@ -104,6 +104,8 @@ mod tests {
     fn without_ffmpeg_the_error_says_what_to_do() {
         let error = decode("no-such-ffmpeg", Path::new("a.mkv"), "no mp4 file", &mut |_| {});
         let message = error.unwrap_err().to_string();
-        assert!(message.contains("a.mkv: no mp4 file, and no ffmpeg") && message.contains("install"));
+        assert!(
+            message.contains("a.mkv: no mp4 file, and no ffmpeg") && message.contains("install")
+        );
     }
 }

@@ -5,8 +5,8 @@
 
 mod colour;
 mod ffmpeg;
-mod mp4;
 pub mod motion;
+mod mp4;
 mod select;
 
 use crate::image::Frame;
@@ -129,8 +129,8 @@ pub fn select_reporting(
     progress: &mut dyn FnMut(usize, Option<usize>),
 ) -> Result<Vec<Frame>, VideoError> {
     options.validate()?;
-    let bytes = std::fs::read(path)
-        .map_err(|source| VideoError::Read { path: path.into(), source })?;
+    let bytes =
+        std::fs::read(path).map_err(|source| VideoError::Read { path: path.into(), source })?;
     let chosen = match mp4::open(&bytes) {
         Ok(stream) => {
             let total = stream.frame_count();

@@ -68,7 +68,9 @@ impl Stream<'_> {
         }
         for (number, range) in self.samples.iter().enumerate() {
             let name = format!("frame {number} in decoding order");
-            let cut = || Stop::Damaged(format!("{name} lies beyond the end of the file (truncated file)"));
+            let cut = || {
+                Stop::Damaged(format!("{name} lies beyond the end of the file (truncated file)"))
+            };
             let data = self.bytes.get(range.clone()).ok_or_else(cut)?;
             for nal in parse_avcc(data, config.length_size) {
                 emit(decode_nal(&mut decoder, &nal, &name)?);

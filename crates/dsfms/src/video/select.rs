@@ -2,8 +2,8 @@
 
 use super::motion::{Thumbnail, displacement};
 use super::{Picture, VideoOptions};
-use crate::image::filter::{halve, laplacian_variance};
 use crate::image::Frame;
+use crate::image::filter::{halve, laplacian_variance};
 
 /// The sharpest frame so far of each window.
 pub(super) struct Candidates {

@@ -24,17 +24,23 @@ pub(super) fn read(path: &Path, text: &str) -> Result<CameraFile, InputError> {
     }
     match found {
         Some(camera) => Ok(CameraFile { camera, tone: None, light: None }),
-        None => Err(InputError::format(path, "no camera in the file; expected JSON, OpenCV YAML, or COLMAP's CAMERA_ID MODEL WIDTH HEIGHT PARAMS")),
+        None => Err(InputError::format(
+            path,
+            "no camera in the file; expected JSON, OpenCV YAML, or COLMAP's CAMERA_ID MODEL WIDTH HEIGHT PARAMS",
+        )),
     }
 }
 
 fn camera(line: &str) -> Result<CameraModel, String> {
     let words: Vec<&str> = line.split_whitespace().collect();
     let [_, model, width, height, parameters @ ..] = words.as_slice() else {
-        return Err("expected JSON, OpenCV YAML, or COLMAP's CAMERA_ID MODEL WIDTH HEIGHT PARAMS".into());
+        return Err(
+            "expected JSON, OpenCV YAML, or COLMAP's CAMERA_ID MODEL WIDTH HEIGHT PARAMS".into()
+        );
     };
     let pixels = |word: &str, name: &str| {
-        word.parse::<usize>().map_err(|_| format!("{name} is {word:?}; expected a whole number of px"))
+        word.parse::<usize>()
+            .map_err(|_| format!("{name} is {word:?}; expected a whole number of px"))
     };
     let size = [pixels(width, "WIDTH")?, pixels(height, "HEIGHT")?];
     let number = |word: &&str| match word.parse::<f64>() {
@@ -64,9 +70,10 @@ fn intrinsics(model: &str, parameters: &[f64]) -> Result<Intrinsics, String> {
         ("OPENCV_FISHEYE", &[fx, fy, cx, cy, k1, k2, k3, k4]) => {
             Ok(([fx, fy], [cx, cy], Lens::KannalaBrandt { k: [k1, k2, k3, k4] }))
         }
-        ("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV" | "OPENCV_FISHEYE", p) => {
-            Err(format!("{} parameters do not fit the model {model}", p.len()))
-        }
+        (
+            "SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV" | "OPENCV_FISHEYE",
+            p,
+        ) => Err(format!("{} parameters do not fit the model {model}", p.len())),
         _ => Err(format!(
             "camera model {model:?} is not supported; expected PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV or OPENCV_FISHEYE"
         )),

@@ -92,8 +92,8 @@ fn listed(fields: &Fields) -> Result<[f64; 8], InputError> {
     let value = fields.get("distortion").unwrap_or(&Value::Null);
     let list = flat_numbers(value).map_err(|problem| fields.error("distortion", problem))?;
     let key = fields.first(&["distortion_model", "camera_model"]);
-    let fisheye = family(fields.path, "distortion_model", key.map(|(_, value)| value))?
-        == Family::Fisheye;
+    let fisheye =
+        family(fields.path, "distortion_model", key.map(|(_, value)| value))? == Family::Fisheye;
     // Where each entry of the list belongs among k1 k2 p1 p2 k3 k4 k5 k6.
     let places: &[usize] = if fisheye { &[0, 1, 4, 5] } else { &[0, 1, 2, 3, 4, 5, 6, 7] };
     if list.len() > places.len() {

@@ -33,7 +33,9 @@ pub(super) fn read(path: &Path, value: &Value) -> Result<LightModel, InputError>
             let problem = "is missing; expected a list of [x, y, z] in camera axes (offsets_mm_camera_frame does as well)";
             return Err(fields.error("positions", problem));
         }
-        _ => return Err(fields.error("kind", format!("{kind:?} is not known; expected {}", kinds()))),
+        _ => {
+            return Err(fields.error("kind", format!("{kind:?} is not known; expected {}", kinds())));
+        }
     };
     let distance = fields.first(&["reference_distance", "reference_distance_mm"]);
     let reference_distance = match distance {

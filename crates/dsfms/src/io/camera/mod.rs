@@ -40,11 +40,19 @@ pub fn read_camera(path: &Path) -> Result<CameraFile, InputError> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let file = if text.trim_start().starts_with('{') || extension == "json" {
         let value = parse_json(path, &text)?;
-        if opencv::is_opencv(&value) { opencv::read(path, &value)? } else { json::read(path, &value)? }
+        if opencv::is_opencv(&value) {
+            opencv::read(path, &value)?
+        } else {
+            json::read(path, &value)?
+        }
     } else if text.starts_with("%YAML") || ["yml", "yaml"].contains(&extension.as_str()) {
         let value = super::yaml::parse(&text)
             .map_err(|(line, problem)| InputError::line(path, line, problem))?;
-        if opencv::is_opencv(&value) { opencv::read(path, &value)? } else { json::read(path, &value)? }
+        if opencv::is_opencv(&value) {
+            opencv::read(path, &value)?
+        } else {
+            json::read(path, &value)?
+        }
     } else {
         colmap::read(path, &text)?
     };
@@ -88,7 +96,9 @@ fn family(path: &Path, field: &str, value: Option<&Value>) -> Result<Family, Inp
     } else if says(&["none", "pinhole", "no "]) {
         Ok(Family::Pinhole)
     } else {
-        let problem = format!("{value} is not known; expected brown_conrady, kannala_brandt (fisheye) or none");
+        let problem = format!(
+            "{value} is not known; expected brown_conrady, kannala_brandt (fisheye) or none"
+        );
         Err(InputError::field(path, field, problem))
     }
 }

@@ -9,12 +9,27 @@ use serde_json::Value;
 use std::path::Path;
 
 const MATRIX: [&str; 9] = [
-    "camera_matrix", "cameraMatrix", "Camera_Matrix", "intrinsic_matrix", "intrinsics",
-    "intrinsic", "mtx", "K", "M1",
+    "camera_matrix",
+    "cameraMatrix",
+    "Camera_Matrix",
+    "intrinsic_matrix",
+    "intrinsics",
+    "intrinsic",
+    "mtx",
+    "K",
+    "M1",
 ];
 const DISTORTION: [&str; 10] = [
-    "distortion_coefficients", "Distortion_Coefficients", "dist_coeffs", "distCoeffs", "dist_coeff",
-    "distortion_coeffs", "distortion", "dist", "D", "D1",
+    "distortion_coefficients",
+    "Distortion_Coefficients",
+    "dist_coeffs",
+    "distCoeffs",
+    "dist_coeff",
+    "distortion_coeffs",
+    "distortion",
+    "dist",
+    "D",
+    "D1",
 ];
 const WIDTH: [&str; 3] = ["image_width", "image_Width", "width"];
 const HEIGHT: [&str; 3] = ["image_height", "image_Height", "height"];
@@ -27,7 +42,9 @@ pub(super) fn is_opencv(value: &Value) -> bool {
 
 pub(super) fn read(path: &Path, value: &Value) -> Result<CameraFile, InputError> {
     let fields = Fields::new(path, "", value)?;
-    let Some((key, _)) = fields.first(&MATRIX) else { return Err(fields.error(MATRIX[0], "is missing")) };
+    let Some((key, _)) = fields.first(&MATRIX) else {
+        return Err(fields.error(MATRIX[0], "is missing"));
+    };
     let k = numbers(&fields, key)?;
     let [fx, skew, cx, zero, fy, cy, zero2, zero3, one] = k.as_slice() else {
         return Err(fields.error(key, format!("holds {} numbers, expected 3x3", k.len())));
@@ -67,7 +84,9 @@ fn lens(fields: &Fields) -> Result<Lens, InputError> {
     };
     let Some((key, _)) = fields.first(&DISTORTION) else {
         return match family {
-            Family::Fisheye => Err(fields.error(DISTORTION[0], "is missing; a fisheye needs k1 to k4")),
+            Family::Fisheye => {
+                Err(fields.error(DISTORTION[0], "is missing; a fisheye needs k1 to k4"))
+            }
             _ => Ok(Lens::Pinhole),
         };
     };
@@ -79,7 +98,9 @@ fn lens(fields: &Fields) -> Result<Lens, InputError> {
             Err(fields.error(key, format!("holds {count} numbers; a fisheye has k1 to k4")))
         }
         (_, c) if c.iter().skip(5).any(|v| *v != 0.0) => {
-            let problem = format!("holds {count} coefficients, some beyond the fifth not zero: the rational, thin-prism and tilted models are not supported; calibrate with k1 k2 p1 p2 k3");
+            let problem = format!(
+                "holds {count} coefficients, some beyond the fifth not zero: the rational, thin-prism and tilted models are not supported; calibrate with k1 k2 p1 p2 k3"
+            );
             Err(fields.error(key, problem))
         }
         (Family::Pinhole, c) if c.iter().any(|v| *v != 0.0) => {

@@ -97,7 +97,8 @@ fn words_for_lights_tones_and_conventions() {
     assert_eq!(light(r#"{"kind": "distant"}"#), Some(LightModel::Collinear));
     assert_eq!(light("\"Collinear\""), Some(LightModel::Collinear));
     assert_eq!(light("null"), None);
-    let Some(LightModel::Point(point)) = light(r#"{"kind": "colocated", "falloff": "1/r^2, cos^2 profile"}"#)
+    let Some(LightModel::Point(point)) =
+        light(r#"{"kind": "colocated", "falloff": "1/r^2, cos^2 profile"}"#)
     else {
         panic!()
     };
@@ -109,7 +110,8 @@ fn words_for_lights_tones_and_conventions() {
         panic!()
     };
     assert_eq!(point.spot, Spot::Linear { inner_deg: 1.0, outer_deg: 2.0 });
-    let tone = |text: &str| read("c.json", &with(&format!("\"tone_curve\": \"{text}\""))).unwrap().tone;
+    let tone =
+        |text: &str| read("c.json", &with(&format!("\"tone_curve\": \"{text}\""))).unwrap().tone;
     assert_eq!(tone("Gamma 2.2"), Some(ToneCurve::Gamma(2.2)));
     assert_eq!(tone("gamma 1/2.2"), Some(ToneCurve::Gamma(2.2)));
     assert_eq!(tone("linear"), Some(ToneCurve::Linear));
@@ -117,7 +119,10 @@ fn words_for_lights_tones_and_conventions() {
         let text = with(&format!("\"pixel_convention\": \"{text}\""));
         read("c.json", &text).unwrap().camera.centre
     };
-    assert_eq!(convention("COLMAP: the centre of the top-left pixel is (0.5, 0.5)"), [315.9, 242.7]);
+    assert_eq!(
+        convention("COLMAP: the centre of the top-left pixel is (0.5, 0.5)"),
+        [315.9, 242.7]
+    );
     assert_eq!(convention("integer centres"), [316.4, 243.2]);
     let fisheye = with(r#""distortion_model": "fisheye", "k1": 0.1, "k4": 0.2"#);
     let lens = read("c.json", &fisheye).unwrap().camera.lens;
@@ -145,7 +150,10 @@ fn bad_json_is_explained() {
         (with("\"tone_curve\": \"log-c\""), "field tone_curve"),
         (with("\"light\": {\"kind\": \"torch\"}"), "field light.kind"),
         (with("\"light\": {\"kind\": \"point\"}"), "field light.positions"),
-        (with("\"light\": {\"kind\": \"point\", \"positions\": [[1, 2]]}"), "field light.positions"),
+        (
+            with("\"light\": {\"kind\": \"point\", \"positions\": [[1, 2]]}"),
+            "field light.positions",
+        ),
         ("{}".into(), "field width: is missing"),
         ("{".into(), "not valid JSON"),
         ("[]".into(), "expected an object"),

@@ -35,7 +35,9 @@ fn from_text(text: &str) -> Option<ToneCurve> {
         let numbers = numbers_in(&text[at..]);
         return match numbers.as_slice() {
             // "gamma 1/2.2" is the encoding exponent.
-            [(one, after), (value, _), ..] if *one == 1.0 && after.trim_start().starts_with('/') => {
+            [(one, after), (value, _), ..]
+                if *one == 1.0 && after.trim_start().starts_with('/') =>
+            {
                 from_gamma(*value)
             }
             [(value, _), ..] => from_gamma(*value),
