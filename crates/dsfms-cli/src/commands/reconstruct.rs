@@ -160,10 +160,12 @@ fn prepare<'a>(
     for (path, option) in options.iter().filter_map(|(p, o)| Some((p.as_ref()?, o))) {
         inputs::must_exist(path, option)?;
     }
-    let template = read_template(&args.template)?;
+    let mut template = read_template(&args.template)?;
     let (camera, tone) = match &args.camera {
         Some(path) => {
             let input = inputs::camera(path, global)?;
+            // A template of a bare mesh knows no light; the camera file may.
+            template.light = template.light.or(input.file.light);
             (input.file.camera, input.tone)
         }
         None => {

@@ -34,7 +34,9 @@ pub(super) fn read(path: &Path, value: &Value) -> Result<LightModel, InputError>
             return Err(fields.error("positions", problem));
         }
         _ => {
-            return Err(fields.error("kind", format!("{kind:?} is not known; expected {}", kinds())));
+            return Err(
+                fields.error("kind", format!("{kind:?} is not known; expected {}", kinds()))
+            );
         }
     };
     let distance = fields.first(&["reference_distance", "reference_distance_mm"]);
