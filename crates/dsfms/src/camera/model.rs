@@ -167,8 +167,7 @@ impl Camera for CameraModel {
     }
 
     fn project(&self, point: &Point3) -> Option<Projection> {
-        // NaN fails the comparison too.
-        if !(point.z > 0.0) {
+        if point.z.is_nan() || point.z <= 0.0 {
             return None;
         }
         let iz = 1.0 / point.z;

@@ -26,8 +26,8 @@ fn bernstein<const N: usize>(c: &[f64; N]) -> [f64; N] {
     let n = N - 1;
     let mut b = [0.0; N];
     let mut binomial = 1.0;
-    for i in 0..N {
-        b[i] = c[i] / binomial;
+    for (i, (b, c)) in b.iter_mut().zip(c).enumerate() {
+        *b = c / binomial;
         binomial *= (n - i) as f64 / (i + 1) as f64;
     }
     for level in 1..N {
@@ -53,11 +53,11 @@ fn bernstein_positive<const N: usize>(b: [f64; N], depth: usize) -> bool {
 /// De Casteljau's subdivision at one half.
 fn halves<const N: usize>(mut b: [f64; N]) -> ([f64; N], [f64; N]) {
     let mut left = b;
-    for level in 1..N {
+    for (level, left) in left.iter_mut().enumerate().skip(1) {
         for i in 0..N - level {
             b[i] = 0.5 * (b[i] + b[i + 1]);
         }
-        left[level] = b[0];
+        *left = b[0];
     }
     (left, b)
 }

@@ -74,7 +74,7 @@ pub fn laplacian_variance(plane: &Plane, mask: Option<&Mask>) -> f64 {
 
 /// Weights of a normalised Gaussian at 0, 1, … 3 sigma; `None` without a positive sigma.
 fn half_kernel(sigma: f64) -> Option<Vec<f32>> {
-    if !(sigma > 0.0) {
+    if sigma.is_nan() || sigma <= 0.0 {
         return None;
     }
     let reach = (3.0 * sigma).ceil() as usize;

@@ -230,7 +230,9 @@ mod tests {
     fn the_file_of_a_frame() {
         let dir = tempfile::tempdir().unwrap();
         let touch = |name: &str| std::fs::write(dir.path().join(name), "x").unwrap();
-        ["frame_001.csv", "frame_001_sparse25.csv", "frame_002_sparse25.csv"].map(touch);
+        ["frame_001.csv", "frame_001_sparse25.csv", "frame_002_sparse25.csv"]
+            .into_iter()
+            .for_each(touch);
         let found = |frame: &str| find_matches(dir.path(), frame).map(|path| name_of(&path));
         assert_eq!(found("frame_001").unwrap(), "frame_001.csv");
         assert_eq!(found("frame_002").unwrap(), "frame_002_sparse25.csv");

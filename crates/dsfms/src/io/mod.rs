@@ -1,6 +1,7 @@
 //! Files in and out: frames, masks, cameras, poses, matches, meshes and the template container;
 //! everything is written to a temporary file first and renamed.
 
+pub mod albedo;
 pub mod atomic;
 pub mod camera;
 pub mod error;

@@ -72,11 +72,11 @@ pub(super) fn matches_pattern(name: &str, pattern: &str) -> bool {
     for p in pattern {
         let mut next = vec![false; name.len() + 1];
         next[0] = p == '*' && reachable[0];
-        for i in 0..name.len() {
+        for (i, &character) in name.iter().enumerate() {
             next[i + 1] = match p {
                 '*' => reachable[i + 1] || next[i],
                 '?' => reachable[i],
-                _ => reachable[i] && p == name[i],
+                _ => reachable[i] && p == character,
             };
         }
         reachable = next;

@@ -169,7 +169,8 @@ fn from_colmap(path: &Path, text: &str) -> Result<Vec<NamedPose>, InputError> {
         let words: Vec<&str> = line.split_whitespace().collect();
         let comment = line.trim_start().starts_with('#');
         // Lines of points are triples of numbers: x y point_id.
-        let points = words.len() % 3 == 0 && words.iter().all(|w| w.parse::<f64>().is_ok());
+        let points =
+            words.len().is_multiple_of(3) && words.iter().all(|w| w.parse::<f64>().is_ok());
         if comment || points {
             continue;
         }

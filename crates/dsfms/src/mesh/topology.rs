@@ -90,7 +90,7 @@ impl Topology {
     pub fn new(vertex_count: usize, faces: Vec<[u32; 3]>) -> Result<Self, TopologyError> {
         check_faces(vertex_count, &faces)?;
         let by_edge = faces_by_edge(&faces);
-        by_edge.iter().try_for_each(|(&edge, users)| check_edge(edge, users))?;
+        by_edge.chunk_by(same_edge).try_for_each(check_edge)?;
         Ok(Self::assemble(vertex_count, faces, &by_edge))
     }
 
@@ -100,13 +100,14 @@ impl Topology {
         Self::assemble(vertex_count, faces, &by_edge)
     }
 
-    fn assemble(vertex_count: usize, faces: Vec<[u32; 3]>, by_edge: &FacesByEdge) -> Self {
+    fn assemble(vertex_count: usize, faces: Vec<[u32; 3]>, by_edge: &[EdgeUse]) -> Self {
         let (mut edges, mut edge_faces) = (Vec::new(), Vec::new());
         let mut boundary = vec![false; vertex_count];
         let mut one_ring = vec![Vec::new(); vertex_count];
-        for (&[a, b], users) in by_edge {
+        for users in by_edge.chunk_by(same_edge) {
+            let [a, b] = users[0].edge;
             edges.push([a, b]);
-            edge_faces.push([users[0].0, users.get(1).map_or(u32::MAX, |u| u.0)]);
+            edge_faces.push([users[0].face, users.get(1).map_or(u32::MAX, |u| u.face)]);
             one_ring[a as usize].push(b);
             one_ring[b as usize].push(a);
             if users.len() == 1 {
@@ -164,26 +165,43 @@ fn check_faces(vertex_count: usize, faces: &[[u32; 3]]) -> Result<(), TopologyEr
     Ok(())
 }
 
-/// For each undirected edge its faces, with `true` where the face runs from the smaller vertex.
-type FacesByEdge = BTreeMap<[u32; 2], Vec<(u32, bool)>>;
-
-fn faces_by_edge(faces: &[[u32; 3]]) -> FacesByEdge {
-    let mut by_edge = FacesByEdge::new();
-    for (f, &[a, b, c]) in faces.iter().enumerate() {
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            by_edge.entry([from.min(to), from.max(to)]).or_default().push((f as u32, from < to));
-        }
-    }
-    by_edge
+/// One side of an undirected edge; `forward` = the face runs from the smaller vertex.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct EdgeUse {
+    edge: [u32; 2],
+    face: u32,
+    forward: bool,
 }
 
-fn check_edge([a, b]: [u32; 2], users: &[(u32, bool)]) -> Result<(), TopologyError> {
+fn same_edge(a: &EdgeUse, b: &EdgeUse) -> bool {
+    a.edge == b.edge
+}
+
+/// All sides of all edges, those of one edge together, by face.
+fn faces_by_edge(faces: &[[u32; 3]]) -> Vec<EdgeUse> {
+    let mut uses: Vec<EdgeUse> = faces
+        .iter()
+        .zip(0..)
+        .flat_map(|(&[a, b, c], face)| {
+            [(a, b), (b, c), (c, a)].map(|(from, to)| EdgeUse {
+                edge: [from.min(to), from.max(to)],
+                face,
+                forward: from < to,
+            })
+        })
+        .collect();
+    uses.sort_unstable();
+    uses
+}
+
+fn check_edge(users: &[EdgeUse]) -> Result<(), TopologyError> {
+    let [a, b] = users[0].edge;
     match users {
         [_] => Ok(()),
-        [first, second] if first.1 != second.1 => Ok(()),
+        [first, second] if first.forward != second.forward => Ok(()),
         [first, second] => Err(TopologyError::InconsistentOrientation {
-            first: first.0 as usize,
-            second: second.0 as usize,
+            first: first.face as usize,
+            second: second.face as usize,
             a,
             b,
         }),

@@ -1,4 +1,4 @@
-//! Pixel regions derived from a raster: depth discontinuities, and distances to a region.
+//! Pixel regions derived from a raster: predicted contours.
 
 use super::Raster;
 use crate::image::Mask;
@@ -28,44 +28,15 @@ impl Raster {
     }
 }
 
-/// Distance in px from every pixel to the nearest `true` pixel (0 there, infinity when there is
-/// none), by the 3-4 chamfer transform: within 8 % of the Euclidean distance, linear time.
+/// Distance in px from every pixel to the nearest `true` pixel, row major; see
+/// [`crate::image::distance::distance_to`].
 pub fn distance_to(mask: &Mask) -> Vec<f32> {
-    let [w, h] = mask.size;
-    let mut d: Vec<f32> = mask.data.iter().map(|&m| if m { 0.0 } else { f32::INFINITY }).collect();
-    let (side, corner) = (1.0, 4.0 / 3.0);
-    for i in 0..w * h {
-        relax(&mut d, [w, h], i, [(-1, 0, side), (0, -1, side), (-1, -1, corner), (1, -1, corner)]);
-    }
-    for i in (0..w * h).rev() {
-        relax(&mut d, [w, h], i, [(1, 0, side), (0, 1, side), (1, 1, corner), (-1, 1, corner)]);
-    }
-    d
-}
-
-fn relax(d: &mut [f32], [w, h]: [usize; 2], i: usize, steps: [(isize, isize, f32); 4]) {
-    let (x, y) = ((i % w) as isize, (i / w) as isize);
-    for (dx, dy, length) in steps {
-        let (nx, ny) = (x + dx, y + dy);
-        if nx >= 0 && ny >= 0 && nx < w as isize && ny < h as isize {
-            d[i] = d[i].min(d[ny as usize * w + nx as usize] + length);
-        }
-    }
+    crate::image::distance::distance_to(mask).data
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn distances_by_hand() {
-        let mut mask = Mask::filled([5, 4], false);
-        assert!(distance_to(&mask).iter().all(|d| d.is_infinite()));
-        mask.data[5] = true; // column 0, row 1
-        let d = distance_to(&mask);
-        assert_eq!([d[5], d[6], d[9], d[0]], [0.0, 1.0, 4.0, 1.0]);
-        assert!((d[12] - (4.0 / 3.0 + 1.0)).abs() < 1e-6, "two right, one down");
-    }
 
     #[test]
     fn contours_and_jumps_are_marked_on_the_surface_only() {

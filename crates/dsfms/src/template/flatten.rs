@@ -19,8 +19,8 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields, default)]
 pub struct FlattenOptions {
     /// Largest area ratio between the most and the least magnified face of one component (the
-    /// extreme per cent left out) before its cut is lengthened to the most shrunken place. Above 1;
-    /// 20 keeps ten to twenty texels of a 1024 px texture per mm² on an organ.
+    /// extreme per cent left out) before its cut is lengthened to the most shrunken place; above 1.
+    /// 8: two or three arms of the seam on a closed organ, after which more gains little.
     pub max_area_ratio: f64,
     /// At most this many lengthenings per component; 0 cuts only what the topology demands.
     pub max_extra_cuts: usize,
@@ -28,7 +28,7 @@ pub struct FlattenOptions {
 
 impl Default for FlattenOptions {
     fn default() -> Self {
-        Self { max_area_ratio: 20.0, max_extra_cuts: 6 }
+        Self { max_area_ratio: 8.0, max_extra_cuts: 6 }
     }
 }
 

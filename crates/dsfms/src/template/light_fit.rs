@@ -370,7 +370,7 @@ mod tests {
         let options = LightFitOptions {
             bounds: bounds(),
             normal_smoothing: 0,
-            spots: 600,
+            spots: 300,
             ..Default::default()
         };
         let fit = fit_light(&mesh, &views, None, &options).unwrap();
@@ -389,7 +389,7 @@ mod tests {
         let options = LightFitOptions {
             bounds: bounds(),
             normal_smoothing: 0,
-            spots: 400,
+            spots: 200,
             gain_sigma: 0.02,
             ..Default::default()
         };

@@ -1,6 +1,7 @@
 //! The template: rest surface, flattening, texture, albedo, descriptors (paper §4, §5).
 
 pub mod albedo;
+pub mod anchor;
 pub mod bake;
 pub mod coat;
 pub mod flatten;

@@ -4,10 +4,10 @@
 
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3, Vector3};
-use crate::image::{ColorImage, Mask};
+use crate::image::{ColorImage, Mask, distance::distance_to};
 use crate::light::{Light, LightModel, specular_angle};
 use crate::mesh::Mesh;
-use crate::raster::{Raster, rasterize, regions::distance_to};
+use crate::raster::{Raster, rasterize};
 use serde::{Deserialize, Serialize};
 
 /// One registered exploration frame, as the photometric steps need it.
@@ -152,14 +152,12 @@ pub(super) fn lit_cosine(light: &LightModel, point: &Point3, normal: &Vector3) -
 fn usable_pixels(view: &AlbedoView, raster: &Raster, bounds: &ObservationBounds) -> Vec<bool> {
     let contour = distance_to(&raster.discontinuities(bounds.relative_jump));
     let saturated = distance_to(view.saturation);
-    let masked = view.valid.map(|valid| {
-        distance_to(&Mask { size: valid.size, data: valid.data.iter().map(|&v| !v).collect() })
-    });
-    (0..contour.len())
+    let masked = view.valid.map(|valid| distance_to(&valid.complement()));
+    (0..contour.data.len())
         .map(|i| {
-            contour[i] >= bounds.contour_px as f32
-                && saturated[i] >= bounds.halo_px as f32
-                && masked.as_ref().is_none_or(|d| d[i] >= bounds.mask_px as f32)
+            contour.data[i] >= bounds.contour_px as f32
+                && saturated.data[i] >= bounds.halo_px as f32
+                && masked.as_ref().is_none_or(|d| d.data[i] >= bounds.mask_px as f32)
         })
         .collect()
 }

@@ -8,13 +8,12 @@ use crate::geometry::{Isometry, Point3, Vector3};
 use crate::image::{ColorImage, Mask};
 use crate::light::{Light, LightModel};
 use crate::mesh::{Mesh, Topology};
-use crate::raster::{Raster, rasterize};
+use crate::raster::rasterize;
 use std::sync::Arc;
 
 pub const SIZE: [usize; 2] = [96, 72];
 
 pub struct Picture {
-    pub raster: Raster,
     pub image: ColorImage,
     pub unsaturated: Mask,
     pub camera: CameraModel,
@@ -84,5 +83,5 @@ pub fn picture(mesh: &Mesh, light: &LightModel, pose: Isometry, gain: f64) -> Pi
         true_albedo(&p).map(|a| (a * light) as f32)
     });
     let image = ColorImage { size: SIZE, data };
-    Picture { raster, image, unsaturated: Mask::filled(SIZE, false), camera, pose }
+    Picture { image, unsaturated: Mask::filled(SIZE, false), camera, pose }
 }

@@ -1,0 +1,272 @@
+//! From features of registered frames to features of the surface.
+//!
+//! A keypoint of a frame lies on the face that the frame's z-buffer shows at its pixel. The same
+//! spot, seen in several frames, gives several features; those that lie within a pixel of each
+//! other and look alike are merged, and of the rest the best spread ones are kept.
+
+use super::Features;
+use crate::camera::{Camera, CameraModel};
+use crate::geometry::{Isometry, Point2, Point3, Vector3, area_normal, point_at};
+use crate::image::Mask;
+use crate::mesh::Mesh;
+use crate::raster::{Raster, rasterize};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Keypoints of one registered frame.
+#[derive(Clone, Copy, Debug)]
+pub struct FeatureView<'a> {
+    /// Camera of the frame.
+    pub camera: &'a CameraModel,
+    /// `camera_from_template`.
+    pub pose: Isometry,
+    /// `true` where the organ is seen; `None` = everywhere the template projects.
+    pub valid: Option<&'a Mask>,
+    /// Positions, px.
+    pub points: &'a [Point2],
+    /// One per position.
+    pub descriptors: &'a [[u8; 128]],
+}
+
+/// Options of [`anchor_features`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AnchorOptions {
+    /// Largest number of features kept.
+    pub max_features: usize,
+    /// Features closer than this many pixels of the nearest view on the surface may be the same.
+    pub merge_px: f64,
+    /// Largest angle in degrees between descriptors of the same feature.
+    pub merge_deg: f64,
+    /// Distance from predicted contours, px.
+    pub contour_px: f64,
+    /// Smallest cosine between normal and sightline.
+    pub grazing_cos: f64,
+}
+
+impl Default for AnchorOptions {
+    fn default() -> Self {
+        Self {
+            max_features: 20_000,
+            merge_px: 1.5,
+            merge_deg: 25.0,
+            contour_px: 3.0,
+            grazing_cos: 0.2,
+        }
+    }
+}
+
+/// A keypoint on the surface.
+struct Anchor {
+    face: u32,
+    barycentric: [f64; 3],
+    point: Point3,
+    descriptor: [u8; 128],
+    /// Length of a pixel there.
+    footprint: f64,
+    /// How squarely it was seen.
+    cosine: f64,
+}
+
+/// Attach keypoints to the surface; features follow in order of how squarely they were seen within
+/// each cell of an even spread. Keypoints off the surface, near its contours or seen at a grazing
+/// angle are left out; `points` and `descriptors` are read up to the shorter.
+pub fn anchor_features(mesh: &Mesh, views: &[FeatureView], options: &AnchorOptions) -> Features {
+    let mut anchors: Vec<_> = views.iter().flat_map(|v| anchors_of(mesh, v, options)).collect();
+    // Stable: equal cosines keep the order of the views.
+    anchors.sort_by(|a, b| b.cosine.total_cmp(&a.cosine));
+    let kept = spread(merge(anchors, options), options.max_features);
+    Features {
+        descriptors: kept.iter().map(|a| a.descriptor).collect(),
+        faces: kept.iter().map(|a| a.face).collect(),
+        barycentrics: kept.iter().map(|a| a.barycentric).collect(),
+    }
+}
+
+fn anchors_of(mesh: &Mesh, view: &FeatureView, options: &AnchorOptions) -> Vec<Anchor> {
+    let positions: Vec<_> = mesh.positions.iter().map(|p| view.pose * p).collect();
+    let raster = rasterize(view.camera, &mesh.topology, &positions);
+    let contour = raster.discontinuities(0.02).dilate(options.contour_px);
+    let posed = mesh.with_positions(positions);
+    let usable =
+        |p: &Point2| !contour.at_pixel(p) && view.valid.is_none_or(|valid| valid.at_pixel(p));
+    view.points
+        .iter()
+        .zip(view.descriptors)
+        .filter(|(pixel, _)| usable(pixel))
+        .filter_map(|(pixel, descriptor)| {
+            let (face, barycentric) = sub_pixel(&raster, &posed, view.camera, pixel)?;
+            let corners = posed.corners(face as usize);
+            let point = point_at(corners, barycentric);
+            let [a, b, c] = corners;
+            let normal = area_normal(a, b, c).try_normalize(0.0)?;
+            let cosine = -normal.dot(&point.coords) / point.coords.norm();
+            (cosine >= options.grazing_cos).then(|| Anchor {
+                face,
+                barycentric,
+                point: point_at(mesh.corners(face as usize), barycentric),
+                descriptor: *descriptor,
+                footprint: point.z / view.camera.focal[0],
+                cosine,
+            })
+        })
+        .collect()
+}
+
+/// Face and barycentrics where the sightline of a pixel, not of its nearest centre, meets the
+/// surface: on the face of the nearest centre, or on one that shares a vertex with it.
+fn sub_pixel(
+    raster: &Raster,
+    posed: &Mesh,
+    camera: &CameraModel,
+    pixel: &Point2,
+) -> Option<(u32, [f64; 3])> {
+    let (nearest, fallback) = raster.surface_at(pixel)?;
+    let ray = camera.unproject(pixel)?;
+    let ring = posed.topology.faces[nearest as usize]
+        .iter()
+        .flat_map(|&v| posed.topology.vertex_faces[v as usize].iter().copied());
+    let hit = std::iter::once(nearest).chain(ring).find_map(|face| {
+        let weights = intersect(&ray, posed.corners(face as usize))?;
+        weights.iter().all(|&w| w >= 0.0).then_some((face, weights))
+    });
+    Some(hit.unwrap_or((nearest, fallback)))
+}
+
+/// Barycentrics where a ray from the origin meets the plane of a triangle; `None` when parallel.
+fn intersect(ray: &Vector3, [a, b, c]: [&Point3; 3]) -> Option<[f64; 3]> {
+    let w = [
+        ray.dot(&b.coords.cross(&c.coords)),
+        ray.dot(&c.coords.cross(&a.coords)),
+        ray.dot(&a.coords.cross(&b.coords)),
+    ];
+    let total = w[0] + w[1] + w[2];
+    (total.abs() > 1e-300).then(|| w.map(|v| v / total))
+}
+
+/// Drop every anchor that lies next to a better one and looks like it.
+fn merge(anchors: Vec<Anchor>, options: &AnchorOptions) -> Vec<Anchor> {
+    let coarsest = anchors.iter().map(|a| a.footprint).fold(0.0, f64::max);
+    let cell = (options.merge_px * coarsest).max(1e-300);
+    let least = options.merge_deg.to_radians().cos();
+    let mut cells: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
+    let mut kept: Vec<Anchor> = Vec::new();
+    for anchor in anchors {
+        let key: [i64; 3] = anchor.point.coords.map(|x| (x / cell).floor() as i64).into();
+        let known = neighbours(key).any(|k| {
+            cells.get(&k).is_some_and(|list| {
+                list.iter().any(|&i| {
+                    let reach = options.merge_px * anchor.footprint.max(kept[i].footprint);
+                    (kept[i].point - anchor.point).norm() <= reach
+                        && similarity(&kept[i].descriptor, &anchor.descriptor) >= least
+                })
+            })
+        });
+        if !known {
+            cells.entry(key).or_default().push(kept.len());
+            kept.push(anchor);
+        }
+    }
+    kept
+}
+
+fn neighbours([x, y, z]: [i64; 3]) -> impl Iterator<Item = [i64; 3]> {
+    (0..27).map(move |k| [x + k % 3 - 1, y + k / 3 % 3 - 1, z + k / 9 - 1])
+}
+
+/// Cosine of the angle between two descriptors.
+fn similarity(a: &[u8; 128], b: &[u8; 128]) -> f64 {
+    let dot = |u: &[u8; 128], v: &[u8; 128]| {
+        u.iter().zip(v).map(|(&x, &y)| u32::from(x) * u32::from(y)).sum::<u32>()
+    };
+    f64::from(dot(a, b)) / (f64::from(dot(a, a)) * f64::from(dot(b, b))).sqrt().max(1.0)
+}
+
+/// At most `limit` anchors, taken in turn from the cells of a grid over the surface, so that no
+/// richly textured corner crowds out the rest.
+fn spread(anchors: Vec<Anchor>, limit: usize) -> Vec<Anchor> {
+    if anchors.len() <= limit {
+        return anchors;
+    }
+    let (mut low, mut high) = (anchors[0].point, anchors[0].point);
+    for a in &anchors {
+        (low, high) = (low.inf(&a.point), high.sup(&a.point));
+    }
+    const CELLS_ACROSS: f64 = 32.0;
+    let cell = ((high - low).max() / CELLS_ACROSS).max(1e-300);
+    let mut taken: BTreeMap<[i64; 3], usize> = BTreeMap::new();
+    let mut ranked: Vec<(usize, Anchor)> = anchors
+        .into_iter()
+        .map(|a| {
+            let key: [i64; 3] = (a.point - low).map(|x| (x / cell) as i64).into();
+            let rank = taken.entry(key).or_insert(0);
+            *rank += 1;
+            (*rank, a)
+        })
+        .collect();
+    ranked.sort_by_key(|(rank, _)| *rank);
+    ranked.truncate(limit);
+    ranked.into_iter().map(|(_, a)| a).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_scene::{patch, pictures};
+    use super::*;
+    use crate::light::LightModel;
+
+    /// Descriptors that differ from one index to the next by more than a merge allows.
+    fn descriptor(i: usize) -> [u8; 128] {
+        std::array::from_fn(|k| if k % 16 == i % 16 { 200 } else { 5 })
+    }
+
+    #[test]
+    fn one_spot_in_two_views_becomes_one_feature_at_the_right_place() {
+        let mesh = patch();
+        let pictures = pictures(&mesh, &LightModel::Collinear, [1.0; 5]);
+        let truth: Vec<_> =
+            [(100, [0.2, 0.3, 0.5]), (260, [0.6, 0.3, 0.1]), (300, [0.1, 0.1, 0.8])]
+                .map(|(f, w)| point_at(mesh.corners(f), w))
+                .to_vec();
+        let pixels: Vec<Vec<Point2>> = pictures
+            .iter()
+            .map(|p| truth.iter().map(|t| p.camera.project(&(p.pose * t)).unwrap().pixel).collect())
+            .collect();
+        let descriptors: Vec<_> = (0..3).map(descriptor).collect();
+        let views: Vec<_> = pictures
+            .iter()
+            .zip(&pixels)
+            .map(|(p, points)| FeatureView {
+                camera: &p.camera,
+                pose: p.pose,
+                valid: None,
+                points,
+                descriptors: &descriptors,
+            })
+            .collect();
+        let features = anchor_features(&mesh, &views, &AnchorOptions::default());
+        assert_eq!(features.faces.len(), 3);
+        for ((&face, &w), d) in
+            features.faces.iter().zip(&features.barycentrics).zip(&features.descriptors)
+        {
+            let k = descriptors.iter().position(|x| x == d).unwrap();
+            assert!((point_at(mesh.corners(face as usize), w) - truth[k]).norm() < 1e-6);
+        }
+        let few = AnchorOptions { max_features: 2, ..Default::default() };
+        assert_eq!(anchor_features(&mesh, &views, &few).faces.len(), 2);
+    }
+
+    #[test]
+    fn keypoints_off_the_surface_are_left_out() {
+        let mesh = patch();
+        let pictures = pictures(&mesh, &LightModel::Collinear, [1.0; 5]);
+        let view = FeatureView {
+            camera: &pictures[0].camera,
+            pose: pictures[0].pose,
+            valid: None,
+            points: &[Point2::new(0.0, 0.0), Point2::new(-5.0, 900.0)],
+            descriptors: &[descriptor(0), descriptor(1)],
+        };
+        assert!(anchor_features(&mesh, &[view], &AnchorOptions::default()).faces.is_empty());
+    }
+}
