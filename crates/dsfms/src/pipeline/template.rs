@@ -8,18 +8,19 @@
 use super::Progress;
 use crate::camera::{Camera, CameraModel};
 use crate::dense::{DenseError, DenseOptions, PosedFrame, depth_maps, surface};
-use crate::geometry::{Isometry, Point2, Point3, barycentric};
+use crate::geometry::{Isometry, Point3};
 use crate::image::{ColorImage, Frame, Mask, ToneCurve, saturation};
 use crate::light::LightModel;
 use crate::mesh::remesh::{RemeshError, RemeshOptions, remesh};
 use crate::mesh::{Mesh, Topology};
-use crate::raster::{Raster, rasterize, visible_vertices};
+use crate::raster::{rasterize, visible_vertices};
 use crate::sfm::{self, Features2d, SfmError, SfmOptions, SfmStage};
 use crate::template::albedo::{AlbedoError, AlbedoOptions, estimate_albedo};
+use crate::template::anchor::{AnchorOptions, FeatureView, anchor_features};
 use crate::template::flatten::{FlattenOptions, flatten};
 use crate::template::light_fit::{LightFit, LightFitOptions, fit_light};
 use crate::template::photometric::AlbedoView;
-use crate::template::{Features, Flattening, LengthUnit, SurfaceTexels, Template, View};
+use crate::template::{Flattening, LengthUnit, SurfaceTexels, Template, View};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -58,8 +59,8 @@ pub struct TemplateOptions {
     pub light: LightFitOptions,
     /// Albedo (eqs. 1, 2).
     pub albedo: AlbedoOptions,
-    /// Most descriptors kept of one view.
-    pub features_per_view: usize,
+    /// Descriptors on the surface.
+    pub anchor: AnchorOptions,
 }
 
 impl Default for TemplateOptions {
@@ -72,7 +73,7 @@ impl Default for TemplateOptions {
             flatten: FlattenOptions::default(),
             light: LightFitOptions::default(),
             albedo: AlbedoOptions::default(),
-            features_per_view: 2000,
+            anchor: AnchorOptions::default(),
         }
     }
 }
@@ -318,14 +319,14 @@ impl Views<'_> {
         let shading = AlbedoOptions { ambient: light.ambient, ..options.albedo.clone() };
         let albedo = estimate_albedo(&mesh, &views, &light.light, &shading)?;
         progress.step("light and albedo", 2, 2);
-        let anchored: Vec<Anchored> =
-            prepared.par_iter().map(|p| self.anchor(p, &mesh, options)).collect();
+        let features = anchor_features(&mesh, &self.feature_views(&prepared), &options.anchor);
+        let visible: Vec<Vec<bool>> = prepared.par_iter().map(|p| self.visible(p, &mesh)).collect();
         let template = Template {
             unit,
-            seen: seen_counts(&mesh.topology, &anchored),
+            seen: seen_counts(&mesh.topology, &visible),
             flattening,
             albedo: Some(albedo.texels),
-            features: Some(collect_features(anchored)),
+            features: Some(features),
             views: self.registered(&prepared, &albedo.gains),
             camera: Some(self.exploration.camera.clone()),
             tone: self.exploration.tone.clone(),
@@ -369,77 +370,38 @@ impl Views<'_> {
         prepared.iter().zip(gains).map(view).collect()
     }
 
-    /// What one view sees of the surface: vertices, and its keypoints' places.
-    fn anchor(&self, prepared: &Prepared, mesh: &Mesh, options: &TemplateOptions) -> Anchored {
+    fn feature_views<'p>(&'p self, prepared: &'p [Prepared]) -> Vec<FeatureView<'p>> {
+        let view = |p: &'p Prepared| FeatureView {
+            camera: self.exploration.camera,
+            pose: p.pose,
+            valid: self.usable[p.frame].as_ref(),
+            points: &self.features[p.frame].points,
+            descriptors: &self.features[p.frame].descriptors,
+        };
+        prepared.iter().map(view).collect()
+    }
+
+    /// The vertices that one view sees, inside its mask.
+    fn visible(&self, prepared: &Prepared, mesh: &Mesh) -> Vec<bool> {
         let camera = self.exploration.camera;
         let positions: Vec<Point3> = mesh.positions.iter().map(|p| prepared.pose * p).collect();
         let raster = rasterize(camera, &mesh.topology, &positions);
         let nearest = raster.depth.iter().copied().fold(f64::INFINITY, f64::min);
-        let mut visible = visible_vertices(
-            camera,
-            &mesh.topology,
-            &positions,
-            &raster,
-            OCCLUSION_TOLERANCE * nearest,
-        );
+        let tolerance = OCCLUSION_TOLERANCE * nearest;
+        let mut visible = visible_vertices(camera, &mesh.topology, &positions, &raster, tolerance);
         if let Some(mask) = &self.usable[prepared.frame] {
             for (seen, p) in visible.iter_mut().zip(&positions) {
                 *seen &= camera.project(p).is_some_and(|q| mask.at_pixel(&q.pixel));
             }
         }
-        let found = &self.features[prepared.frame];
-        let place = |(point, descriptor): (&Point2, &[u8; 128])| {
-            let (face, weights) = on_surface(camera, &raster, &mesh.topology, &positions, point)?;
-            Some((*descriptor, face, weights))
-        };
-        let features = found
-            .points
-            .iter()
-            .zip(&found.descriptors)
-            .filter_map(place)
-            .take(options.features_per_view)
-            .collect();
-        Anchored { visible, features }
+        visible
     }
 }
 
 /// A vertex counts as seen when it lies within this of the z-buffer, relative to the depth.
 const OCCLUSION_TOLERANCE: f64 = 0.01;
 
-struct Anchored {
-    visible: Vec<bool>,
-    /// Descriptor, face, barycentrics.
-    features: Vec<([u8; 128], u32, [f64; 3])>,
-}
-
-/// Where a sightline meets the surface: on the plane of the face that the nearest pixel shows.
-fn on_surface(
-    camera: &CameraModel,
-    raster: &Raster,
-    topology: &Topology,
-    positions: &[Point3],
-    pixel: &Point2,
-) -> Option<(u32, [f64; 3])> {
-    let (face, _) = raster.surface_at(pixel)?;
-    let [a, b, c] = topology.faces[face as usize].map(|v| &positions[v as usize]);
-    let (ray, normal) = (camera.unproject(pixel)?, (b - a).cross(&(c - a)));
-    let point = Point3::from(ray * (normal.dot(&a.coords) / normal.dot(&ray)));
-    let weights = barycentric(&point, [a, b, c])?.map(|w| w.clamp(0.0, 1.0));
-    let sum: f64 = weights.iter().sum();
-    sum.is_normal().then(|| (face, weights.map(|w| w / sum)))
-}
-
-fn seen_counts(topology: &Topology, anchored: &[Anchored]) -> Vec<u32> {
-    let count = |v: usize| anchored.iter().filter(|a| a.visible[v]).count() as u32;
+fn seen_counts(topology: &Topology, visible: &[Vec<bool>]) -> Vec<u32> {
+    let count = |v: usize| visible.iter().filter(|view| view[v]).count() as u32;
     (0..topology.vertex_count).map(count).collect()
-}
-
-fn collect_features(anchored: Vec<Anchored>) -> Features {
-    let mut features = Features::default();
-    for (descriptor, face, weights) in anchored.into_iter().flat_map(|a| a.features) {
-        features.descriptors.push(descriptor);
-        features.faces.push(face);
-        features.barycentrics.push(weights);
-    }
-    features
 }
