@@ -32,13 +32,24 @@ pub fn code(result: anyhow::Result<Outcome>) -> ExitCode {
         Ok(Outcome::Degraded) => ExitCode::from(DEGRADED),
         Ok(Outcome::Nothing) => ExitCode::from(NOTHING),
         Err(error) => {
-            eprintln!("error: {error:#}");
+            eprintln!("error: {}", describe(&error));
             if let Some(hint) = hint(&error) {
                 eprintln!("hint: {hint}");
             }
             ExitCode::from(if error.is::<Usage>() { USAGE } else { NOTHING })
         }
     }
+}
+
+/// An error with its causes; a cause that the message before it already quotes is not repeated.
+pub fn describe(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !text.contains(&cause) {
+            text += &format!(": {cause}");
+        }
+    }
+    text
 }
 
 /// `--help` and `--version` are successes, everything else that clap refuses is wrong usage.
@@ -75,5 +86,17 @@ fn advice(cause: &(dyn Error + 'static)) -> Option<&'static str> {
     match cause.downcast_ref::<ReconstructError>()? {
         ReconstructError::NoDescriptors => Some("see `dsfms help reconstruct`, --matches"),
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn causes_are_said_once() {
+        let inner = anyhow::anyhow!("disk full");
+        let quoted = inner.context("cannot write a: disk full").context("output");
+        assert_eq!(describe(&quoted), "output: cannot write a: disk full");
     }
 }

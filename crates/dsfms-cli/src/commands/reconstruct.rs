@@ -1,7 +1,7 @@
 //! `dsfms reconstruct`: frames of the deformed organ to surfaces.
 
 use crate::args::Global;
-use crate::exit::Outcome;
+use crate::exit::{self, Outcome};
 use crate::inputs::{self, Source};
 use crate::outputs::{self, FrameFiles, FrameReport};
 use crate::progress::Reporter;
@@ -193,7 +193,7 @@ impl Job<'_> {
                 FrameReport::of(&input, method, self.template.unit, &result)
             }
             Err(error) => {
-                let why = format!("{error:#}");
+                let why = exit::describe(&error);
                 FrameReport::failed(&input, method, self.template.unit, why)
             }
         };
@@ -210,6 +210,8 @@ impl Job<'_> {
 
     fn attempt(&self, source: &Source) -> anyhow::Result<(Frame, Reconstruction)> {
         let frame = source.frame()?;
+        let camera_file = self.args.camera.as_deref().unwrap_or(&self.args.template);
+        inputs::check_size(&frame, &self.camera, camera_file)?;
         let matches = self.matches(&frame)?;
         let mask = |option: &Option<PathBuf>, kind| -> anyhow::Result<Option<Mask>> {
             let read = |p: &PathBuf| inputs::mask_of(&frame, source.path(), p, kind, self.reporter);

@@ -38,7 +38,7 @@ impl Case {
         let attraction = Attraction {
             direction: -Vector3::z(),
             point: Point3::new(0.0, 0.0, -12.0),
-            angle: 0.5,
+            angle: 0.3,
         };
         let shape = deform(&organ.mesh, &[attraction], 0.08, 0.0);
         let pose = Isometry::translation(1.0, -0.5, 75.0);
