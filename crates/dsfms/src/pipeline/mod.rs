@@ -15,6 +15,7 @@ use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point3};
 use crate::image::{Frame, Mask, ToneCurve};
 use crate::register::{Match, RegisterError};
+use crate::sfs::SfsError;
 use crate::solver::Summary;
 use serde::{Deserialize, Serialize};
 
@@ -100,6 +101,9 @@ pub enum ReconstructError {
     /// No rigid pose: too few matches, or none that they agree on.
     #[error(transparent)]
     Register(#[from] RegisterError),
+    /// Shape from shading alone found nothing to shade.
+    #[error(transparent)]
+    Sfs(#[from] SfsError),
     /// The template has no descriptors and no matches were given.
     #[error(
         "the template holds no descriptors, so matches cannot be found automatically; give them with --matches"

@@ -9,6 +9,7 @@ use crate::light::LightModel;
 use crate::refine::{Photograph, RefineOptions, Refined, refine};
 use crate::register::scene::visibility;
 use crate::register::{Match, Posed, RegisterOptions, Registered, Scene, find, pose, register};
+use crate::sfs::{SfsInput, SfsOptions, shape_from_shading};
 use crate::template::{SurfaceTexels, Template};
 use std::time::Instant;
 
@@ -229,13 +230,28 @@ fn usable(observation: &Observation) -> Mask {
     usable
 }
 
+/// The SfS baseline at the rigid registration.
 fn shade_alone(
-    _template: &Template,
-    _observation: &Observation,
-    _result: &mut Reconstruction,
-    _log: &mut StageLog,
+    template: &Template,
+    observation: &Observation,
+    result: &mut Reconstruction,
+    log: &mut StageLog,
 ) -> Result<(), ReconstructError> {
-    todo!()
+    let parts = PhotographParts::of(template, observation);
+    let input = SfsInput {
+        mesh: &template.mesh,
+        pose: result.pose,
+        camera: observation.camera,
+        grey: &parts.grey,
+        usable: &parts.usable,
+        saturated: &parts.saturated,
+        albedo: Some(&parts.albedo),
+        light: &parts.light,
+    };
+    let shaded = log.time("sfs", || shape_from_shading(&input, &SfsOptions::default()))?;
+    log.attach(&shaded.summary);
+    (result.vertices, result.gain) = (shaded.vertices, shaded.gain);
+    Ok(())
 }
 
 /// Final visibility and the verdict.
