@@ -1,2 +1,21 @@
-//! dsfms command line
-fn main() {}
+//! The command line of dsfms: one file per subcommand, no mathematics.
+
+mod args;
+mod commands;
+mod demo;
+mod draw;
+mod exit;
+mod inputs;
+mod outputs;
+mod progress;
+
+use clap::Parser;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let arguments = match args::Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return exit::parse_error(&error),
+    };
+    exit::code(commands::run(&arguments))
+}

@@ -21,6 +21,7 @@ mod template_arrays;
 mod template_glb;
 mod template_manifest;
 mod template_sparse;
+pub mod vertex_truth;
 mod yaml;
 
 pub use error::InputError;

@@ -1,8 +1,15 @@
 //! One deformed frame through all stages of a method.
 
+pub mod progress;
 pub mod reconstruct;
+pub mod template;
 
+pub use progress::{Progress, Silent};
 pub use reconstruct::{ReconstructOptions, reconstruct};
+pub use template::{
+    BuiltTemplate, Exploration, TemplateError, TemplateOptions, template_from_frames,
+    template_from_mesh, template_from_posed_frames,
+};
 
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point3};

@@ -1,0 +1,190 @@
+//! `dsfms demo`: the whole road on an embedded scene, compared with its truth.
+
+use super::reconstruct::method_name;
+use crate::args::Global;
+use crate::demo::report::{FrameResult, Report, write_report};
+use crate::demo::scene::{DeformedFrame, Scene, unpack};
+use crate::demo::truth::{FrameTruth, Tie};
+use crate::exit::Outcome;
+use crate::outputs::{FrameFiles, FrameReport, prepare_folder, summary_csv, write_text};
+use crate::progress::Reporter;
+use clap::Args;
+use dsfms::io::template::write_template;
+use dsfms::pipeline::{
+    BuiltTemplate, Exploration, Method, Observation, Progress, ReconstructOptions, TemplateOptions,
+    reconstruct, template_from_frames,
+};
+use dsfms::template::Template;
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+const EXAMPLES: &str = "\
+Examples:
+  dsfms demo
+  dsfms demo -o /tmp/demo --vertices 500
+
+Writes OUT/report.html (one self-contained page), OUT/organ.template, OUT/<method>/frame_NNN.* as
+`dsfms reconstruct` does, and OUT/scene: the embedded frames, masks, camera and truth, on which every
+other command can be tried. The exit code is 0 when every method gave a surface for every frame.";
+
+/// The methods compared, in the order of the report.
+pub const METHODS: [Method; 4] = [Method::Rigid, Method::Sfs, Method::Dsfm, Method::Dsfms];
+
+/// Reconstruct an embedded scene by four methods and compare with the truth.
+#[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub struct DemoArgs {
+    /// Folder for the results.
+    #[arg(short, long, value_name = "OUT", default_value = "dsfms-demo")]
+    output: PathBuf,
+    /// Vertices of the template mesh, 100 to 50000.
+    #[arg(long, value_name = "N", default_value_t = 1000)]
+    vertices: usize,
+}
+
+/// Run the command.
+pub fn run(args: &DemoArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
+    let start = Instant::now();
+    prepare_folder(&args.output)?;
+    unpack(&args.output.join("scene"))?;
+    let scene = Scene::read(&args.output.join("scene"), global)?;
+    let built = build(&scene, args, global, reporter)?;
+    let template_seconds = start.elapsed().as_secs_f64();
+    write_template(&args.output.join("organ.template"), &built.template)?;
+    let tie = Tie::new(&built.template, &scene)?;
+    let frames = reconstruct_all(&scene, &built.template, &tie, args, global, reporter)?;
+    let report = Report {
+        scene: &scene,
+        built: &built,
+        tie: &tie,
+        frames: &frames,
+        template_seconds,
+        seconds: start.elapsed().as_secs_f64(),
+    };
+    let path = args.output.join("report.html");
+    write_report(&path, &report)?;
+    reporter.finish();
+    super::to_stdout(&report.text())?;
+    let shown = path.canonicalize().unwrap_or(path);
+    super::to_stdout(&format!("report: {}\n", shown.display()))?;
+    let complete = frames.iter().flat_map(|f| &f.methods).all(|m| m.surface.is_some());
+    Ok(if complete { Outcome::Ok } else { Outcome::Degraded })
+}
+
+fn build(
+    scene: &Scene,
+    args: &DemoArgs,
+    global: &Global,
+    reporter: &Reporter,
+) -> anyhow::Result<BuiltTemplate> {
+    let mut options = TemplateOptions { vertices: args.vertices, ..Default::default() };
+    options.sfm.seed = global.seed;
+    options.dense.seed = global.seed;
+    let exploration = Exploration {
+        frames: &scene.exploration,
+        valid: &[],
+        organ: &scene.exploration_organ,
+        camera: &scene.camera.file.camera,
+        tone: &scene.camera.tone,
+        light: scene.camera.file.light.as_ref(),
+    };
+    let built = template_from_frames(&exploration, &options, reporter)?;
+    for (name, why) in &built.rejected {
+        reporter.warn(&format!("frame {name} is left out: {why}"));
+    }
+    Ok(built)
+}
+
+fn reconstruct_all(
+    scene: &Scene,
+    template: &Template,
+    tie: &Tie,
+    args: &DemoArgs,
+    global: &Global,
+    reporter: &Reporter,
+) -> anyhow::Result<Vec<FrameResult>> {
+    let options = ReconstructOptions { seed: global.seed, ..Default::default() };
+    let mut frames: Vec<FrameResult> = scene
+        .deformed
+        .iter()
+        .map(|d| {
+            FrameResult::new(d, tie.matches(template, scene, &d.matches), tie.carry(template, d))
+        })
+        .collect();
+    let jobs: Vec<(usize, Method)> =
+        METHODS.iter().flat_map(|&m| (0..frames.len()).map(move |i| (i, m))).collect();
+    let done = AtomicUsize::new(0);
+    reporter.step("deformed frames", 0, jobs.len());
+    let results: Vec<_> = jobs
+        .par_iter()
+        .map(|&(i, method)| {
+            let observation = observation(scene, &scene.deformed[i], &frames[i]);
+            let result = reconstruct(template, &observation, method, &options);
+            let count = done.fetch_add(1, Ordering::Relaxed) + 1;
+            reporter.step("deformed frames", count, jobs.len());
+            result
+        })
+        .collect();
+    for ((i, method), result) in jobs.into_iter().zip(results) {
+        let input = scene.deformed[i].frame.name.clone();
+        let outcome = match result {
+            Ok(surface) => {
+                let truth: &FrameTruth = &frames[i].truth;
+                let errors = tie.evaluate(template, &surface.vertices, truth, scene)?;
+                let report = FrameReport::of(&input, method, template.unit, &surface);
+                (report, Some((surface, errors)))
+            }
+            Err(error) => {
+                reporter.error(&format!("{input}, {}: {error}", method_name(method)));
+                let why = error.to_string();
+                (FrameReport::failed(&input, method, template.unit, why), None)
+            }
+        };
+        frames[i].add(method, outcome);
+    }
+    write_files(scene, template, &args.output, &frames)?;
+    Ok(frames)
+}
+
+fn observation<'a>(
+    scene: &'a Scene,
+    deformed: &'a DeformedFrame,
+    frame: &'a FrameResult,
+) -> Observation<'a> {
+    Observation {
+        frame: &deformed.frame,
+        camera: &scene.camera.file.camera,
+        tone: &scene.camera.tone,
+        matches: Some(&frame.matches),
+        instrument: Some(&deformed.instrument),
+        organ: Some(&deformed.organ),
+    }
+}
+
+/// `OUT/<method>/frame_NNN.*` and a summary each.
+fn write_files(
+    scene: &Scene,
+    template: &Template,
+    output: &Path,
+    frames: &[FrameResult],
+) -> anyhow::Result<()> {
+    for (k, method) in METHODS.into_iter().enumerate() {
+        let folder = output.join(method_name(method));
+        let mut rows = Vec::new();
+        for (frame, deformed) in frames.iter().zip(&scene.deformed) {
+            let name = deformed.frame.name.clone();
+            let files = FrameFiles { folder: &folder, name: &name };
+            let result = &frame.methods[k];
+            if let Some((surface, _)) = &result.surface {
+                let camera = &scene.camera.file.camera;
+                files.write_surface(template, &deformed.frame, camera, surface)?;
+            }
+            files.write_report(&result.report)?;
+            rows.push((name, result.report.clone()));
+        }
+        write_text(&folder.join("summary.csv"), &summary_csv(&rows))?;
+    }
+    Ok(())
+}

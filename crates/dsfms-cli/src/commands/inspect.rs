@@ -1,0 +1,93 @@
+//! `dsfms inspect`: what is inside a template.
+
+use crate::exit::Outcome;
+use clap::Args;
+use dsfms::io::template::read_template;
+use dsfms::template::Template;
+use dsfms::template::statistics::{TemplateStatistics, template_statistics};
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+  dsfms inspect organ.template
+  dsfms inspect organ.template --json > organ.json";
+
+/// Show what is inside a template: unit, vertices, flattening distortion, frames, albedo.
+#[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub struct InspectArgs {
+    /// Template folder.
+    #[arg(value_name = "TEMPLATE")]
+    template: PathBuf,
+    /// Print JSON instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Run the command.
+pub fn run(args: &InspectArgs) -> anyhow::Result<Outcome> {
+    let template = read_template(&args.template)?;
+    if args.json {
+        let text = serde_json::to_string_pretty(&template_statistics(&template))?;
+        super::to_stdout(&format!("{text}\n"))?;
+    } else {
+        print(&template)?;
+    }
+    Ok(Outcome::Ok)
+}
+
+/// The table on stdout.
+pub fn print(template: &Template) -> anyhow::Result<()> {
+    let mut text = String::new();
+    for (name, value) in rows(template, &template_statistics(template)) {
+        text += &format!("{name:<14}{value}\n");
+    }
+    super::to_stdout(&text)
+}
+
+fn rows(template: &Template, s: &TemplateStatistics) -> Vec<(&'static str, String)> {
+    let unit = s.unit.label();
+    let [x, y, z] = s.extent;
+    let flattening = s.flattening.as_ref().map_or("none".into(), |f| {
+        format!(
+            "quasi-conformal ratio median {:.3}, p95 {:.3}; area ratio {:.2}; {} flipped, {} seam edges",
+            f.quasi_conformal_median, f.quasi_conformal_p95, f.area_ratio, f.flipped, f.seam_edges
+        )
+    });
+    let albedo = s.albedo.as_ref().map_or("none".into(), |a| {
+        format!(
+            "{} texels, {:.1} % observed; mean {:.3}, p5 {:.3}, p95 {:.3}; median spread {:.4}",
+            a.texels,
+            100.0 * a.observed,
+            a.mean,
+            a.p5,
+            a.p95,
+            a.median_spread
+        )
+    });
+    let frames = match s.median_reprojection_px {
+        Some(px) => format!("{}, median reprojection error {px:.2} px", s.frames),
+        None => s.frames.to_string(),
+    };
+    let light = template.light.as_ref().map_or("none".into(), |l| format!("{l:?}"));
+    let seen = s.seen_vertices.map_or("not known".into(), |n| format!("{n} vertices"));
+    vec![
+        ("unit", unit.to_string()),
+        ("vertices", format!("{}, {} faces, mean edge {:.3}", s.vertices, s.faces, s.mean_edge)),
+        (
+            "topology",
+            format!(
+                "{} piece(s), {} boundary loop(s), Euler characteristic {}",
+                s.components, s.boundary_loops, s.euler_characteristic
+            ),
+        ),
+        ("extent", format!("{x:.2} x {y:.2} x {z:.2}, area {:.1}", s.area)),
+        ("min angle", format!("{:.1} deg", s.min_angle_deg)),
+        ("seen", seen),
+        ("flattening", flattening),
+        ("frames", frames),
+        ("albedo", albedo),
+        ("light", light),
+        ("descriptors", s.features.to_string()),
+    ]
+}

@@ -1,0 +1,42 @@
+//! One file per subcommand.
+
+pub mod demo;
+pub mod evaluate;
+pub mod inspect;
+pub mod reconstruct;
+pub mod template;
+
+use crate::args::{Arguments, Command};
+use crate::exit::Outcome;
+use crate::progress::Reporter;
+use anyhow::Context;
+
+/// Run the command that was asked for.
+pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let global = &arguments.global;
+    if let Some(threads) = global.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.into())
+            .build_global()
+            .context("cannot start the worker threads")?;
+    }
+    let reporter = Reporter::new(global.quiet);
+    let result = match &arguments.command {
+        Command::Template(args) => template::run(args, global, &reporter),
+        Command::Reconstruct(args) => reconstruct::run(args, global, &reporter),
+        Command::Inspect(args) => inspect::run(args),
+        Command::Evaluate(args) => evaluate::run(args),
+        Command::Demo(args) => demo::run(args, global, &reporter),
+    };
+    reporter.finish();
+    result
+}
+
+/// Print a result; a reader that closed the pipe is no error.
+pub fn to_stdout(text: &str) -> anyhow::Result<()> {
+    use std::io::{ErrorKind, Write};
+    match std::io::stdout().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(()),
+    }
+}

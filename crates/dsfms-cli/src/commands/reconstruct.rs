@@ -1,0 +1,254 @@
+//! `dsfms reconstruct`: frames of the deformed organ to surfaces.
+
+use crate::args::Global;
+use crate::exit::{self, Outcome};
+use crate::inputs::{self, Source};
+use crate::outputs::{self, FrameFiles, FrameReport};
+use crate::progress::Reporter;
+use anyhow::Context;
+use clap::{Args, ValueEnum};
+use dsfms::camera::CameraModel;
+use dsfms::image::{Frame, Mask, ToneCurve};
+use dsfms::io::masks::MaskKind;
+use dsfms::io::matches::{find_matches, read_matches};
+use dsfms::io::template::read_template;
+use dsfms::pipeline::{
+    Method, Observation, Progress, ReconstructOptions, Reconstruction, reconstruct,
+};
+use dsfms::register::Match;
+use dsfms::template::Template;
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+const EXAMPLES: &str = "\
+Examples:
+  # Motion and shading, matches found automatically
+  dsfms reconstruct organ.template deformed/ --camera camera.json -o out
+  # Matches of your own, instruments masked: white = instrument
+  dsfms reconstruct organ.template deformed/*.png --camera camera.json \\
+      --matches matches/ --instrument-masks instruments/ -o out
+  # Motion only (eq. 3)
+  dsfms reconstruct organ.template frame_004.png --camera camera.json --method dsfm -o out
+
+Masks: white (above 127) = instrument for --instrument-masks, = organ for --organ-masks. A mask that
+covers nearly all or nothing draws a warning.
+
+Matches: CSV with the columns face,b1,b2,b3,x,y (0-based face of the template, barycentrics, pixels
+with centres at integers), found by name; further columns are ignored, rows with visible = 0 skipped.
+A folder holds one file per frame, of the same name or number.
+
+Written to OUT for every frame: frame_NNN.ply (the template's faces and vertex order, camera axes of
+the frame, unit in a header comment, visible per vertex), frame_NNN.json (status, pose, gain, cost of
+every energy term), frame_NNN_overlay.png; and summary.csv. NNN is the last number in the image's
+name where all have one and no two the same, else the place in the sequence.";
+
+/// Reconstruct the deformed organ in every given frame.
+#[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub struct ReconstructArgs {
+    /// Template folder.
+    #[arg(value_name = "TEMPLATE")]
+    template: PathBuf,
+    /// Frames: image files, folders, or a video.
+    #[arg(required = true, value_name = "IMAGES")]
+    images: Vec<PathBuf>,
+    /// Intrinsics of these frames; default the template's own camera.
+    #[arg(long, value_name = "FILE")]
+    camera: Option<PathBuf>,
+    /// Matches: a CSV, or a folder of them; without it they are found automatically.
+    #[arg(long, value_name = "FILE_OR_DIR")]
+    matches: Option<PathBuf>,
+    /// Masks of the instruments, white = instrument.
+    #[arg(long, value_name = "DIR")]
+    instrument_masks: Option<PathBuf>,
+    /// Outlines of the organ, white = organ.
+    #[arg(long, value_name = "DIR")]
+    organ_masks: Option<PathBuf>,
+    /// What to do.
+    #[arg(long, value_enum, default_value_t = MethodName::Dsfms)]
+    method: MethodName,
+    /// Solve eqs. 3 and 4 as printed in the paper instead of the repaired form.
+    #[arg(long)]
+    literal: bool,
+    /// Folder for the results.
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum MethodName {
+    /// Rigid pose only.
+    Rigid,
+    /// Shape from shading on the rigid pose.
+    Sfs,
+    /// Motion (eq. 3).
+    Dsfm,
+    /// Motion and shading (eq. 4).
+    Dsfms,
+}
+
+impl From<MethodName> for Method {
+    fn from(name: MethodName) -> Self {
+        match name {
+            MethodName::Rigid => Self::Rigid,
+            MethodName::Sfs => Self::Sfs,
+            MethodName::Dsfm => Self::Dsfm,
+            MethodName::Dsfms => Self::Dsfms,
+        }
+    }
+}
+
+/// The name that `--method` takes.
+pub fn method_name(method: Method) -> &'static str {
+    match method {
+        Method::Rigid => "rigid",
+        Method::Sfs => "sfs",
+        Method::Dsfm => "dsfm",
+        Method::Dsfms => "dsfms",
+    }
+}
+
+/// Everything that the frames share.
+struct Job<'a> {
+    args: &'a ReconstructArgs,
+    template: Template,
+    camera: CameraModel,
+    tone: ToneCurve,
+    options: ReconstructOptions,
+    reporter: &'a Reporter,
+}
+
+/// Run the command.
+pub fn run(
+    args: &ReconstructArgs,
+    global: &Global,
+    reporter: &Reporter,
+) -> anyhow::Result<Outcome> {
+    outputs::prepare_folder(&args.output)?;
+    let job = prepare(args, global, reporter)?;
+    let sources = inputs::sources(&args.images, inputs::Purpose::Reconstruct, reporter)?;
+    let inputs: Vec<String> = sources.iter().map(Source::name).collect();
+    let names = outputs::output_names(&inputs);
+    let done = AtomicUsize::new(0);
+    reporter.step("frames", 0, sources.len());
+    let rows: Vec<FrameReport> = sources
+        .par_iter()
+        .zip(&names)
+        .map(|(source, name)| {
+            let report = job.frame(source, name);
+            reporter.step("frames", done.fetch_add(1, Ordering::Relaxed) + 1, sources.len());
+            report
+        })
+        .collect::<anyhow::Result<_>>()?;
+    let rows: Vec<(String, FrameReport)> = names.into_iter().zip(rows).collect();
+    outputs::write_text(&args.output.join("summary.csv"), &outputs::summary_csv(&rows))?;
+    reporter.finish();
+    Ok(conclude(&rows, reporter))
+}
+
+fn prepare<'a>(
+    args: &'a ReconstructArgs,
+    global: &Global,
+    reporter: &'a Reporter,
+) -> anyhow::Result<Job<'a>> {
+    let options = [
+        (&args.matches, "--matches"),
+        (&args.instrument_masks, "--instrument-masks"),
+        (&args.organ_masks, "--organ-masks"),
+    ];
+    for (path, option) in options.iter().filter_map(|(p, o)| Some((p.as_ref()?, o))) {
+        inputs::must_exist(path, option)?;
+    }
+    let mut template = read_template(&args.template)?;
+    let (camera, tone) = match &args.camera {
+        Some(path) => {
+            let input = inputs::camera(path, global)?;
+            // A template of a bare mesh knows no light; the camera file may.
+            template.light = template.light.or(input.file.light);
+            (input.file.camera, input.tone)
+        }
+        None => {
+            let camera = template
+                .camera
+                .clone()
+                .context("the template holds no camera; give the frames' camera with --camera")?;
+            (camera, global.tone.map_or(template.tone.clone(), Into::into))
+        }
+    };
+    let options =
+        ReconstructOptions { seed: global.seed, literal: args.literal, ..Default::default() };
+    Ok(Job { args, template, camera, tone, options, reporter })
+}
+
+impl Job<'_> {
+    /// One frame: its files are written whatever happens; an error means that they could not be.
+    fn frame(&self, source: &Source, name: &str) -> anyhow::Result<FrameReport> {
+        let input = source.name();
+        let method = self.args.method.into();
+        let files = FrameFiles { folder: &self.args.output, name };
+        let report = match self.attempt(source) {
+            Ok((frame, result)) => {
+                files.write_surface(&self.template, &frame, &self.camera, &result)?;
+                FrameReport::of(&input, method, self.template.unit, &result)
+            }
+            Err(error) => {
+                let why = exit::describe(&error);
+                FrameReport::failed(&input, method, self.template.unit, why)
+            }
+        };
+        files.write_report(&report)?;
+        for reason in &report.reasons {
+            let what = format!("{name} ({input}) {}: {reason}", report.status);
+            match report.status {
+                "failed" => self.reporter.error(&what),
+                _ => self.reporter.warn(&what),
+            }
+        }
+        Ok(report)
+    }
+
+    fn attempt(&self, source: &Source) -> anyhow::Result<(Frame, Reconstruction)> {
+        let frame = source.frame()?;
+        let camera_file = self.args.camera.as_deref().unwrap_or(&self.args.template);
+        inputs::check_size(&frame, &self.camera, camera_file)?;
+        let matches = self.matches(&frame)?;
+        let mask = |option: &Option<PathBuf>, kind| -> anyhow::Result<Option<Mask>> {
+            let read = |p: &PathBuf| inputs::mask_of(&frame, source.path(), p, kind, self.reporter);
+            Ok(option.as_ref().map(read).transpose()?)
+        };
+        let instrument = mask(&self.args.instrument_masks, MaskKind::Instrument)?;
+        let organ = mask(&self.args.organ_masks, MaskKind::Organ)?;
+        let observation = Observation {
+            frame: &frame,
+            camera: &self.camera,
+            tone: &self.tone,
+            matches: matches.as_deref(),
+            instrument: instrument.as_ref(),
+            organ: organ.as_ref(),
+        };
+        let result =
+            reconstruct(&self.template, &observation, self.args.method.into(), &self.options)?;
+        Ok((frame, result))
+    }
+
+    fn matches(&self, frame: &Frame) -> anyhow::Result<Option<Vec<Match>>> {
+        let faces = self.template.mesh.topology.faces.len();
+        let read = |source: &Path| {
+            let path = find_matches(source, &frame.name)?;
+            read_matches(&path, faces, frame.size)
+        };
+        Ok(self.args.matches.as_deref().map(read).transpose()?)
+    }
+}
+
+fn conclude(rows: &[(String, FrameReport)], reporter: &Reporter) -> Outcome {
+    let count = |status: &str| rows.iter().filter(|(_, r)| r.status == status).count();
+    let (ok, degraded, failed) = (count("ok"), count("degraded"), count("failed"));
+    reporter.say(&format!("{ok} frame(s) ok, {degraded} degraded, {failed} failed"));
+    match () {
+        () if ok == rows.len() => Outcome::Ok,
+        () if failed == rows.len() => Outcome::Nothing,
+        () => Outcome::Degraded,
+    }
+}

@@ -1,0 +1,219 @@
+//! Small pictures of a result: the mesh over its image, and a shaded view from the side.
+
+use dsfms::camera::{Camera, CameraModel, Lens};
+use dsfms::geometry::{Point2, Point3, Vector3};
+use dsfms::image::Frame;
+use dsfms::mesh::Topology;
+use dsfms::mesh::normals::vertex_normals;
+use dsfms::raster::rasterize;
+use dsfms::register::Match;
+use image::RgbImage;
+
+/// Kept matches.
+const KEPT: [u8; 3] = [40, 220, 90];
+/// Matches that were refused.
+const REJECTED: [u8; 3] = [235, 40, 40];
+const WIRE: [u8; 3] = [90, 210, 255];
+/// Turn of the side view about the image's vertical axis, degrees.
+const SIDE_DEG: f64 = 65.0;
+
+/// The frame as an image that can be drawn on.
+pub fn picture(frame: &Frame) -> RgbImage {
+    let [w, h] = frame.size;
+    RgbImage::from_fn(w as u32, h as u32, |x, y| image::Rgb(frame.rgb[y as usize * w + x as usize]))
+}
+
+/// The mesh's visible edges and the matches over the frame. `vertices` in camera axes.
+pub fn overlay(
+    frame: &Frame,
+    camera: &CameraModel,
+    topology: &Topology,
+    vertices: &[Point3],
+    visible: &[bool],
+    matches: &[(Match, bool)],
+) -> RgbImage {
+    let mut canvas = picture(frame);
+    let pixels: Vec<Option<Point2>> =
+        vertices.iter().map(|p| camera.project(p).map(|q| q.pixel)).collect();
+    for &[a, b] in &topology.edges {
+        let (a, b) = (a as usize, b as usize);
+        if !(visible[a] && visible[b]) {
+            continue;
+        }
+        if let (Some(p), Some(q)) = (pixels[a], pixels[b]) {
+            line(&mut canvas, p, q, WIRE, 0.55);
+        }
+    }
+    for (m, kept) in matches {
+        dot(&mut canvas, m.pixel, 3.5, [0, 0, 0], 0.7);
+        dot(&mut canvas, m.pixel, 2.5, if *kept { KEPT } else { REJECTED }, 1.0);
+    }
+    canvas
+}
+
+/// The camera of the side view: fixed by one surface, so that others can be drawn from the same
+/// place.
+pub struct SideView {
+    centre: Point3,
+    camera: CameraModel,
+    distance: f64,
+}
+
+impl SideView {
+    /// Look at the middle of `vertices` from the side, all of them in the picture.
+    pub fn of(vertices: &[Point3], size: [usize; 2]) -> Self {
+        let n = vertices.len().max(1) as f64;
+        let centre = Point3::from(vertices.iter().map(|p| p.coords).sum::<Vector3>() / n);
+        let radius = vertices.iter().map(|p| (p - centre).norm()).fold(1e-9, f64::max);
+        let distance = 6.0 * radius;
+        let focal = 0.47 * size[0].min(size[1]) as f64 * (distance - radius) / radius;
+        let middle = [0.5 * (size[0] as f64 - 1.0), 0.5 * (size[1] as f64 - 1.0)];
+        let camera =
+            CameraModel { size, focal: [focal, focal], centre: middle, lens: Lens::Pinhole };
+        Self { centre, camera, distance }
+    }
+
+    fn turned(&self, p: &Point3) -> Point3 {
+        let d = p - self.centre;
+        let (sin, cos) = SIDE_DEG.to_radians().sin_cos();
+        Point3::new(cos * d.x + sin * d.z, d.y, -sin * d.x + cos * d.z + self.distance)
+    }
+
+    /// A shaded picture; `colour` per vertex, or one grey for all.
+    pub fn render(
+        &self,
+        topology: &Topology,
+        vertices: &[Point3],
+        colour: Option<&[[u8; 3]]>,
+    ) -> RgbImage {
+        const PAPER: [u8; 3] = [246, 247, 249];
+        const CLAY: [u8; 3] = [208, 178, 168];
+        let turned: Vec<Point3> = vertices.iter().map(|p| self.turned(p)).collect();
+        let normals = vertex_normals(topology, &turned);
+        let raster = rasterize(&self.camera, topology, &turned);
+        let shade = |i: usize| {
+            let face = topology.faces.get(raster.face[i] as usize)?;
+            let w = raster.barycentric[i];
+            let mut normal = Vector3::zeros();
+            let mut base = [0.0; 3];
+            for (&v, w) in face.iter().zip(w) {
+                normal += normals[v as usize] * w;
+                let c = colour.map_or(CLAY, |c| c[v as usize]);
+                (0..3).for_each(|k| base[k] += w * f64::from(c[k]));
+            }
+            let facing = -normal.try_normalize(0.0)?.dot(&Vector3::new(0.25, 0.35, 0.9));
+            let light = if facing >= 0.0 { 0.35 + 0.7 * facing } else { 0.35 - 0.15 * facing };
+            Some(base.map(|b| (b * light).clamp(0.0, 255.0) as u8))
+        };
+        let [w, h] = raster.size;
+        RgbImage::from_fn(w as u32, h as u32, |x, y| {
+            image::Rgb(shade(y as usize * w + x as usize).unwrap_or(PAPER))
+        })
+    }
+}
+
+/// Colour of an error between 0 (dark blue) and `full` (yellow) on the "cividis"-like ramp that
+/// also reads in grey and with colour-blind eyes.
+pub fn error_colour(error: f64, full: f64) -> [u8; 3] {
+    const RAMP: [[f64; 3]; 5] = [
+        [0.0, 52.0, 110.0],
+        [67.0, 82.0, 108.0],
+        [124.0, 123.0, 120.0],
+        [187.0, 173.0, 108.0],
+        [254.0, 232.0, 56.0],
+    ];
+    let t = (error / full).clamp(0.0, 1.0) * 4.0;
+    let k = (t as usize).min(3);
+    let u = t - k as f64;
+    std::array::from_fn(|c| ((1.0 - u) * RAMP[k][c] + u * RAMP[k + 1][c]) as u8)
+}
+
+fn blend(canvas: &mut RgbImage, x: i64, y: i64, colour: [u8; 3], alpha: f64) {
+    if x < 0 || y < 0 || x >= i64::from(canvas.width()) || y >= i64::from(canvas.height()) {
+        return;
+    }
+    let pixel = canvas.get_pixel_mut(x as u32, y as u32);
+    for (value, c) in pixel.0.iter_mut().zip(colour) {
+        *value = (f64::from(*value) * (1.0 - alpha) + f64::from(c) * alpha).round() as u8;
+    }
+}
+
+/// An anti-aliased line one pixel wide: along its longer axis, the two pixels across it share the
+/// opacity by their distance.
+fn line(canvas: &mut RgbImage, from: Point2, to: Point2, colour: [u8; 3], opacity: f64) {
+    let reach = 4.0 * f64::from(canvas.width().max(canvas.height()));
+    if [from, to].iter().any(|p| !(p.x.abs() < reach && p.y.abs() < reach)) {
+        return;
+    }
+    let d = to - from;
+    let steep = d.y.abs() > d.x.abs();
+    let along = |p: Point2| if steep { (p.y, p.x) } else { (p.x, p.y) };
+    let (mut a, mut b) = (along(from), along(to));
+    if a.0 > b.0 {
+        std::mem::swap(&mut a, &mut b);
+    }
+    let slope = if b.0 > a.0 { (b.1 - a.1) / (b.0 - a.0) } else { 0.0 };
+    for s in a.0.round() as i64..=b.0.round() as i64 {
+        let t = a.1 + slope * (s as f64 - a.0);
+        let low = t.floor();
+        for (c, weight) in [(low, 1.0 - (t - low)), (low + 1.0, t - low)] {
+            let (x, y) = if steep { (c as i64, s) } else { (s, c as i64) };
+            blend(canvas, x, y, colour, opacity * weight);
+        }
+    }
+}
+
+/// A filled disc with a soft rim.
+fn dot(canvas: &mut RgbImage, at: Point2, radius: f64, colour: [u8; 3], opacity: f64) {
+    if !(at.x.is_finite() && at.y.is_finite()) {
+        return;
+    }
+    let reach = radius.ceil() as i64 + 1;
+    let (cx, cy) = (at.x.round() as i64, at.y.round() as i64);
+    for y in cy - reach..=cy + reach {
+        for x in cx - reach..=cx + reach {
+            let distance = (Point2::new(x as f64, y as f64) - at).norm();
+            let cover = (radius + 0.5 - distance).clamp(0.0, 1.0);
+            if cover > 0.0 {
+                blend(canvas, x, y, colour, opacity * cover);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slanted_line_is_opaque_across() {
+        let mut canvas = RgbImage::new(20, 20);
+        line(&mut canvas, Point2::new(2.0, 3.3), Point2::new(17.0, 9.1), [255; 3], 1.0);
+        for x in 2..=17 {
+            let column: u32 = (0..20).map(|y| u32::from(canvas.get_pixel(x, y).0[0])).sum();
+            assert!((254..=256).contains(&column), "{column} at {x}");
+        }
+    }
+
+    #[test]
+    fn points_outside_are_no_trouble() {
+        let mut canvas = RgbImage::new(8, 8);
+        line(&mut canvas, Point2::new(-1e30, f64::NAN), Point2::new(4.0, 4.0), [255; 3], 1.0);
+        dot(&mut canvas, Point2::new(-3.0, 20.0), 2.0, [255; 3], 1.0);
+        assert!(canvas.pixels().all(|p| p.0 == [0; 3]));
+    }
+
+    #[test]
+    fn side_view_shows_the_surface_from_the_side() {
+        // A thin vertical plate facing the camera is narrow from the side.
+        let corners = [[-5., -20., 80.], [5., -20., 80.], [5., 20., 80.], [-5., 20., 80.]];
+        let vertices: Vec<Point3> = corners.iter().map(|c| Point3::from(*c)).collect();
+        let topology = Topology::new(4, vec![[0, 2, 1], [0, 3, 2]]).unwrap();
+        let view = SideView::of(&vertices, [100, 100]);
+        let seen = view.render(&topology, &vertices, None);
+        let paper = *seen.get_pixel(0, 0);
+        let width = (0..100).filter(|&x| *seen.get_pixel(x, 50) != paper).count();
+        let height = (0..100).filter(|&y| *seen.get_pixel(50, y) != paper).count();
+        assert!((7..=12).contains(&width) && height > 70, "{width} x {height}");
+    }
+}

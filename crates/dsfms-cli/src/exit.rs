@@ -1,0 +1,102 @@
+//! Exit codes, and errors as the user reads them.
+
+use dsfms::io::InputError;
+use dsfms::pipeline::ReconstructError;
+use std::error::Error;
+use std::process::ExitCode;
+
+/// How a command that produced something ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Every frame is ok.
+    Ok,
+    /// Some frames are degraded or failed.
+    Degraded,
+    /// Every frame failed; said already.
+    Nothing,
+}
+
+/// A combination of arguments that makes no sense.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Usage(pub String);
+
+const NOTHING: u8 = 1;
+const DEGRADED: u8 = 2;
+const USAGE: u8 = 64;
+
+/// The exit code of a command; prints its error and a hint.
+pub fn code(result: anyhow::Result<Outcome>) -> ExitCode {
+    match result {
+        Ok(Outcome::Ok) => ExitCode::SUCCESS,
+        Ok(Outcome::Degraded) => ExitCode::from(DEGRADED),
+        Ok(Outcome::Nothing) => ExitCode::from(NOTHING),
+        Err(error) => {
+            eprintln!("error: {}", describe(&error));
+            if let Some(hint) = hint(&error) {
+                eprintln!("hint: {hint}");
+            }
+            ExitCode::from(if error.is::<Usage>() { USAGE } else { NOTHING })
+        }
+    }
+}
+
+/// An error with its causes; a cause that the message before it already quotes is not repeated.
+pub fn describe(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !text.contains(&cause) {
+            text += &format!(": {cause}");
+        }
+    }
+    text
+}
+
+/// `--help` and `--version` are successes, everything else that clap refuses is wrong usage.
+pub fn parse_error(error: &clap::Error) -> ExitCode {
+    // The terminal may be gone; there is nothing better to do than to exit.
+    let _ = error.print();
+    if error.use_stderr() { ExitCode::from(USAGE) } else { ExitCode::SUCCESS }
+}
+
+/// What to try next, by the kind of the innermost error that has advice.
+fn hint(error: &anyhow::Error) -> Option<&'static str> {
+    if error.is::<Usage>() {
+        return Some("`dsfms help COMMAND` shows every option with examples");
+    }
+    error.chain().find_map(advice)
+}
+
+fn advice(cause: &(dyn Error + 'static)) -> Option<&'static str> {
+    if let Some(error) = cause.downcast_ref::<InputError>() {
+        return match error {
+            InputError::Missing(_) => {
+                Some("check the path; relative paths start at the current folder")
+            }
+            InputError::Image { .. } => Some("expected PNG, JPEG or TIFF; export the frame again"),
+            InputError::CameraSize { .. } => {
+                Some("scale fx, fy, cx, cy with the image, or give images of the calibrated size")
+            }
+            InputError::Field { .. } | InputError::Camera { .. } => {
+                Some("README.md lists the fields of camera.json")
+            }
+            _ => None,
+        };
+    }
+    match cause.downcast_ref::<ReconstructError>()? {
+        ReconstructError::NoDescriptors => Some("see `dsfms help reconstruct`, --matches"),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn causes_are_said_once() {
+        let inner = anyhow::anyhow!("disk full");
+        let quoted = inner.context("cannot write a: disk full").context("output");
+        assert_eq!(describe(&quoted), "output: cannot write a: disk full");
+    }
+}

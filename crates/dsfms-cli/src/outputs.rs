@@ -1,0 +1,239 @@
+//! What a reconstruction leaves on disk. Every file appears under its final name only when it is
+//! complete.
+
+use crate::draw;
+use anyhow::Context;
+use dsfms::camera::CameraModel;
+use dsfms::image::Frame;
+use dsfms::io::atomic::write_atomic;
+use dsfms::io::names::frame_number;
+use dsfms::io::ply::{PlyExtras, write_ply};
+use dsfms::pipeline::{Method, Reconstruction, StageReport, Status};
+use dsfms::template::{LengthUnit, Template};
+use image::{ImageEncoder, RgbImage};
+use serde::Serialize;
+use std::collections::BTreeSet;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// Make sure, before any work, that results can be written.
+pub fn prepare_folder(folder: &Path) -> anyhow::Result<()> {
+    let refuse = || {
+        format!("the output folder {} cannot be written; choose another with -o", folder.display())
+    };
+    std::fs::create_dir_all(folder).with_context(refuse)?;
+    tempfile::tempfile_in(folder).with_context(refuse)?;
+    Ok(())
+}
+
+/// `frame_NNN` for every input: NNN is the last number in its name where all have one and no two
+/// the same, else its place in the sequence.
+pub fn output_names(inputs: &[String]) -> Vec<String> {
+    let numbers: Option<Vec<u64>> = inputs.iter().map(|name| frame_number(name)).collect();
+    let unique = numbers.filter(|n| n.iter().collect::<BTreeSet<_>>().len() == inputs.len());
+    let numbers = unique.unwrap_or_else(|| (0..inputs.len() as u64).collect());
+    numbers.iter().map(|n| format!("frame_{n:03}")).collect()
+}
+
+/// `OUT/frame_NNN.json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct FrameReport {
+    /// `ok`, `degraded` or `failed`.
+    pub status: &'static str,
+    /// Why it is not `ok`.
+    pub reasons: Vec<String>,
+    /// Name of the input.
+    pub input: String,
+    pub method: Method,
+    /// `mm` or `template_units`.
+    pub unit: &'static str,
+    /// `camera_from_template`, 4 x 4, row by row.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pose: Option<[[f64; 4]; 4]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gain: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ambient: Option<f64>,
+    pub matches: usize,
+    pub matches_kept: usize,
+    pub visible_vertices: usize,
+    /// Name, seconds and, where the stage solves, the cost of each term before and after.
+    pub stages: Vec<StageReport>,
+    pub seconds: f64,
+}
+
+impl FrameReport {
+    /// The report of a frame that gave a surface.
+    pub fn of(input: &str, method: Method, unit: LengthUnit, result: &Reconstruction) -> Self {
+        let (status, reasons) = match &result.status {
+            Status::Ok => ("ok", Vec::new()),
+            Status::Degraded(reasons) => ("degraded", reasons.clone()),
+        };
+        let matrix = result.pose.to_homogeneous();
+        Self {
+            status,
+            reasons,
+            pose: Some(std::array::from_fn(|r| std::array::from_fn(|c| matrix[(r, c)]))),
+            gain: Some(result.gain),
+            ambient: Some(result.ambient),
+            matches: result.matches.len(),
+            matches_kept: result.matches.iter().filter(|m| m.1).count(),
+            visible_vertices: result.visible.iter().filter(|&&v| v).count(),
+            stages: result.stages.clone(),
+            seconds: result.stages.iter().map(|s| s.seconds).sum(),
+            ..Self::failed(input, method, unit, String::new())
+        }
+    }
+
+    /// The report of a frame that gave none.
+    pub fn failed(input: &str, method: Method, unit: LengthUnit, why: String) -> Self {
+        Self {
+            status: "failed",
+            reasons: vec![why],
+            input: input.to_string(),
+            method,
+            unit: unit.label(),
+            pose: None,
+            gain: None,
+            ambient: None,
+            matches: 0,
+            matches_kept: 0,
+            visible_vertices: 0,
+            stages: Vec::new(),
+            seconds: 0.0,
+        }
+    }
+
+    fn cost(&self, which: fn((f64, f64)) -> f64) -> String {
+        let last = self.stages.iter().rev().find_map(|s| s.summary.as_ref());
+        last.map_or(String::new(), |s| format!("{:.6e}", which(s.cost())))
+    }
+}
+
+/// Where the files of one frame go.
+pub struct FrameFiles<'a> {
+    pub folder: &'a Path,
+    /// `frame_NNN`.
+    pub name: &'a str,
+}
+
+impl FrameFiles<'_> {
+    fn path(&self, ending: &str) -> PathBuf {
+        self.folder.join(format!("{}{ending}", self.name))
+    }
+
+    /// Mesh and overlay.
+    pub fn write_surface(
+        &self,
+        template: &Template,
+        frame: &Frame,
+        camera: &CameraModel,
+        result: &Reconstruction,
+    ) -> anyhow::Result<()> {
+        let comments = ["camera axes of the frame: x right, y down, z forward".to_string()];
+        let extras = PlyExtras {
+            comments: &comments,
+            visible: Some(&result.visible),
+            confidence: result.confidence.as_deref(),
+            ..Default::default()
+        };
+        let topology = &template.mesh.topology;
+        write_ply(&self.path(".ply"), topology, &result.vertices, template.unit, &extras)?;
+        let overlay = draw::overlay(
+            frame,
+            camera,
+            topology,
+            &result.vertices,
+            &result.visible,
+            &result.matches,
+        );
+        write_png(&self.path("_overlay.png"), &overlay)
+    }
+
+    /// The report.
+    pub fn write_report(&self, report: &FrameReport) -> anyhow::Result<()> {
+        write_json(&self.path(".json"), report)
+    }
+}
+
+/// Pretty JSON with a final line end.
+pub fn write_json(path: &Path, value: &impl Serialize) -> anyhow::Result<()> {
+    let text = serde_json::to_string_pretty(value)?;
+    Ok(write_atomic(path, |w| writeln!(w, "{text}"))?)
+}
+
+/// A whole text.
+pub fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
+    Ok(write_atomic(path, |w| w.write_all(text.as_bytes()))?)
+}
+
+/// A picture as PNG.
+pub fn write_png(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
+    let mut bytes = Vec::new();
+    let (w, h) = picture.dimensions();
+    image::codecs::png::PngEncoder::new(&mut bytes).write_image(
+        picture,
+        w,
+        h,
+        image::ExtendedColorType::Rgb8,
+    )?;
+    Ok(write_atomic(path, |file| file.write_all(&bytes))?)
+}
+
+/// `OUT/summary.csv`: one row a frame.
+pub fn summary_csv(rows: &[(String, FrameReport)]) -> String {
+    let mut text = String::from(
+        "frame,input,status,reasons,method,seconds,gain,ambient,matches,matches_kept,\
+         visible_vertices,cost_before,cost_after\n",
+    );
+    let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:.6}"));
+    for (name, r) in rows {
+        let method = crate::commands::reconstruct::method_name(r.method);
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "{name},{},{},{},{method},{:.3},{},{},{},{},{},{},{}",
+            quoted(&r.input),
+            r.status,
+            quoted(&r.reasons.join("; ")),
+            r.seconds,
+            number(r.gain),
+            number(r.ambient),
+            r.matches,
+            r.matches_kept,
+            r.visible_vertices,
+            r.cost(|c| c.0),
+            r.cost(|c| c.1),
+        );
+    }
+    text
+}
+
+/// A CSV field: quoted where it holds a comma, a quote or a line end.
+fn quoted(text: &str) -> String {
+    match text.contains([',', '"', '\n']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"")),
+        false => text.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_come_from_the_names_where_they_can() {
+        let names = |inputs: &[&str]| {
+            output_names(&inputs.iter().map(|s| s.to_string()).collect::<Vec<_>>())
+        };
+        assert_eq!(names(&["frame_007", "frame_012"]), ["frame_007", "frame_012"]);
+        assert_eq!(names(&["a7", "b7"]), ["frame_000", "frame_001"]);
+        assert_eq!(names(&["left", "b7"]), ["frame_000", "frame_001"]);
+    }
+
+    #[test]
+    fn csv_fields_with_commas_are_quoted() {
+        assert_eq!(quoted("a, \"b\""), "\"a, \"\"b\"\"\"");
+        assert_eq!(quoted("plain"), "plain");
+    }
+}

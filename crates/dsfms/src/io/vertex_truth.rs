@@ -1,0 +1,67 @@
+//! What is known of every vertex of a true mesh: `visible` (bool) and `displacement` (length
+//! units) in a NumPy `.npz`.
+
+use super::InputError;
+use ndarray::Array1;
+use ndarray_npy::{NpzReader, ReadNpzError};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+/// One entry per vertex.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct VertexTruth {
+    /// Seen by the camera.
+    pub visible: Vec<bool>,
+    /// Distance from the place at rest, length units of the mesh.
+    pub displacement: Vec<f64>,
+}
+
+/// `<stem>_vertices.npz` beside a mesh file.
+pub fn vertex_truth_path(mesh: &Path) -> PathBuf {
+    let stem = mesh.file_stem().unwrap_or_default().to_string_lossy();
+    mesh.with_file_name(format!("{stem}_vertices.npz"))
+}
+
+/// Read `visible` and `displacement`.
+pub fn read_vertex_truth(path: &Path) -> Result<VertexTruth, InputError> {
+    let wrong = |what: &str, error: ReadNpzError| InputError::Format {
+        path: path.into(),
+        reason: format!("{what}: {error}"),
+    };
+    let file = File::open(path).map_err(|source| InputError::Read { path: path.into(), source })?;
+    let mut npz = NpzReader::new(file).map_err(|e| wrong("expected a NumPy .npz", e))?;
+    let visible: Array1<bool> = npz.by_name("visible").map_err(|e| wrong("visible", e))?;
+    let displacement: Array1<f32> =
+        npz.by_name("displacement").map_err(|e| wrong("displacement", e))?;
+    Ok(VertexTruth {
+        visible: visible.to_vec(),
+        displacement: displacement.iter().map(|&d| f64::from(d)).collect(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::array;
+    use ndarray_npy::NpzWriter;
+
+    #[test]
+    fn reads_what_numpy_writes_and_names_what_is_missing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = vertex_truth_path(&folder.path().join("frame_001.ply"));
+        assert!(path.ends_with("frame_001_vertices.npz"));
+        let write = |with_displacement: bool| {
+            let mut npz = NpzWriter::new(File::create(&path).unwrap());
+            npz.add_array("visible", &array![true, false]).unwrap();
+            if with_displacement {
+                npz.add_array("displacement", &array![0.5f32, 2.0]).unwrap();
+            }
+            npz.finish().unwrap();
+        };
+        write(true);
+        let truth = read_vertex_truth(&path).unwrap();
+        assert_eq!((truth.visible, truth.displacement), (vec![true, false], vec![0.5, 2.0]));
+        write(false);
+        assert!(read_vertex_truth(&path).unwrap_err().to_string().contains("displacement"));
+    }
+}

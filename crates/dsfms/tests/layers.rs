@@ -1,0 +1,50 @@
+//! The layers of ARCHITECTURE.md: an arrow of `use` only ever points left.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A module may use itself and what stands left of it.
+const ORDER: [&str; 19] = [
+    "geometry", "image", "mesh", "camera", "light", "raster", "solver", "energy", "video", "sfm",
+    "dense", "template", "register", "refine", "sfs", "synth", "eval", "io", "pipeline",
+];
+
+#[test]
+fn arrows_point_left() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut wrong = Vec::new();
+    for path in sources(&root) {
+        let relative = path.strip_prefix(&root).unwrap();
+        let first = relative.components().next().unwrap().as_os_str().to_string_lossy();
+        let module = first.trim_end_matches(".rs");
+        if module == "lib" {
+            continue;
+        }
+        let text = fs::read_to_string(&path).unwrap();
+        // Tests may look anywhere.
+        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+        for line in code.lines().filter(|l| !l.trim_start().starts_with("//")) {
+            let word = |s: &str| {
+                s.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap().to_string()
+            };
+            for used in line.split("crate::").skip(1).map(word) {
+                if place(&used) > place(module) {
+                    wrong.push(format!("{}: {}", relative.display(), line.trim()));
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "an arrow to the right:\n{}", wrong.join("\n"));
+}
+
+fn place(module: &str) -> usize {
+    let known = ORDER.iter().position(|m| *m == module);
+    known.unwrap_or_else(|| panic!("module {module} is missing in tests/layers.rs"))
+}
+
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
+    let (folders, files): (Vec<_>, Vec<_>) = entries.partition(|p| p.is_dir());
+    let inner = folders.iter().flat_map(|f| sources(f));
+    files.into_iter().filter(|p| p.extension().is_some_and(|e| e == "rs")).chain(inner).collect()
+}

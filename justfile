@@ -1,0 +1,3 @@
+# Everything that the continuous checks run.
+check:
+    ./.ci/run
