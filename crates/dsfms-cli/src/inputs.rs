@@ -86,12 +86,9 @@ fn video_frames(
 ) -> anyhow::Result<Vec<Frame>> {
     let options = match purpose {
         Purpose::Template => VideoOptions::default(),
-        Purpose::Reconstruct => VideoOptions {
-            max_frames: usize::MAX,
-            stride: Some(1),
-            min_motion: 0.0,
-            ..VideoOptions::default()
-        },
+        Purpose::Reconstruct => {
+            VideoOptions { max_frames: usize::MAX, stride: Some(1), min_motion: 0.0 }
+        }
     };
     let mut report = |done: usize, total: Option<usize>| {
         progress.step("video", done, total.unwrap_or(done));

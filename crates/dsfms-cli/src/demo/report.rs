@@ -67,6 +67,9 @@ pub struct Report<'a> {
     pub seconds: f64,
 }
 
+/// A figure of a table.
+type Statistic = fn(&ErrorStats) -> f64;
+
 /// A part of the surface in the tables.
 #[derive(Clone, Copy)]
 enum Part {
@@ -98,7 +101,7 @@ impl Part {
 
 impl Report<'_> {
     /// Error of one method over the frames: mean of the frames' values, and how many frames have one.
-    fn mean(&self, k: usize, part: Part, value: fn(&ErrorStats) -> f64) -> Option<(f64, usize)> {
+    fn mean(&self, k: usize, part: Part, value: Statistic) -> Option<(f64, usize)> {
         let values: Vec<f64> = self
             .frames
             .iter()
@@ -199,13 +202,10 @@ fn overview(report: &Report) -> String {
 }
 
 /// Rows of `(method, cells)`, the smallest value of every column marked.
-fn error_table(
-    caption: &str,
-    cell: impl Fn(usize, Part, fn(&ErrorStats) -> f64) -> Option<f64>,
-) -> String {
-    let columns: Vec<(Part, &str, fn(&ErrorStats) -> f64)> = Part::ALL
+fn error_table(caption: &str, cell: impl Fn(usize, Part, Statistic) -> Option<f64>) -> String {
+    let columns: Vec<(Part, &str, Statistic)> = Part::ALL
         .into_iter()
-        .flat_map(|p| [(p, "rms", (|s| s.rms) as fn(&ErrorStats) -> f64), (p, "mean", |s| s.mean)])
+        .flat_map(|p| [(p, "rms", (|s| s.rms) as Statistic), (p, "mean", |s| s.mean)])
         .collect();
     let values: Vec<Vec<Option<f64>>> = (0..METHODS.len())
         .map(|k| columns.iter().map(|&(part, _, value)| cell(k, part, value)).collect())
