@@ -64,7 +64,7 @@ impl Default for RefineOptions {
             gain_sigma: 0.3,
             ambient_sigma: 0.05,
             grazing: 0.2,
-            specular_deg: 20.0,
+            specular_deg: 8.0,
             contour_blurs: 1.5,
             halo: 0.02,
             rounds: 2,
