@@ -37,6 +37,9 @@ pub struct BundleObservation {
 pub struct Bundle {
     /// Shared camera.
     pub camera: CameraModel,
+    /// About what the priors on the intrinsics are centred: the camera as it was given, not as
+    /// an earlier adjustment left it, else repeated adjustments could drift away.
+    pub prior: CameraModel,
     /// `camera_from_world` of every view.
     pub poses: Vec<Isometry>,
     /// Views whose pose is not changed.
@@ -94,7 +97,8 @@ pub fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<Summary, B
     let layout = Layout::new(bundle, &options.refine.active());
     let prior =
         Prior { sigmas: intrinsics::prior_sigmas(&bundle.camera), active: options.refine.active() };
-    let mut offset = [0.0; COUNT];
+    let mut offset = intrinsics::difference(&bundle.camera, &bundle.prior);
+    let prior_before = prior.cost(&offset);
     let mut cost = reprojection_cost(bundle, options.loss)
         .ok_or_else(|| BundleError::Infeasible(count_infeasible(bundle)))?;
     let before = cost;
@@ -144,7 +148,7 @@ pub fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<Summary, B
         refused,
         terms: vec![
             term("reprojection (bundle adjustment)", before, cost),
-            term("prior on the intrinsics", 0.0, prior.cost(&offset)),
+            term("prior on the intrinsics", prior_before, prior.cost(&offset)),
         ],
         seconds: began.elapsed().as_secs_f64(),
     })
@@ -280,7 +284,7 @@ mod tests {
         }
         let mut fixed = vec![false; 8];
         fixed[0] = true;
-        Bundle { camera, poses, fixed, points, observations }
+        Bundle { prior: camera.clone(), camera, poses, fixed, points, observations }
     }
 
     fn disturbed(truth: &Bundle) -> Bundle {

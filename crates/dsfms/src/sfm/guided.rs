@@ -34,7 +34,7 @@ pub struct GuidedLimits {
 pub fn match_guided(a: &GuidedView, b: &GuidedView, limits: &GuidedLimits) -> Vec<DescriptorMatch> {
     let b_from_a = b.pose * a.pose.inverse();
     let baseline = b_from_a.translation.vector.norm();
-    if !(baseline > 1e-9) {
+    if baseline.is_nan() || baseline <= 1e-9 {
         return Vec::new();
     }
     let e = essential_matrix(&b_from_a) / baseline;

@@ -1,6 +1,7 @@
 //! Incremental reconstruction (paper §4): a first pair, then view after view by resection, with
 //! triangulation and bundle adjustment in between.
 
+use super::intrinsics::RefineIntrinsics;
 use super::map::{Map, MapTrack};
 use super::random::Random;
 use super::resection::resect;
@@ -23,6 +24,7 @@ pub(super) fn grow<'a>(
 ) -> Option<Map<'a>> {
     let empty = Map {
         camera: camera.clone(),
+        prior: camera.clone(),
         features,
         poses: vec![None; features.len()],
         tracks: tracks.iter().cloned().map(MapTrack::new).collect(),
@@ -32,6 +34,14 @@ pub(super) fn grow<'a>(
         .take(10)
         .find_map(|pair| start_from(&empty, pair, options))?;
     let first = map.poses.iter().position(Option::is_some)?;
+    // A growing model of narrow parallax would trade focal length for depth: the intrinsics are
+    // refined when all frames are in.
+    const NOTHING: RefineIntrinsics = RefineIntrinsics {
+        focal: false,
+        centre: false,
+        distortion: false,
+        second_distortion: false,
+    };
     let mut adjusted_at = map.registered();
     while register_next(&mut map, allowed, options) {
         progress(map.registered());
@@ -39,10 +49,10 @@ pub(super) fn grow<'a>(
         // A full adjustment whenever the model has grown by a tenth.
         if map.registered() * 10 >= adjusted_at * 11 {
             adjusted_at = map.registered();
-            settle(&mut map, first, options, 1, 8);
+            settle(&mut map, first, options, NOTHING, 1, 8);
         }
     }
-    settle(&mut map, first, options, 2, 20);
+    settle(&mut map, first, options, NOTHING, 2, 20);
     Some(map)
 }
 
@@ -123,11 +133,10 @@ pub(super) fn settle(
     map: &mut Map,
     first: usize,
     options: &SfmOptions,
+    refine: RefineIntrinsics,
     rounds: usize,
     max_steps: usize,
 ) {
-    // Few views do not fix the intrinsics: refine them once there are enough.
-    let refine = if map.registered() >= 5 { options.refine } else { Default::default() };
     for _ in 0..rounds {
         // An infeasible start cannot happen: every sighting used has a finite error.
         let _ = map.adjust(&|v| v == first, Loss::Huber(1.0), refine, max_steps);

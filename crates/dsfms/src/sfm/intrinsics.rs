@@ -97,6 +97,23 @@ pub(super) fn jacobian(
     ])
 }
 
+/// `camera − prior` in `(ln f, cx, cy, k1, k2)`; a pinhole has zero coefficients.
+pub(super) fn difference(camera: &CameraModel, prior: &CameraModel) -> [f64; COUNT] {
+    let radial = |camera: &CameraModel| match camera.lens {
+        Lens::Pinhole => [0.0; 2],
+        Lens::BrownConrady { k, .. } => [k[0], k[1]],
+        Lens::KannalaBrandt { k } => [k[0], k[1]],
+    };
+    let (k, k0) = (radial(camera), radial(prior));
+    [
+        (camera.focal[0] / prior.focal[0]).ln(),
+        camera.centre[0] - prior.centre[0],
+        camera.centre[1] - prior.centre[1],
+        k[0] - k0[0],
+        k[1] - k0[1],
+    ]
+}
+
 /// The camera after a step in `(ln f, cx, cy, k1, k2)`.
 pub(super) fn retract(camera: &CameraModel, step: &[f64; COUNT]) -> CameraModel {
     let mut moved = camera.clone();
@@ -114,6 +131,16 @@ pub(super) fn retract(camera: &CameraModel, step: &[f64; COUNT]) -> CameraModel 
 mod tests {
     use super::*;
     use crate::camera::Camera;
+
+    #[test]
+    fn difference_undoes_retract() {
+        let lens = Lens::BrownConrady { k: [0.1, 0.0, 0.0], p: [0.0; 2] };
+        let start =
+            CameraModel { size: [640, 480], focal: [500.0, 510.0], centre: [310.0, 250.0], lens };
+        let step = [0.03, 2.0, -1.0, 0.02, -0.01];
+        let found = difference(&retract(&start, &step), &start);
+        assert!(found.iter().zip(&step).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+    }
 
     #[test]
     fn jacobian_matches_central_differences() {

@@ -33,6 +33,8 @@ impl MapTrack {
 #[derive(Clone)]
 pub(super) struct Map<'a> {
     pub camera: CameraModel,
+    /// The camera as it was given: the centre of the priors.
+    pub prior: CameraModel,
     pub features: &'a [Features2d],
     pub poses: Vec<Option<Isometry>>,
     pub tracks: Vec<MapTrack>,
@@ -152,6 +154,7 @@ impl Map<'_> {
         }
         let mut bundle = Bundle {
             camera: self.camera.clone(),
+            prior: self.prior.clone(),
             poses: views.iter().filter_map(|&v| self.poses[v]).collect(),
             fixed: views.iter().map(|&v| fixed(v)).collect(),
             points: tracks.iter().filter_map(|&t| self.tracks[t].point).collect(),

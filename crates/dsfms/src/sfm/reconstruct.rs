@@ -39,9 +39,12 @@ pub fn reconstruct(
     let pairs = verify_pairs(camera, &features, &descriptors, options, &|| count.next());
     let mut map = largest_model(camera, &features, &pairs, options, progress, &mut rejected)?;
     let first = map.poses.iter().position(Option::is_some).unwrap_or(0);
+    if options.refine.any() {
+        settle(&mut map, first, options, options.refine, 2, 50);
+    }
     if options.guided {
         rematch(&mut map, &descriptors, options, progress);
-        settle(&mut map, first, options, 2, 30);
+        settle(&mut map, first, options, options.refine, 2, 30);
     }
     finish_adjustment(&mut map, first, options);
     normalise(&mut map, first);
@@ -74,6 +77,7 @@ pub fn triangulate_known(
         features.iter().map(|f| UnitDescriptors::new(&f.descriptors)).collect();
     let mut map = Map {
         camera: camera.clone(),
+        prior: camera.clone(),
         features: &features,
         poses: poses.to_vec(),
         tracks: Vec::new(),

@@ -71,7 +71,7 @@ pub fn refine_point(camera: &dyn Camera, sightings: &[Sighting], start: Point3) 
         let Some(factor) = normal.cholesky() else { return point };
         let trial = point - factor.solve(&gradient);
         let trial_cost = cost(&trial);
-        if !(trial_cost < best) {
+        if trial_cost.is_nan() || trial_cost >= best {
             return point;
         }
         let done = trial_cost > best * (1.0 - 1e-6);
