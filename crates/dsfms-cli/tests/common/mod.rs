@@ -10,7 +10,7 @@ use dsfms::io::matches::write_matches;
 use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::light::LightModel;
 use dsfms::mesh::Mesh;
-use dsfms::synth::{Attraction, Random, RenderOptions, correspond, deform, patch, render};
+use dsfms::synth::{Attraction, Draw, Random, RenderOptions, correspond, deform, patch, render};
 use dsfms::template::LengthUnit;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -38,7 +38,7 @@ impl Case {
         let attraction = Attraction {
             direction: -Vector3::z(),
             point: Point3::new(0.0, 0.0, -12.0),
-            angle: 0.3,
+            angle: 0.7,
         };
         let shape = deform(&organ.mesh, &[attraction], 0.08, 0.0);
         let pose = Isometry::translation(1.0, -0.5, 75.0);
@@ -59,15 +59,13 @@ impl Case {
         let frame =
             render(&camera, &LightModel::Collinear, &deformed, &texels, &RenderOptions::default());
         save(&case.path("frames/organ_003.png"), frame.size, |i| frame.rgb[i]);
-        let seen = vec![true; n];
+        let calm: Vec<bool> = shape.zone.iter().map(|z| !z).collect();
         let matches = correspond(
             &camera,
             &organ.mesh,
             &deformed.positions,
-            &seen,
-            &shape.zone,
-            30,
-            0.5,
+            &calm,
+            Draw { count: 30, sigma_px: 0.5 },
             &mut Random::new(5, 1),
         );
         write_matches(&case.path("matches.csv"), &matches).unwrap();

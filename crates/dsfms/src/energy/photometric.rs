@@ -173,8 +173,8 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Photometric<'_, C, L> {
             });
             let d_point = gradient.transpose() * projection.jacobian / sample.sigma
                 + shade.d_point.transpose() * slope;
-            for k in 0..3 {
-                j.vertices[k] += d_point * b[k];
+            for (to, weight) in j.vertices.iter_mut().zip(b) {
+                *to += d_point * *weight;
             }
             j.globals[0][0] = slope * shade.value;
             j.globals[1][0] = -1.0 / sample.sigma;

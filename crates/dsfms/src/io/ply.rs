@@ -90,7 +90,7 @@ fn header(
     if extras.confidence.is_some() {
         writeln!(w, "property float confidence")?;
     }
-    write!(w, "element face {}\n", topology.faces.len())?;
+    writeln!(w, "element face {}", topology.faces.len())?;
     write!(w, "property list uchar int vertex_indices\nend_header\n")
 }
 

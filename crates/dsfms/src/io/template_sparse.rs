@@ -36,7 +36,7 @@ fn camera_line(camera: &CameraModel) -> String {
     let pinhole = format!("{w} {h} {fx} {fy} {cx} {cy}");
     match camera.lens {
         Lens::Pinhole => format!("PINHOLE {pinhole}"),
-        Lens::BrownConrady { k: [k1, k2, k3], p: [p1, p2] } if k3 == 0.0 => {
+        Lens::BrownConrady { k: [k1, k2, 0.0], p: [p1, p2] } => {
             format!("OPENCV {pinhole} {k1} {k2} {p1} {p2}")
         }
         Lens::BrownConrady { k: [k1, k2, k3], p: [p1, p2] } => {

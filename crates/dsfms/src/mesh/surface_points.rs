@@ -82,7 +82,7 @@ impl<'a> ClosestPoints<'a> {
         while let Some(n) = stack.pop() {
             let node = &self.nodes[n as usize];
             let reach = best.map_or(f64::INFINITY, |b| b.distance);
-            if !(box_distance(node, query) < reach) {
+            if box_distance(node, query) >= reach {
                 continue;
             }
             if node.right == 0 {

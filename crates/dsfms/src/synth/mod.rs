@@ -7,7 +7,7 @@ pub mod patch;
 pub mod random;
 pub mod render;
 
-pub use correspond::correspond;
+pub use correspond::{Draw, correspond};
 pub use deform::{Attraction, Deformation, deform};
 pub use patch::{Patch, patch};
 pub use random::Random;

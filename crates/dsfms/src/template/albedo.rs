@@ -170,7 +170,7 @@ fn robust_mean(albedos: &[ViewAlbedo], scale: f64) -> Option<CombinedAlbedo> {
     let centre = tukey_mean(&mut samples, scale);
     let weight = |a: &ViewAlbedo| a.weight * tukey_weight(log(a) - centre, scale);
     let total: f64 = albedos.iter().map(weight).sum();
-    if !(total > 0.0) {
+    if total.is_nan() || total <= 0.0 {
         return None;
     }
     let mut value = [0.0; 3];
