@@ -9,13 +9,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RefineIntrinsics {
-    /// One factor on both focal lengths; prior 20 % (standard deviation).
+    /// One factor on both focal lengths; prior 5 % (standard deviation).
     pub focal: bool,
-    /// Principal point; prior 5 % of the image width.
+    /// Principal point; prior 2 % of the image width.
     pub centre: bool,
-    /// First radial coefficient (of Brown–Conrady for a pinhole start); prior 0.1.
+    /// First radial coefficient (of Brown–Conrady for a pinhole start); prior 0.05.
     pub distortion: bool,
-    /// Second radial coefficient; prior 0.1. Only with `distortion`.
+    /// Second radial coefficient; prior 0.05. Only with `distortion`.
     pub second_distortion: bool,
 }
 
@@ -44,10 +44,18 @@ impl RefineIntrinsics {
 /// Number of intrinsic parameters: `ln f, cx, cy, k1, k2`.
 pub(super) const COUNT: usize = 5;
 
-/// Standard deviations of the priors on `(ln f, cx, cy, k1, k2)` about the starting values.
-pub(super) fn prior_sigmas(camera: &CameraModel) -> [f64; COUNT] {
-    let shift = 0.05 * camera.size[0] as f64;
-    [0.2, shift, shift, 0.1, 0.1]
+/// Standard deviations of the priors on `(ln f, cx, cy, k1, k2)`, for a mean number of
+/// `per_view` sightings in a view.
+///
+/// The errors of the sightings of one view are not independent (tissue moves, highlights pull at
+/// features): a view is counted as `INDEPENDENT` sightings at most, so the deviations shrink as
+/// the redundancy grows. Without this, thousands of sightings that hardly depend on the focal
+/// length (little parallax) would outvote any prior by their common bias.
+pub(super) fn prior_sigmas(camera: &CameraModel, per_view: f64) -> [f64; COUNT] {
+    const INDEPENDENT: f64 = 30.0;
+    let redundancy = (per_view / INDEPENDENT).max(1.0).sqrt();
+    let shift = 0.02 * camera.size[0] as f64;
+    [0.05, shift, shift, 0.05, 0.05].map(|sigma| sigma / redundancy)
 }
 
 /// The camera with room for the coefficients to be refined: a pinhole becomes Brown–Conrady with
