@@ -71,6 +71,10 @@ pub struct ReconstructArgs {
     /// Solve eqs. 3 and 4 as printed in the paper instead of the repaired form.
     #[arg(long)]
     literal: bool,
+    /// Weights and thresholds, as TOML with the tables `register`, `refine` and `joint`; what it
+    /// does not name keeps its default.
+    #[arg(long, value_name = "FILE")]
+    options: Option<PathBuf>,
     /// Folder for the results.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
@@ -86,6 +90,8 @@ pub enum MethodName {
     Dsfm,
     /// Motion and shading (eq. 4).
     Dsfms,
+    /// Motion, prior and shading in one problem (beyond the paper).
+    Joint,
 }
 
 impl From<MethodName> for Method {
@@ -95,6 +101,7 @@ impl From<MethodName> for Method {
             MethodName::Sfs => Self::Sfs,
             MethodName::Dsfm => Self::Dsfm,
             MethodName::Dsfms => Self::Dsfms,
+            MethodName::Joint => Self::Joint,
         }
     }
 }
@@ -106,6 +113,7 @@ pub fn method_name(method: Method) -> &'static str {
         Method::Sfs => "sfs",
         Method::Dsfm => "dsfm",
         Method::Dsfms => "dsfms",
+        Method::Joint => "joint",
     }
 }
 
@@ -176,9 +184,20 @@ fn prepare<'a>(
             (camera, global.tone.map_or(template.tone.clone(), Into::into))
         }
     };
-    let options =
-        ReconstructOptions { seed: global.seed, literal: args.literal, ..Default::default() };
+    let mut options = match &args.options {
+        Some(path) => read_options(path)?,
+        None => ReconstructOptions::default(),
+    };
+    options.seed = global.seed;
+    options.literal |= args.literal;
     Ok(Job { args, template, camera, tone, options, reporter })
+}
+
+fn read_options(path: &Path) -> anyhow::Result<ReconstructOptions> {
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("cannot read the options file {}", path.display()))?;
+    ReconstructOptions::from_toml(&text)
+        .with_context(|| format!("{} is not a valid options file", path.display()))
 }
 
 impl Job<'_> {

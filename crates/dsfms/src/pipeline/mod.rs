@@ -31,6 +31,8 @@ pub enum Method {
     Dsfm,
     /// Motion and shading (eq. 4).
     Dsfms,
+    /// Motion, prior and shading in one problem (beyond the paper).
+    Joint,
 }
 
 /// What is known of one deformed frame.

@@ -6,15 +6,17 @@ use crate::geometry::Point3;
 use crate::image::exposure::saturation;
 use crate::image::{Mask, Plane};
 use crate::light::LightModel;
-use crate::refine::{Photograph, RefineOptions, Refined, refine};
+use crate::refine::{Joined, JointOptions, Photograph, RefineOptions, Refined, join, refine};
 use crate::register::scene::visibility;
 use crate::register::{Match, Posed, RegisterOptions, Registered, Scene, find, pose, register};
 use crate::sfs::{SfsInput, SfsOptions, shape_from_shading};
 use crate::template::{SurfaceTexels, Template};
+use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 /// Options of a reconstruction.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct ReconstructOptions {
     /// Seed of every random draw.
     pub seed: u64,
@@ -24,6 +26,18 @@ pub struct ReconstructOptions {
     pub register: RegisterOptions,
     /// Weights of eq. 4.
     pub refine: RefineOptions,
+    /// Weights of the joint solve.
+    pub joint: JointOptions,
+}
+
+impl ReconstructOptions {
+    /// Options from TOML; what the text does not name keeps its default.
+    ///
+    /// # Errors
+    /// Malformed TOML, or a field that does not exist.
+    pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
+        toml::from_str(text)
+    }
 }
 
 /// Matches below this make a surface that is held by its prior alone over most of its area.
@@ -54,18 +68,25 @@ pub fn reconstruct(
     match method {
         Method::Rigid => {}
         Method::Sfs => shade_alone(template, observation, &mut result, &mut log)?,
-        Method::Dsfm | Method::Dsfms => {
+        Method::Dsfm | Method::Dsfms | Method::Joint => {
             let coarse = log
                 .time("register (eq. 3)", || register(&scene, &matches, &posed, &register_options));
             log.attach(&coarse.summary);
             take_coarse(&mut result, &matches, &coarse);
+            let kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
             if method == Method::Dsfms {
-                let kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
                 let refined = log.time("refine (eq. 4)", || {
                     refine_frame(template, observation, &scene, &coarse, &kept, options)
                 });
                 log.attach(&refined.summary);
                 take_refined(&mut result, &refined);
+            }
+            if method == Method::Joint {
+                let joined = log.time("joint", || {
+                    join_frame(template, observation, &scene, &coarse, &kept, options)
+                });
+                log.attach(&joined.summary);
+                take_joined(&mut result, &joined);
             }
         }
     }
@@ -109,7 +130,7 @@ fn check(
     if brightest < 16 {
         return Err(ReconstructError::Black(brightest));
     }
-    if matches!(method, Method::Sfs | Method::Dsfms) && template.albedo.is_none() {
+    if matches!(method, Method::Sfs | Method::Dsfms | Method::Joint) && template.albedo.is_none() {
         return Err(ReconstructError::NoAlbedo(method));
     }
     Ok(())
@@ -179,6 +200,27 @@ fn refine_frame(
     let owned = PhotographParts::of(template, observation);
     let refine_options = RefineOptions { literal: options.literal, ..options.refine.clone() };
     refine(scene, &coarse.vertices, kept, &owned.photograph(template, observation), &refine_options)
+}
+
+fn take_joined(result: &mut Reconstruction, joined: &Joined) {
+    result.vertices.clone_from(&joined.vertices);
+    (result.gain, result.ambient) = (joined.gain, joined.ambient);
+    if joined.samples == 0 {
+        degrade(&mut result.status, "nothing could be used for shading: the result is motion's");
+    }
+}
+
+fn join_frame(
+    template: &Template,
+    observation: &Observation,
+    scene: &Scene,
+    coarse: &Registered,
+    kept: &[Match],
+    options: &ReconstructOptions,
+) -> Joined {
+    let parts = PhotographParts::of(template, observation);
+    let photo = parts.photograph(template, observation);
+    join(scene, &coarse.vertices, coarse.depth_sigma, kept, &photo, &options.joint)
 }
 
 /// The planes a [`Photograph`] borrows.

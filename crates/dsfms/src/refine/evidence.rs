@@ -55,7 +55,7 @@ pub fn gather(
 ) -> Evidence {
     let raster = rasterize(photo.camera, &rest.topology, shape);
     let visible = visible_vertices(photo.camera, &rest.topology, shape, &raster, tolerance(rest));
-    let diagonal = (photo.grey.size[0] as f64).hypot(photo.grey.size[1] as f64);
+    let diagonal = diagonal(photo.grey);
     let clear = clear_mask(photo, &raster, options.halo * diagonal);
     let sigma = options.blur * diagonal;
     let (image, _) = blur_masked(photo.grey, &clear, sigma);
@@ -94,6 +94,11 @@ pub fn gather(
     Evidence { image, diffuse, specular, visible, log_gain: median(&mut ratios) }
 }
 
+/// Image diagonal, px.
+pub(super) fn diagonal(plane: &Plane) -> f64 {
+    (plane.size[0] as f64).hypot(plane.size[1] as f64)
+}
+
 /// Half a mean edge: what the z-buffer may be off at a slanted face.
 fn tolerance(rest: &Mesh) -> f64 {
     let length =
@@ -103,7 +108,7 @@ fn tolerance(rest: &Mesh) -> f64 {
 }
 
 /// Surface pixels whose brightness is diffuse: not saturated nor in a halo, usable, albedo known.
-fn clear_mask(photo: &Photograph, raster: &Raster, halo: f64) -> Mask {
+pub(super) fn clear_mask(photo: &Photograph, raster: &Raster, halo: f64) -> Mask {
     let near_highlight = distance_to(photo.saturated);
     let known = raster.render(false, |face, b| photo.albedo.views[photo.albedo.index(face, b)] > 0);
     let data = (0..known.len())
@@ -112,13 +117,13 @@ fn clear_mask(photo: &Photograph, raster: &Raster, halo: f64) -> Mask {
     Mask { size: raster.size, data }
 }
 
-fn render_albedo(raster: &Raster, texels: &SurfaceTexels) -> Plane {
+pub(super) fn render_albedo(raster: &Raster, texels: &SurfaceTexels) -> Plane {
     let grey = |rgb: [f32; 3]| (rgb[0] + rgb[1] + rgb[2]) / 3.0;
     let data = raster.render(0.0, |face, b| grey(texels.at(face, b)));
     Plane { size: raster.size, data }
 }
 
-fn median(values: &mut [f64]) -> f64 {
+pub(super) fn median(values: &mut [f64]) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

@@ -1,9 +1,11 @@
 //! DSfMS: shading and specularities refine the coarse shape (paper §7, eq. 4).
 
 pub mod evidence;
+pub mod joint;
 pub mod objective;
 pub mod options;
 
 pub use evidence::{Evidence, Photograph};
+pub use joint::{Joined, JointOptions, join};
 pub use objective::{Refined, refine};
 pub use options::RefineOptions;

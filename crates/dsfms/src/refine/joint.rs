@@ -1,0 +1,244 @@
+//! Beyond the paper: motion, prior and shading in one problem.
+//!
+//! Eq. 4 starts from V′ and can only bend what motion left straight. Here the matches, the conformal
+//! prior and the brightness of samples inside faces decide together, from coarse blur to fine, so
+//! that texture carries the surface along while shading turns its normals.
+
+use super::evidence::{Photograph, clear_mask, diagonal, median, render_albedo};
+use crate::camera::Camera;
+use crate::energy::photometric::Sample;
+use crate::energy::{
+    Anisotropy, GlobalsPrior, Objective, Photometric, Shearing, Smoothing, Stretch, Unknowns,
+};
+use crate::geometry::{Point3, Vector3, point_at};
+use crate::image::Plane;
+use crate::image::filter::blur_masked;
+use crate::light::{Light, LightModel, specular_angle};
+use crate::mesh::Mesh;
+use crate::mesh::normals::vertex_normals;
+use crate::raster::{rasterize, regions::distance_to};
+use crate::register::objective::{hold_depth, motion, stay};
+use crate::register::{Match, Scene};
+use crate::solver::{Loss, Options, Summary};
+use serde::{Deserialize, Serialize};
+
+/// Options of the joint solve. Lengths are relative to the visible radius, so they hold in any unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct JointOptions {
+    /// Weight of shearing and anisotropy per visible area.
+    pub conformal: f64,
+    /// Weight of the log area ratio per visible area.
+    pub stretch: f64,
+    /// Weight of the Laplacian of the displacement from the posed template.
+    pub smoothing: f64,
+    /// Weight of all photometric samples together, in units of one sample for each of 334 vertices.
+    pub photometric: f64,
+    /// Noise of the image model proportional to brightness.
+    pub sigma_relative: f64,
+    /// Noise of the image model, absolute, linear light.
+    pub sigma_absolute: f64,
+    /// Geman-McClure scale of the photometric residuals, in standard deviations.
+    pub robust: f64,
+    /// Geman-McClure scale of the matches, px.
+    pub match_px: f64,
+    /// Depth of the matches under a near light, which fixes scale itself, is held to the rigid pose
+    /// within this fraction of the visible radius; under a distant light the tolerance of eq. 3
+    /// holds.
+    pub near_depth_hold: f64,
+    /// Spread of the log gain about its expectation.
+    pub gain_sigma: f64,
+    /// Spread of the ambient light about 0.
+    pub ambient_sigma: f64,
+    /// Blurs of image and albedo, coarse to fine, as fractions of the image diagonal.
+    pub blurs: [f64; 3],
+    /// Samples within this many blur radii of a predicted contour are left out.
+    pub contour_blurs: f64,
+    /// Samples with less cosine towards the camera than this are left out.
+    pub grazing: f64,
+    /// Samples within this angle of the mirror direction are left out where there are highlights,
+    /// degrees.
+    pub specular_deg: f64,
+    /// Halo around saturated pixels, as a fraction of the image diagonal.
+    pub halo: f64,
+}
+
+impl Default for JointOptions {
+    fn default() -> Self {
+        Self {
+            conformal: 5e4,
+            stretch: 2e4,
+            smoothing: 30.0,
+            photometric: 4.0,
+            sigma_relative: 0.07,
+            sigma_absolute: 0.005,
+            robust: 3.0,
+            match_px: 4.0,
+            near_depth_hold: 0.2,
+            gain_sigma: 0.1,
+            ambient_sigma: 0.02,
+            blurs: [0.018, 0.009, 0.0045],
+            contour_blurs: 1.5,
+            grazing: 0.25,
+            specular_deg: 12.0,
+            halo: 0.02,
+        }
+    }
+}
+
+/// The shape of the joint solve.
+#[derive(Clone, Debug)]
+pub struct Joined {
+    /// Vertices in camera axes.
+    pub vertices: Vec<Point3>,
+    /// Exposure gain of the frame relative to the albedo.
+    pub gain: f64,
+    /// Ambient light, linear.
+    pub ambient: f64,
+    /// Photometric samples of the last round.
+    pub samples: usize,
+    /// The last solve.
+    pub summary: Summary,
+}
+
+/// Solve motion, prior and shading together, from `start` (V′ of eq. 3).
+///
+/// `depth_sigma` is eq. 3's tolerance for the depth of the matches under a distant light.
+pub fn join(
+    scene: &Scene,
+    start: &[Point3],
+    depth_sigma: f64,
+    matches: &[Match],
+    photo: &Photograph,
+    options: &JointOptions,
+) -> Joined {
+    let hold = match photo.light {
+        LightModel::Point(_) => depth_sigma.max(options.near_depth_hold * scene.radius()),
+        LightModel::Collinear => depth_sigma,
+    };
+    let mut state = Unknowns { vertices: start.to_vec(), globals: vec![0.0, 0.0] };
+    let mut expected = photo.expected_log_gain;
+    let mut last = None;
+    for blur in options.blurs {
+        let look = look(photo, scene.rest, &state.vertices, blur, options);
+        if last.is_none() {
+            state.globals[0] = look.log_gain;
+            expected.get_or_insert(look.log_gain);
+        }
+        let gain = expected.unwrap_or(look.log_gain);
+        let objective = objective(scene, matches, hold, photo, &look, gain, options);
+        let solver = Options { max_steps: 12, cost_tolerance: 1e-4, ..Options::default() };
+        let (next, summary) = objective.minimise(state, &solver);
+        state = next;
+        last = Some((summary, look.samples.len()));
+    }
+    let (summary, samples) = last.expect("there is at least one blur");
+    Joined {
+        gain: state.globals[0].exp(),
+        ambient: state.globals[1],
+        vertices: state.vertices,
+        samples,
+        summary,
+    }
+}
+
+/// What one shape makes of a photograph at one blur.
+struct Look {
+    image: Plane,
+    samples: Vec<Sample>,
+    log_gain: f64,
+}
+
+/// Barycentrics of the samples of a face.
+const INSIDE: [[f64; 3]; 3] = [
+    [2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0],
+    [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0],
+    [1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0],
+];
+
+fn look(
+    photo: &Photograph,
+    rest: &Mesh,
+    shape: &[Point3],
+    blur: f64,
+    options: &JointOptions,
+) -> Look {
+    let raster = rasterize(photo.camera, &rest.topology, shape);
+    let sigma = blur * diagonal(photo.grey);
+    let clear = clear_mask(photo, &raster, options.halo * diagonal(photo.grey));
+    let (image, _) = blur_masked(photo.grey, &clear, sigma);
+    let (albedo, support) = blur_masked(&render_albedo(&raster, photo.albedo), &clear, sigma);
+    let contour = distance_to(&raster.discontinuities(0.05));
+    let highlights = photo.saturated.data.iter().any(|&s| s);
+    let normals = vertex_normals(&rest.topology, shape);
+    let edge = rest.mean_edge_length();
+    let (mut samples, mut ratios) = (Vec::new(), Vec::new());
+    for (f, face) in rest.topology.faces.iter().enumerate() {
+        let corners = face.map(|v| v as usize);
+        for b in INSIDE {
+            let point = point_at(corners.map(|v| &shape[v]), b);
+            let normal = corners.iter().zip(b).map(|(&v, w)| normals[v] * w).sum::<Vector3>();
+            let normal = normal.normalize();
+            if -normal.dot(&point.coords.normalize()) < options.grazing {
+                continue;
+            }
+            let Some(pixel) = photo.camera.project(&point).map(|p| p.pixel) else { continue };
+            if !clear.at_pixel(&pixel) {
+                continue;
+            }
+            let i = pixel.y.round() as usize * image.size[0] + pixel.x.round() as usize;
+            let occluded = raster.depth[i] < point.z - 0.5 * edge;
+            let near_contour = (contour[i] as f64) < options.contour_blurs * sigma;
+            let angle = specular_angle(photo.light, &point, &normal).to_degrees();
+            let glossy = highlights && angle < options.specular_deg;
+            if occluded || near_contour || glossy || support.data[i] < 0.5 {
+                continue;
+            }
+            let (Some((alpha, _)), Some((intensity, _))) =
+                (albedo.sample(&pixel), image.sample(&pixel))
+            else {
+                continue;
+            };
+            let predicted = alpha * photo.light.shade(&point, &normal).value;
+            if predicted > 1e-4 && intensity > 0.0 {
+                ratios.push((intensity / predicted).ln());
+            }
+            let noise = options.sigma_absolute.hypot(options.sigma_relative * intensity);
+            samples.push(Sample { face: f as u32, barycentric: b, albedo: alpha, sigma: noise });
+        }
+    }
+    Look { image, samples, log_gain: median(&mut ratios) }
+}
+
+fn objective<'a>(
+    scene: &'a Scene,
+    matches: &[Match],
+    depth_sigma: f64,
+    photo: &Photograph<'a>,
+    look: &'a Look,
+    expected_log_gain: f64,
+    options: &JointOptions,
+) -> Objective<'a> {
+    let (rest, area) = (&scene.faces, scene.visible_area);
+    let share = 334.0 / look.samples.len().max(1) as f64;
+    let smoothing = Smoothing::of_displacement(&scene.laplacian, &scene.posed, area);
+    let photometric = Photometric::new(
+        photo.camera,
+        photo.light,
+        &look.image,
+        &scene.rest.topology,
+        look.samples.clone(),
+    );
+    let prior = |index, mean, sigma| GlobalsPrior { index: [index], mean, sigma };
+    Objective::over(scene.posed.len(), 2)
+        .plus(1.0, Loss::GemanMcClure(options.match_px), motion(scene, matches, 1.0))
+        .plus(options.conformal, Loss::Squared, Shearing { rest })
+        .plus(options.conformal, Loss::Squared, Anisotropy { rest })
+        .plus(options.stretch, Loss::Squared, Stretch { rest })
+        .plus(options.smoothing, Loss::Squared, smoothing)
+        .plus(share * options.photometric, Loss::GemanMcClure(options.robust), photometric)
+        .plus(1.0, Loss::Huber(1.0), hold_depth(scene, matches, &scene.posed, depth_sigma))
+        .plus(3.0, Loss::Squared, stay(scene))
+        .plus(1.0, Loss::Squared, prior(0, expected_log_gain, options.gain_sigma))
+        .plus(1.0, Loss::Squared, prior(1, 0.0, options.ambient_sigma))
+}
