@@ -7,29 +7,55 @@ use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 ///
 /// `None` for fewer than three pairs, slices of different lengths, or collinear points.
 pub fn align_rigid(source: &[Point3], target: &[Point3]) -> Option<Isometry> {
-    let s = umeyama(source, target, false)?;
-    Some(s.isometry)
+    let weights = vec![1.0; source.len()];
+    Some(umeyama(source, target, &weights, false)?.isometry)
+}
+
+/// The rigid motion that explains most of the pairs: iteratively reweighted with a Geman-McClure
+/// scale of twice the median distance, so that what moved otherwise does not pull.
+///
+/// `None` as for [`align_rigid`].
+pub fn align_rigid_robust(source: &[Point3], target: &[Point3]) -> Option<Isometry> {
+    const ROUNDS: usize = 20;
+    let mut motion = align_rigid(source, target)?;
+    for _ in 0..ROUNDS {
+        let distances: Vec<f64> =
+            source.iter().zip(target).map(|(s, t)| (motion * s - t).norm()).collect();
+        let mut sorted = distances.clone();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let scale = (2.0 * sorted[sorted.len() / 2]).max(1e-12);
+        let weight = |d: &f64| (1.0 + (d / scale).powi(2)).powi(-2);
+        let weights: Vec<f64> = distances.iter().map(weight).collect();
+        motion = umeyama(source, target, &weights, false)?.isometry;
+    }
+    Some(motion)
 }
 
 /// The similarity `S` that minimises `Σ‖S·sourceᵢ − targetᵢ‖²`; `None` as for [`align_rigid`].
 pub fn align_similarity(source: &[Point3], target: &[Point3]) -> Option<Similarity> {
-    umeyama(source, target, true)
+    umeyama(source, target, &vec![1.0; source.len()], true)
 }
 
-fn centroid(points: &[Point3]) -> Vector3 {
-    points.iter().map(|p| p.coords).sum::<Vector3>() / points.len() as f64
+fn centroid(points: &[Point3], weights: &[f64]) -> Vector3 {
+    let sum: Vector3 = points.iter().zip(weights).map(|(p, &w)| p.coords * w).sum();
+    sum / weights.iter().sum::<f64>()
 }
 
-fn umeyama(source: &[Point3], target: &[Point3], with_scale: bool) -> Option<Similarity> {
+fn umeyama(
+    source: &[Point3],
+    target: &[Point3],
+    weights: &[f64],
+    with_scale: bool,
+) -> Option<Similarity> {
     if source.len() < 3 || source.len() != target.len() {
         return None;
     }
-    let (cs, ct) = (centroid(source), centroid(target));
+    let (cs, ct) = (centroid(source, weights), centroid(target, weights));
     let (mut covariance, mut spread) = (Matrix3::zeros(), 0.0);
-    for (s, t) in source.iter().zip(target) {
+    for ((s, t), &w) in source.iter().zip(target).zip(weights) {
         let (ds, dt) = (s.coords - cs, t.coords - ct);
-        covariance += dt * ds.transpose();
-        spread += ds.norm_squared();
+        covariance += dt * ds.transpose() * w;
+        spread += w * ds.norm_squared();
     }
     let svd = covariance.svd(true, true);
     let (u, v_t) = (svd.u?, svd.v_t?);
@@ -67,6 +93,20 @@ mod tests {
             assert!((found * s - t).norm() < 1e-12);
         }
         assert!((found.scaling() - 2.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn robust_alignment_follows_the_majority() {
+        let source: Vec<_> = (0..30)
+            .map(|i| Point3::new((i % 5) as f64, (i / 5) as f64, (0.7 * i as f64).sin()))
+            .collect();
+        let truth = Isometry::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.2, 0.1, -0.3));
+        let pushed = |i: usize| if i < 10 { Vector3::new(0.0, 0.0, 4.0) } else { Vector3::zeros() };
+        let target: Vec<_> =
+            source.iter().enumerate().map(|(i, p)| truth * p + pushed(i)).collect();
+        let found = align_rigid_robust(&source, &target).unwrap();
+        assert!((found * source[29] - target[29]).norm() < 1e-6);
+        assert!((align_rigid(&source, &target).unwrap() * source[29] - target[29]).norm() > 0.5);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 pub mod alignment;
 pub mod triangle;
 
-pub use alignment::{align_rigid, align_similarity};
+pub use alignment::{align_rigid, align_rigid_robust, align_similarity};
 pub use triangle::{area, area_normal, barycentric, normal, point_at};
 
 /// A point of 3-space; mm or template units, the frame named where it is used.

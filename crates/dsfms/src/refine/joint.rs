@@ -16,7 +16,7 @@ use crate::image::filter::blur_masked;
 use crate::light::{Light, LightModel, specular_angle};
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
-use crate::raster::{rasterize, regions::distance_to};
+use crate::raster::{Raster, rasterize, regions::distance_to};
 use crate::register::objective::{hold_depth, motion, stay};
 use crate::register::{Match, Scene};
 use crate::solver::{Loss, Options, Summary};
@@ -51,7 +51,9 @@ pub struct JointOptions {
     /// Spread of the ambient light about 0.
     pub ambient_sigma: f64,
     /// Blurs of image and albedo, coarse to fine, as fractions of the image diagonal.
-    pub blurs: [f64; 3],
+    pub blurs: Vec<f64>,
+    /// Three samples a face as long as they are no more than this, else one.
+    pub max_samples: usize,
     /// Samples within this many blur radii of a predicted contour are left out.
     pub contour_blurs: f64,
     /// Samples with less cosine towards the camera than this are left out.
@@ -77,7 +79,8 @@ impl Default for JointOptions {
             near_depth_hold: 0.2,
             gain_sigma: 0.1,
             ambient_sigma: 0.02,
-            blurs: [0.018, 0.009, 0.0045],
+            blurs: vec![0.018, 0.009, 0.0045, 0.0045],
+            max_samples: 8000,
             contour_blurs: 1.5,
             grazing: 0.25,
             specular_deg: 12.0,
@@ -119,7 +122,9 @@ pub fn join(
     let mut state = Unknowns { vertices: start.to_vec(), globals: vec![0.0, 0.0] };
     let mut expected = photo.expected_log_gain;
     let mut last = None;
-    for blur in options.blurs {
+    let mut reposed: Option<Scene> = None;
+    for &blur in &options.blurs {
+        let scene = reposed.as_ref().unwrap_or(scene);
         let look = look(photo, scene.rest, &state.vertices, blur, options);
         if last.is_none() {
             state.globals[0] = look.log_gain;
@@ -131,6 +136,11 @@ pub fn join(
         let (next, summary) = objective.minimise(state, &solver);
         state = next;
         last = Some((summary, look.samples.len()));
+        // A near light tells the distance of everything, so the shape now knows the pose better than
+        // the matches did; under a distant one only the matches hold it.
+        if matches!(photo.light, LightModel::Point(_)) {
+            reposed = Some(scene.reposed(&state.vertices));
+        }
     }
     let (summary, samples) = last.expect("there is at least one blur");
     Joined {
@@ -156,6 +166,17 @@ const INSIDE: [[f64; 3]; 3] = [
     [1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0],
 ];
 
+/// The one sample of a face on a fine mesh.
+const CENTRE: [[f64; 3]; 1] = [[1.0 / 3.0; 3]];
+
+/// Number of faces with at least one pixel.
+fn faces_drawn(raster: &Raster) -> usize {
+    let mut faces: Vec<u32> = raster.face.iter().copied().filter(|&f| f != u32::MAX).collect();
+    faces.sort_unstable();
+    faces.dedup();
+    faces.len()
+}
+
 fn look(
     photo: &Photograph,
     rest: &Mesh,
@@ -172,10 +193,11 @@ fn look(
     let highlights = photo.saturated.data.iter().any(|&s| s);
     let normals = vertex_normals(&rest.topology, shape);
     let edge = rest.mean_edge_length();
+    let inside = if 3 * faces_drawn(&raster) > options.max_samples { &CENTRE[..] } else { &INSIDE };
     let (mut samples, mut ratios) = (Vec::new(), Vec::new());
     for (f, face) in rest.topology.faces.iter().enumerate() {
         let corners = face.map(|v| v as usize);
-        for b in INSIDE {
+        for &b in inside {
             let point = point_at(corners.map(|v| &shape[v]), b);
             let normal = corners.iter().zip(b).map(|(&v, w)| normals[v] * w).sum::<Vector3>();
             let normal = normal.normalize();

@@ -3,7 +3,7 @@
 use super::Match;
 use crate::camera::CameraModel;
 use crate::energy::RestFaces;
-use crate::geometry::{Point3, point_at};
+use crate::geometry::{Point3, align_rigid_robust, point_at};
 use crate::mesh::Mesh;
 use crate::mesh::laplacian::Laplacian;
 use crate::raster::{rasterize, visible_vertices};
@@ -39,6 +39,18 @@ impl<'a> Scene<'a> {
         let visible_area = seen.max(0.1 * total);
         let faces = RestFaces::new(rest, visible_area);
         Self { camera, rest, posed, visible, visible_area, faces, laplacian }
+    }
+
+    /// The same frame with the rest shape posed anew: where most of what is seen of `shape` lies.
+    pub fn reposed(&self, shape: &[Point3]) -> Self {
+        let seen = || (0..shape.len()).filter(|&v| self.visible[v]);
+        let rest: Vec<Point3> = seen().map(|v| self.rest.positions[v]).collect();
+        let now: Vec<Point3> = seen().map(|v| shape[v]).collect();
+        let posed = match align_rigid_robust(&rest, &now) {
+            Some(pose) => self.rest.positions.iter().map(|p| pose * p).collect(),
+            None => self.posed.clone(),
+        };
+        Self::new(self.camera, self.rest, posed)
     }
 
     /// Radius of a disc of the visible area: the length scale of the frame.

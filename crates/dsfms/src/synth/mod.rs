@@ -1,12 +1,14 @@
 //! The synthetic protocol of the paper (§8.1): deformation by attraction points, z-buffer
 //! rendering with self-occlusion and texture, sparse correspondences that avoid the deformed zone.
 
+pub mod case;
 pub mod correspond;
 pub mod deform;
 pub mod patch;
 pub mod random;
 pub mod render;
 
+pub use case::{Case, CaseOptions};
 pub use correspond::{Draw, correspond};
 pub use deform::{Attraction, Deformation, deform};
 pub use patch::{Patch, patch};

@@ -1,0 +1,122 @@
+//! One synthetic case from a seed: organ, deformation, pose, frame, matches and template.
+
+use super::random::{Random, normal, uniform};
+use super::{
+    Attraction, Deformation, Draw, Gloss, RenderOptions, correspond, deform, patch, render,
+};
+use crate::camera::{CameraModel, Lens};
+use crate::geometry::{Isometry, Point3, Vector3};
+use crate::image::{Frame, ToneCurve};
+use crate::light::LightModel;
+use crate::register::Match;
+use crate::register::scene::visibility;
+use crate::template::{LengthUnit, Template};
+
+/// What a case is made of.
+#[derive(Clone, Debug)]
+pub struct CaseOptions {
+    /// Vertices of the patch.
+    pub vertices: usize,
+    /// Mean relative edge-length change in the deformed zone (0.1 for 10 %).
+    pub extension: f64,
+    /// Light of the scene, known to the template.
+    pub light: LightModel,
+    /// Matches outside the deformed zone.
+    pub draw: Draw,
+    /// `true` pulls towards the camera, `false` pushes away.
+    pub pull: bool,
+}
+
+/// A deformed organ in front of a laparoscope, with its exact truth.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// Camera, 720×576.
+    pub camera: CameraModel,
+    /// Template with exact albedo and light, of unknown exposure.
+    pub template: Template,
+    /// The image: unknown gain and ambient light, a glossy highlight, noise.
+    pub frame: Frame,
+    /// Matches outside the zone.
+    pub matches: Vec<Match>,
+    /// The deformation in the template frame, with its zone.
+    pub deformation: Deformation,
+    /// True vertices in camera axes.
+    pub truth: Vec<Point3>,
+    /// Vertices the camera sees.
+    pub visible: Vec<bool>,
+}
+
+impl Case {
+    /// The case of a seed: 75 mm in front of a camera of 750 px, one attraction point 18 to 22 mm
+    /// off the surface within 8 × 6 mm of its centre, reach 0.5 rad.
+    pub fn new(options: &CaseOptions, seed: u64) -> Self {
+        let mut random = Random::new(seed, 0xCA5E);
+        let organ = patch(options.vertices, seed);
+        let deformation = deformation(&organ.mesh, options, &mut random);
+        let pose = pose(&mut random);
+        let truth: Vec<Point3> = deformation.vertices.iter().map(|v| pose * v).collect();
+        let camera = CameraModel {
+            size: [720, 576],
+            focal: [750.0, 750.0],
+            centre: [359.5, 287.5],
+            lens: Lens::Pinhole,
+        };
+        let look = RenderOptions {
+            gain: (0.2 * normal(&mut random)).exp(),
+            ambient: 0.02 * uniform(&mut random),
+            gloss: Some(Gloss { strength: 1.5, width: 0.06 }),
+            noise: 1.5,
+            seed,
+            ..RenderOptions::default()
+        };
+        let shape = organ.mesh.with_positions(truth.clone());
+        let frame = render(&camera, &options.light, &shape, &organ.albedo, &look);
+        let visible = visibility(&camera, &organ.mesh, &truth);
+        let calm: Vec<bool> =
+            visible.iter().zip(&deformation.zone).map(|(seen, zone)| *seen && !zone).collect();
+        let matches = correspond(&camera, &organ.mesh, &truth, &calm, options.draw, &mut random);
+        let template = Template {
+            unit: LengthUnit::Millimetre,
+            mesh: organ.mesh,
+            seen: Vec::new(),
+            flattening: None,
+            albedo: Some(organ.albedo),
+            features: None,
+            views: Vec::new(),
+            camera: Some(camera.clone()),
+            tone: ToneCurve::Srgb,
+            light: Some(options.light.clone()),
+        };
+        Self { camera, template, frame, matches, deformation, truth, visible }
+    }
+
+    /// Root mean square 3D error of a shape over the zone, or over everything without one, mm.
+    pub fn zone_rms(&self, shape: &[Point3]) -> f64 {
+        let zone = &self.deformation.zone;
+        let all = !zone.iter().any(|&z| z);
+        let squares: Vec<f64> = (0..shape.len())
+            .filter(|&v| all || zone[v])
+            .map(|v| (shape[v] - self.truth[v]).norm_squared())
+            .collect();
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    }
+}
+
+fn deformation(
+    mesh: &crate::mesh::Mesh,
+    options: &CaseOptions,
+    random: &mut Random,
+) -> Deformation {
+    let sign = if options.pull { -1.0 } else { 1.0 };
+    let height = 18.0 + 4.0 * uniform(random);
+    let centre = Point3::new(16.0 * (uniform(random) - 0.5), 12.0 * (uniform(random) - 0.5), 0.0);
+    let direction = Vector3::z() * sign;
+    let attraction = Attraction { direction, point: centre + direction * height, angle: 0.5 };
+    deform(mesh, &[attraction], options.extension, 0.0)
+}
+
+fn pose(random: &mut Random) -> Isometry {
+    let mut around = |s: f64| s * normal(random);
+    let offset = Vector3::new(around(2.0), around(2.0), 75.0);
+    Isometry::new(offset, Vector3::new(around(0.1), around(0.1), around(0.3)))
+}
