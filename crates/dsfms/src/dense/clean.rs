@@ -92,6 +92,46 @@ pub(super) fn shave(triangles: &mut Triangles) {
     }
 }
 
+/// Morphological opening of the open surface: what hangs on by necks narrower than `2 * rings`
+/// edges is dropped (crumbs of wrong depth at the rim), the rest keeps its outline.
+pub(super) fn open(triangles: &mut Triangles, rings: usize) {
+    let n = triangles.positions.len();
+    let mut rim = vec![false; n];
+    boundary_edges(&triangles.faces).iter().flatten().for_each(|&v| rim[v as usize] = true);
+    let eroded = grown(&triangles.faces, rim, rings.saturating_sub(1));
+    let core: Vec<usize> = (0..triangles.faces.len())
+        .filter(|&f| triangles.faces[f].iter().all(|&v| !eroded[v as usize]))
+        .collect();
+    if core.is_empty() {
+        return;
+    }
+    let own: Vec<[u32; 3]> = core.iter().map(|&f| triangles.faces[f]).collect();
+    let labels = components(&own);
+    let mut sizes = BTreeMap::<u32, usize>::new();
+    labels.iter().for_each(|&l| *sizes.entry(l).or_default() += 1);
+    let most = sizes.values().copied().max().unwrap_or(0);
+    let mut kept = vec![false; n];
+    for (face, label) in own.iter().zip(&labels) {
+        // Pieces of some size stay; one piece is chosen elsewhere.
+        if sizes[label] * 20 >= most {
+            face.iter().for_each(|&v| kept[v as usize] = true);
+        }
+    }
+    let kept = grown(&triangles.faces, kept, rings);
+    triangles.faces.retain(|f| f.iter().all(|&v| kept[v as usize]));
+}
+
+/// The vertices within `rings` edges of the marked ones.
+fn grown(faces: &[[u32; 3]], mut marked: Vec<bool>, rings: usize) -> Vec<bool> {
+    for _ in 0..rings {
+        let before = marked.clone();
+        for face in faces.iter().filter(|f| f.iter().any(|&v| before[v as usize])) {
+            face.iter().for_each(|&v| marked[v as usize] = true);
+        }
+    }
+    marked
+}
+
 /// Give each fan of faces at a vertex its own copy of it, so that every vertex has one fan.
 pub(super) fn split_bow_ties(triangles: &mut Triangles) {
     let mut around = vec![Vec::new(); triangles.positions.len()];
@@ -213,6 +253,28 @@ mod tests {
         compact(&mut two);
         assert_eq!(two.faces, vec![[0, 1, 2], [2, 1, 3]]);
         assert_eq!(two.positions[0], points(7)[3]);
+    }
+
+    #[test]
+    fn a_crumb_on_a_thin_neck_goes_and_the_sheet_stays() {
+        // A sheet of 20 x 20 squares, a strip of width 1 from its side, a crumb of 4 x 4 at its end.
+        let inside = |x: usize, y: usize| {
+            (x < 20 && y < 20) || (x < 30 && y == 10) || (x >= 30 && (8..12).contains(&y))
+        };
+        let index = |x: usize, y: usize| (y * 35 + x) as u32;
+        let mut faces = Vec::new();
+        for (x, y) in (0..34).flat_map(|x| (0..20).map(move |y| (x, y))) {
+            if inside(x, y) {
+                let [a, b, c, d] =
+                    [index(x, y), index(x + 1, y), index(x + 1, y + 1), index(x, y + 1)];
+                faces.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+        let mut sheet = Triangles { positions: points(35 * 21), faces };
+        open(&mut sheet, 3);
+        let reach = sheet.faces.iter().flatten().map(|v| v % 35).max();
+        assert!(reach.is_some_and(|x| (19..24).contains(&x)), "{reach:?}");
+        assert!(sheet.faces.len() > 780, "{}", sheet.faces.len());
     }
 
     #[test]

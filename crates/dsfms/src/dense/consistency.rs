@@ -39,13 +39,18 @@ fn count(
     }
     let at = [x as f64, y as f64];
     let world = lifted(&views[i], at, fields[i].planes[pixel].w as f64);
-    let agree = |j: &usize| {
-        let j = *j;
-        j != i
-            && sees(&views[j], &world)
-            && agrees(&views[i], at, &world, &views[j], &fields[j], options)
-    };
-    (0..views.len()).filter(agree).count().min(255) as u8
+    let others: Vec<usize> =
+        (0..views.len()).filter(|&j| j != i && sees(&views[j], &world)).collect();
+    let agree = |j: &&usize| agrees(&views[i], at, &world, &views[**j], &fields[**j], options);
+    let count = others.iter().filter(agree).count();
+    if count >= chance(others.len()) { count.min(255) as u8 } else { 0 }
+}
+
+/// Frames of `seeing` that must agree before it is no accident: wrong depths spread over the range
+/// agree with one in a few per cent of the frames, so one of thirty says nothing.
+fn chance(seeing: usize) -> usize {
+    const SHARE: f64 = 0.1;
+    (SHARE * seeing as f64).round() as usize
 }
 
 /// World point of a pixel of the depth grid.
@@ -89,4 +94,14 @@ fn projected(view: &Pyramid, world: &Point3) -> Option<([f64; 2], f64)> {
     let p = view.pose * world;
     let [fx, fy, cx, cy] = view.levels[1].k;
     (p.z > 0.0).then(|| ([fx * p.x / p.z + cx, fy * p.y / p.z + cy], p.z))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_many_frames_one_is_an_accident() {
+        assert_eq!([1, 4, 10, 16, 31].map(chance), [0, 0, 1, 2, 3]);
+    }
 }

@@ -1,4 +1,4 @@
-//! Small holes closed by a fan around their middle.
+//! Small holes closed by a film that meets the surface around them.
 
 use super::clean::boundary_edges;
 use super::tetrahedra::Triangles;
@@ -23,17 +23,91 @@ pub(super) fn close_small(triangles: &mut Triangles, max_edges: usize) {
 }
 
 fn close(triangles: &mut Triangles, ring: &[u32]) {
-    let side = |i: usize| [ring[(i + 1) % ring.len()], ring[i]];
     if ring.len() == 3 {
         triangles.faces.push([ring[2], ring[1], ring[0]]);
         return;
     }
+    let first = triangles.positions.len();
     let sum: Vector3 = ring.iter().map(|&v| triangles.positions[v as usize].coords).sum();
-    let middle = triangles.positions.len() as u32;
-    triangles.positions.push(Point3::from(sum / ring.len() as f64));
+    let middle = Point3::from(sum / ring.len() as f64);
+    // As many rings as make about square cells half way in.
+    let rings = (ring.len() / 6).min(MAX_RINGS);
+    let mut outer = ring.to_vec();
+    for k in 1..=rings {
+        let t = k as f64 / (rings + 1) as f64;
+        let inner: Vec<u32> = (0..ring.len())
+            .map(|i| {
+                let rim = triangles.positions[ring[i] as usize];
+                triangles.positions.push(rim + t * (middle - rim));
+                triangles.positions.len() as u32 - 1
+            })
+            .collect();
+        for i in 0..ring.len() {
+            let j = (i + 1) % ring.len();
+            triangles.faces.push([outer[j], outer[i], inner[i]]);
+            triangles.faces.push([outer[j], inner[i], inner[j]]);
+        }
+        outer = inner;
+    }
+    let centre = triangles.positions.len() as u32;
+    triangles.positions.push(middle);
     for i in 0..ring.len() {
-        let [a, b] = side(i);
-        triangles.faces.push([a, b, middle]);
+        let [a, b] = [outer[(i + 1) % ring.len()], outer[i]];
+        triangles.faces.push([a, b, centre]);
+    }
+    fair(triangles, first, ring);
+}
+
+/// Rings of vertices in a closed hole, at most.
+const MAX_RINGS: usize = 12;
+/// Rounds of fairing; each moves what the rim says one ring inwards.
+const FAIRING: usize = 400;
+
+/// Let the new vertices (from `first` on) settle into a surface whose Laplacian varies as little as
+/// it can (a thin plate): it goes on with the slope and the curvature found around the hole, without
+/// the crease of a flat lid.
+fn fair(triangles: &mut Triangles, first: usize, ring: &[u32]) {
+    let n = triangles.positions.len();
+    let mut near = vec![false; n];
+    (first..n).for_each(|v| near[v] = true);
+    ring.iter().for_each(|&v| near[v as usize] = true);
+    let mut neighbours: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    for face in triangles.faces.iter().filter(|f| f.iter().any(|&v| near[v as usize])) {
+        for (a, b) in [(0, 1), (1, 2), (2, 0)].map(|(i, j)| (face[i], face[j])) {
+            for (v, other) in [(a, b), (b, a)] {
+                if near[v as usize] {
+                    neighbours.entry(v).or_default().push(other);
+                }
+            }
+        }
+    }
+    for around in neighbours.values_mut() {
+        around.sort_unstable();
+        around.dedup();
+    }
+    let lag = |positions: &[Point3], v: u32| -> Vector3 {
+        let around = &neighbours[&v];
+        let sum: Vector3 = around.iter().map(|&o| positions[o as usize].coords).sum();
+        sum / around.len() as f64 - positions[v as usize].coords
+    };
+    let inside = || neighbours.range(first as u32..).map(|(v, around)| (*v, around));
+    for round in 0..FAIRING {
+        let film = round < FAIRING / 4;
+        let bend: BTreeMap<u32, Vector3> = if film {
+            BTreeMap::new()
+        } else {
+            neighbours.keys().map(|&v| (v, lag(&triangles.positions, v))).collect()
+        };
+        let moves: Vec<(u32, Vector3)> = inside()
+            .map(|(v, around)| {
+                if film {
+                    return (v, lag(&triangles.positions, v));
+                }
+                let mean: Vector3 = around.iter().map(|o| bend[o]).sum();
+                (v, 0.5 * (bend[&v] - mean / around.len() as f64))
+            })
+            .collect();
+        moves.into_iter().for_each(|(v, step)| triangles.positions[v as usize] += step);
     }
 }
 

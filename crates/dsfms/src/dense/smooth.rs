@@ -70,6 +70,10 @@ fn trust(field: &Field, agreement: &[u8], options: &DenseOptions) -> Vec<f32> {
             if (agreement[i] as usize) < options.min_consistent || !correlates(field, i, options) {
                 return 0.0;
             }
+            // Texture or parallax that leaves the depth open by more than frames may disagree.
+            if field.sigma[i] as f64 > options.max_relative_depth * field.planes[i].w as f64 {
+                return 0.0;
+            }
             let correlation = ((1.0 - field.cost[i] - floor) / (1.0 - floor)).clamp(0.05, 1.0);
             let frames = (agreement[i] as f32 / (options.min_consistent as f32 + 2.0)).min(1.0);
             correlation * frames

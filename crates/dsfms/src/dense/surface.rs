@@ -10,6 +10,8 @@ use std::sync::Arc;
 
 /// Depths that differ by more than this fraction are not of the same surface.
 const SAME_SURFACE: f64 = 0.01;
+/// Half the width, in edges, of the necks at which the surface is cut.
+const OPENING: usize = 5;
 /// Pieces of fewer faces are dust.
 const DUST: usize = 200;
 
@@ -62,6 +64,13 @@ fn tidy(triangles: &mut Triangles, options: &DenseOptions) {
     }
     clean::compact(triangles);
     holes::close_small(triangles, options.max_hole_edges);
+    clean::open(triangles, OPENING);
+    clean::shave(triangles);
+    clean::split_bow_ties(triangles);
+    if options.largest_only {
+        clean::keep_largest(triangles);
+    }
+    clean::compact(triangles);
     clean::smooth(triangles, options.smoothing);
 }
 

@@ -3,13 +3,12 @@
 use super::{DenseError, PosedFrame};
 use crate::camera::{Camera, CameraModel, Lens};
 use crate::geometry::{Isometry, Point2, Point3};
+use crate::image::exposure::SATURATED;
 use crate::image::{Frame, Mask};
 use rayon::prelude::*;
 
 /// Pyramid levels; 0 is the working resolution, 1 the grid of the depth maps.
 pub(super) const LEVELS: usize = 4;
-/// Encoded value from which a channel counts as saturated.
-const SATURATED: u8 = 250;
 /// Widest half field of view kept when a lens is turned into a pinhole, as a tangent.
 const MAX_TANGENT: f64 = 1.8;
 
@@ -175,10 +174,16 @@ fn usable_grey(view: &PosedFrame) -> Vec<f32> {
     grey
 }
 
-/// Pixels within `radius` (a square) of a saturated one: the halo moves with the light too.
+/// Whether the grey of a pixel is blind: two channels clipped. A clipped red alone is common on
+/// bright tissue, and green, the larger part of grey, still shows its texture.
+fn clipped(p: &[u8; 3]) -> bool {
+    p.iter().filter(|&&v| v >= SATURATED).count() >= 2
+}
+
+/// Pixels within `radius` (a square) of a clipped one: the halo moves with the light too.
 fn saturated_ring(frame: &Frame, radius: usize) -> Vec<bool> {
     let [w, h] = frame.size;
-    let core: Vec<bool> = frame.rgb.iter().map(|p| p.iter().any(|&v| v >= SATURATED)).collect();
+    let core: Vec<bool> = frame.rgb.iter().map(clipped).collect();
     let along_rows: Vec<bool> = (0..w * h)
         .map(|i| {
             let (x, y) = (i % w, i / w);
@@ -257,7 +262,9 @@ mod tests {
     #[test]
     fn saturation_takes_its_ring_with_it() {
         let mut rgb = vec![[100u8; 3]; 64 * 48];
-        rgb[20 * 64 + 20] = [255, 100, 100];
+        rgb[20 * 64 + 20] = [255, 252, 100];
+        // Red alone is bright tissue.
+        rgb[40 * 64 + 40] = [255, 180, 100];
         let frame = Frame { name: "f".into(), size: [64, 48], rgb };
         let ring = saturated_ring(&frame, 2);
         assert_eq!(ring.iter().filter(|&&s| s).count(), 25);

@@ -21,6 +21,8 @@ const FREE_SPACE: f64 = 0.2;
 /// A pixel says nothing about points farther behind it than this many truncation distances, however
 /// grazing its plane.
 const MAX_BEHIND: f64 = 4.0;
+/// Depth pixels (every second along rows and columns) of a cell that counts as surface.
+const FILLED_CELL: usize = 9;
 /// Organ masks are widened by this fraction of the image width before they carve.
 const MASK_MARGIN: f64 = 0.006;
 
@@ -96,8 +98,9 @@ fn voxel_edge(maps: &[DepthMap], target: usize) -> f64 {
     let cell = 12.0 * footprint;
     let mut cells: Vec<[i32; 3]> = points(maps, 2).map(|p| cell_of(&p, cell)).collect();
     cells.sort_unstable();
-    cells.dedup();
-    let area = cells.len() as f64 * cell * cell / 1.5;
+    // A cell full of surface holds 36 points a frame; scattered outliers are no surface.
+    let filled = cells.chunk_by(|a, b| a == b).filter(|same| same.len() >= FILLED_CELL).count();
+    let area = filled.max(1) as f64 * cell * cell / 1.5;
     (4.0 * area / target as f64).sqrt().max(footprint)
 }
 

@@ -4,7 +4,7 @@ use super::{Method, Observation, ReconstructError, Reconstruction, StageReport, 
 use crate::camera::Camera;
 use crate::geometry::Point3;
 use crate::image::exposure::saturation;
-use crate::image::{Mask, Plane};
+use crate::image::{Mask, Plane, viewport};
 use crate::light::LightModel;
 use crate::refine::{Joined, JointOptions, Photograph, RefineOptions, Refined, join, refine};
 use crate::register::scene::visibility;
@@ -260,9 +260,11 @@ impl PhotographParts {
     }
 }
 
-/// Pixels where the organ may be seen: not within 3 px of an instrument, inside the organ mask.
+/// Pixels where the organ may be seen: inside the viewport and the organ mask, not within 3 px of
+/// an instrument.
 fn usable(observation: &Observation) -> Mask {
-    let mut usable = Mask::filled(observation.frame.size, true);
+    let lit = viewport(std::slice::from_ref(observation.frame));
+    let mut usable = lit.unwrap_or_else(|| Mask::filled(observation.frame.size, true));
     if let Some(instrument) = observation.instrument {
         usable = usable.minus(&instrument.dilate(3.0));
     }

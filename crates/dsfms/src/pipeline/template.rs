@@ -9,7 +9,7 @@ use super::Progress;
 use crate::camera::{Camera, CameraModel};
 use crate::dense::{DenseError, DenseOptions, PosedFrame, depth_maps, surface};
 use crate::geometry::{Isometry, Point3};
-use crate::image::{ColorImage, Frame, Mask, ToneCurve, saturation};
+use crate::image::{ColorImage, Frame, Mask, ToneCurve, saturation, viewport};
 use crate::light::LightModel;
 use crate::mesh::remesh::{RemeshError, RemeshOptions, remesh};
 use crate::mesh::{Mesh, Topology};
@@ -134,6 +134,8 @@ pub fn template_from_frames(
     progress: &dyn Progress,
 ) -> Result<BuiltTemplate, TemplateError> {
     check(options)?;
+    let valid = valid_masks(exploration, &options.sfm);
+    let exploration = &Exploration { valid: &valid, ..*exploration };
     let usable = usable_masks(exploration);
     let report = |stage, done, total| progress.step(sfm_stage(stage), done, total);
     let sparse =
@@ -166,6 +168,8 @@ pub fn template_from_posed_frames(
     if poses.iter().flatten().next().is_none() {
         return Err(TemplateError::NoPoses { frames: exploration.frames.len() });
     }
+    let valid = valid_masks(exploration, &options.sfm);
+    let exploration = &Exploration { valid: &valid, ..*exploration };
     let usable = usable_masks(exploration);
     let count = exploration.frames.len();
     let features: Vec<Features2d> = (0..count)
@@ -229,6 +233,19 @@ fn sfm_stage(stage: SfmStage) -> &'static str {
         SfmStage::Registration => "camera poses",
         SfmStage::GuidedMatching => "guided matching",
     }
+}
+
+/// The given valid masks inside the viewport, which holds for every stage: its rim moves with the
+/// camera and what lies beyond it is black, neither of which is tissue.
+fn valid_masks(exploration: &Exploration, options: &SfmOptions) -> Vec<Option<Mask>> {
+    let lit = if options.find_viewport { viewport(exploration.frames) } else { None };
+    let one = |i: usize| match (exploration.valid.get(i).and_then(Option::as_ref), &lit) {
+        // A mask of another size is for the stages to refuse, by name.
+        (Some(own), Some(lit)) if own.size == lit.size => Some(own.and(lit)),
+        (Some(own), _) => Some(own.clone()),
+        (None, lit) => lit.clone(),
+    };
+    (0..exploration.frames.len()).map(one).collect()
 }
 
 /// Where a frame is both valid and organ.
