@@ -152,4 +152,29 @@ mod tests {
         assert_eq!(topology.euler_characteristic(), 1);
         assert!((square.positions[8] - at(1.5, 1.5)).norm() < 1e-12);
     }
+
+    #[test]
+    fn a_hole_in_a_dome_is_closed_by_a_dome() {
+        // z = r²/40 on a polar grid from r = 4 to r = 10; the hole's rim lies at 0.4.
+        let (n, rings) = (36u32, 13u32);
+        let dome = |k: u32, i: u32| {
+            let (r, a) = (4.0 + 0.5 * k as f64, i as f64 * std::f64::consts::TAU / n as f64);
+            Point3::new(r * a.cos(), r * a.sin(), r * r / 40.0)
+        };
+        let positions = (0..rings).flat_map(|k| (0..n).map(move |i| dome(k, i))).collect();
+        let mut faces = Vec::new();
+        for (k, i) in (0..rings - 1).flat_map(|k| (0..n).map(move |i| (k, i))) {
+            let [a, b, c, d] =
+                [k * n + i, (k + 1) * n + i, (k + 1) * n + (i + 1) % n, k * n + (i + 1) % n];
+            faces.extend([[a, b, c], [a, c, d]]);
+        }
+        let mut dome = Triangles { positions, faces };
+        let first = dome.positions.len();
+        close_small(&mut dome, 40);
+        assert_eq!(boundary_loops(&dome.faces).len(), 1);
+        // A flat lid would be off by 0.4 in the middle.
+        let off = |p: &Point3| (p.z - p.coords.xy().norm_squared() / 40.0).abs();
+        let worst = dome.positions[first..].iter().map(off).fold(0.0, f64::max);
+        assert!(dome.positions.len() > first && worst < 0.2, "{worst}");
+    }
 }
