@@ -60,6 +60,8 @@ fn close(triangles: &mut Triangles, ring: &[u32]) {
 
 /// Rings of vertices in a closed hole, at most.
 const MAX_RINGS: usize = 12;
+/// Share of the last step that is taken again; settles waves of twice [`MAX_RINGS`] edges.
+const MOMENTUM: f64 = 0.97;
 /// Rounds of fairing; each moves what the rim says one ring inwards.
 const FAIRING: usize = 400;
 
@@ -90,6 +92,7 @@ fn fair(triangles: &mut Triangles, first: usize, ring: &[u32]) {
         let sum: Vector3 = around.iter().map(|&o| positions[o as usize].coords).sum();
         sum / around.len() as f64 - positions[v as usize].coords
     };
+    let mut speed = vec![Vector3::zeros(); n - first];
     let inside = || neighbours.range(first as u32..).map(|(v, around)| (*v, around));
     for round in 0..FAIRING {
         let film = round < FAIRING / 4;
@@ -107,7 +110,12 @@ fn fair(triangles: &mut Triangles, first: usize, ring: &[u32]) {
                 (v, 0.5 * (bend[&v] - mean / around.len() as f64))
             })
             .collect();
-        moves.into_iter().for_each(|(v, step)| triangles.positions[v as usize] += step);
+        for (v, step) in moves {
+            let moved = &mut speed[v as usize - first];
+            // Heavy ball: long waves settle in the square root of the rounds.
+            *moved = if film { step } else { MOMENTUM * *moved + step };
+            triangles.positions[v as usize] += *moved;
+        }
     }
 }
 
