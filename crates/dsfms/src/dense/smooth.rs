@@ -13,6 +13,8 @@ const RADIUS: i32 = 3;
 /// Neighbours whose plane misses the pixel by more than this fraction of depth (seen from the front)
 /// are another surface.
 const SAME_SURFACE: f32 = 0.01;
+/// Cosine to the sightline (78 degrees) below which the slope of a surface is not believed.
+const GRAZING: f32 = 0.2;
 /// Trust in a filled pixel, at most.
 const FILLED: f32 = 0.1;
 
@@ -51,7 +53,7 @@ pub(super) fn depth_map(
     for (i, estimate) in rows.iter().enumerate() {
         let Some(e) = estimate else { continue };
         let (u, v) = ((i % w) as f32, (i / w) as f32);
-        if e.plane.w <= 0.0 || e.plane.facing(k, u, v) < 0.1 {
+        if e.plane.w <= 0.0 || e.plane.facing(k, u, v) < GRAZING {
             continue;
         }
         map.depth[i] = 1.0 / e.plane.w;
