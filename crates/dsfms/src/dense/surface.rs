@@ -73,6 +73,8 @@ fn without_handles(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptio
             break;
         }
         options.voxel = Some(coarser);
+        // The same length of surface in fewer edges.
+        options.smoothing /= 2;
     }
     best.map(|(_, triangles)| triangles).unwrap_or_default()
 }

@@ -97,7 +97,41 @@ pub fn remesh(
         }
     }
     let topology = Topology::new(work.positions.len(), work.faces)?;
-    Ok(Mesh { topology: Arc::new(topology), positions: work.positions })
+    let mut result = Mesh { topology: Arc::new(topology), positions: work.positions };
+    part_coincident(&mut result);
+    Ok(result)
+}
+
+/// Vertices that were projected to one place (at narrow rims, where no edge may collapse) are moved
+/// between their neighbours, off the surface by less than an edge, until every face has an area.
+fn part_coincident(mesh: &mut Mesh) {
+    const ROUNDS: usize = 20;
+    let topology = mesh.topology.clone();
+    for _ in 0..ROUNDS {
+        let faces = &topology.faces;
+        let mut stuck: Vec<u32> =
+            (0..faces.len()).filter(|&f| mesh.is_degenerate(f)).flat_map(|f| faces[f]).collect();
+        if stuck.is_empty() {
+            return;
+        }
+        stuck.sort_unstable();
+        stuck.dedup();
+        for v in stuck {
+            let on_rim = topology.boundary[v as usize];
+            let along = |e: &&u32| {
+                let edge = [v.min(**e), v.max(**e)];
+                let found = topology.edges.binary_search(&edge);
+                found.is_ok_and(|i| topology.edge_faces[i][1] == u32::MAX)
+            };
+            let ring = topology.one_ring[v as usize].iter();
+            let near: Vec<u32> = ring.filter(|e| !on_rim || along(e)).copied().collect();
+            if !near.is_empty() {
+                let place = |&o: &u32| mesh.positions[o as usize].coords;
+                let mean = near.iter().map(place).sum::<crate::geometry::Vector3>();
+                mesh.positions[v as usize] = Point3::from(mean / near.len() as f64);
+            }
+        }
+    }
 }
 
 fn validate(target: usize, options: &RemeshOptions) -> Result<(), RemeshError> {
@@ -177,6 +211,22 @@ mod tests {
 
     fn worst_angle_deg(mesh: &Mesh) -> f64 {
         mesh.min_angles().into_iter().fold(f64::INFINITY, f64::min).to_degrees()
+    }
+
+    #[test]
+    fn coincident_vertices_are_parted() {
+        // Inside, and at the rim along a boundary edge.
+        for rim in [false, true] {
+            let mut mesh = shapes::irregular_sheet(8);
+            let t = mesh.topology.clone();
+            let open = |i: &usize| t.edge_faces[*i][1] == u32::MAX;
+            let inner = |i: &usize| t.edges[*i].iter().all(|&v| !t.boundary[v as usize]);
+            let found = (0..t.edges.len()).find(|i| if rim { open(i) } else { inner(i) });
+            let [a, b] = t.edges[found.unwrap()];
+            mesh.positions[a as usize] = mesh.positions[b as usize];
+            part_coincident(&mut mesh);
+            assert!((0..t.faces.len()).all(|f| !mesh.is_degenerate(f)), "rim: {rim}");
+        }
     }
 
     #[test]
