@@ -76,6 +76,14 @@ pub enum TemplateFileError {
     /// The surface is damaged.
     #[error(transparent)]
     Mesh(#[from] MeshFileError),
+    /// What was about to be written would not read back.
+    #[error("template {} was not written, since it would not read back: {source}", path.display())]
+    Unreadable {
+        /// The target.
+        path: PathBuf,
+        /// What reading it said.
+        source: Box<TemplateFileError>,
+    },
     /// The operating system refused.
     #[error(transparent)]
     Write(#[from] WriteError),
@@ -94,6 +102,8 @@ pub fn write_template(path: &Path, template: &Template) -> Result<(), TemplateFi
     let temporary = |prefix| tempfile::Builder::new().prefix(prefix).tempdir_in(folder);
     let fresh = temporary(".partial-template-").map_err(fail)?;
     write_files(fresh.path(), template)?;
+    read_template(fresh.path())
+        .map_err(|e| TemplateFileError::Unreadable { path: path.into(), source: Box::new(e) })?;
     share(fresh.path()).map_err(fail)?;
     // The old directory steps aside first: a directory cannot be renamed over another.
     let old = temporary(".old-template-").map_err(fail)?;

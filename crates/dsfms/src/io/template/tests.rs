@@ -146,3 +146,15 @@ fn statistics_of_the_tiny_template() {
     assert!(albedo.observed < 1.0 && albedo.observed > 0.99);
     assert!(albedo.p5 < albedo.mean && albedo.mean < albedo.p95);
 }
+
+#[test]
+fn what_would_not_read_back_is_not_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flat.template");
+    let mut template = tiny();
+    let [a, b, _] = template.mesh.topology.faces[0].map(|v| v as usize);
+    template.mesh.positions[a] = template.mesh.positions[b];
+    let error = write_template(&path, &template).unwrap_err();
+    assert!(matches!(error, TemplateFileError::Unreadable { .. }), "{error}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
