@@ -5,6 +5,7 @@
 //! that texture carries the surface along while shading turns its normals.
 
 use super::evidence::{Photograph, clear_mask, diagonal, median, render_albedo};
+use super::mirror::mirrored;
 use crate::camera::Camera;
 use crate::energy::photometric::Sample;
 use crate::energy::{
@@ -14,8 +15,8 @@ use crate::geometry::{Point3, Vector3, point_at};
 use crate::image::Plane;
 use crate::image::filter::blur_masked;
 use crate::light::{Light, LightModel, specular_angle};
-use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
+use crate::mesh::{Mesh, Topology};
 use crate::raster::{Raster, rasterize, regions::distance_to};
 use crate::register::objective::{hold_depth, motion, stay};
 use crate::register::{Match, Scene};
@@ -34,8 +35,9 @@ pub struct JointOptions {
     pub smoothing: f64,
     /// Weight of all photometric samples together, in units of one sample for each of 334 vertices.
     pub photometric: f64,
-    /// Noise of the image model proportional to brightness.
-    pub sigma_relative: f64,
+    /// Bounds of the noise of the image model proportional to brightness, which is measured on the
+    /// samples of the coarse shape.
+    pub sigma_relative: [f64; 2],
     /// Noise of the image model, absolute, linear light.
     pub sigma_absolute: f64,
     /// Geman-McClure scale of the photometric residuals, in standard deviations.
@@ -63,6 +65,12 @@ pub struct JointOptions {
     pub specular_deg: f64,
     /// Halo around saturated pixels, as a fraction of the image diagonal.
     pub halo: f64,
+    /// Geman-McClure scale of shearing, anisotropy and log area ratio: tissue under a tool deforms
+    /// strongly in a small place, and beyond this strain the prior no longer resists.
+    pub strain: f64,
+    /// Regions whose movement along the viewing rays is tried the other way, in every stage but the
+    /// coarsest, whose blur hides the texture that tells them apart, and the last.
+    pub mirrors: usize,
 }
 
 impl Default for JointOptions {
@@ -72,8 +80,8 @@ impl Default for JointOptions {
             stretch: 2e4,
             smoothing: 30.0,
             photometric: 4.0,
-            sigma_relative: 0.07,
-            sigma_absolute: 0.005,
+            sigma_relative: [0.005, 0.1],
+            sigma_absolute: 0.002,
             robust: 3.0,
             match_px: 4.0,
             near_depth_hold: 0.2,
@@ -85,6 +93,8 @@ impl Default for JointOptions {
             grazing: 0.25,
             specular_deg: 12.0,
             halo: 0.02,
+            strain: 0.1,
+            mirrors: 2,
         }
     }
 }
@@ -122,24 +132,27 @@ pub fn join(
     let mut state = Unknowns { vertices: start.to_vec(), globals: vec![0.0, 0.0] };
     let mut expected = photo.expected_log_gain;
     let mut last = None;
+    let last_stage = options.blurs.len().saturating_sub(1);
     let mut reposed: Option<Scene> = None;
-    for &blur in &options.blurs {
+    for (stage, &blur) in options.blurs.iter().enumerate() {
         let scene = reposed.as_ref().unwrap_or(scene);
-        let look = look(photo, scene.rest, &state.vertices, blur, options);
-        if last.is_none() {
+        let mut look = look(photo, scene.rest, &state.vertices, blur, options);
+        look.weigh(options);
+        if stage == 0 {
             state.globals[0] = look.log_gain;
             expected.get_or_insert(look.log_gain);
         }
         let gain = expected.unwrap_or(look.log_gain);
-        let objective = objective(scene, matches, hold, photo, &look, gain, options);
-        let solver = Options { max_steps: 12, cost_tolerance: 1e-4, ..Options::default() };
-        let (next, summary) = objective.minimise(state, &solver);
+        let problem = || objective(scene, matches, hold, photo, &look, gain, options);
+        let mirrors = if (1..last_stage).contains(&stage) { options.mirrors } else { 0 };
+        let (next, summary) = settle(problem, &scene.rest.topology, start, state, mirrors);
         state = next;
         last = Some((summary, look.samples.len()));
         // A near light tells the distance of everything, so the shape now knows the pose better than
         // the matches did; under a distant one only the matches hold it.
         if matches!(photo.light, LightModel::Point(_)) {
-            reposed = Some(scene.reposed(&state.vertices));
+            let anew = scene.reposed(&state.vertices);
+            reposed = Some(anew);
         }
     }
     let (summary, samples) = last.expect("there is at least one blur");
@@ -152,11 +165,45 @@ pub fn join(
     }
 }
 
+/// Minimise, then start again from the other answers to what moved since `coarse`; the lowest cost
+/// stays.
+fn settle<'a>(
+    problem: impl Fn() -> Objective<'a>,
+    topology: &Topology,
+    coarse: &[Point3],
+    state: Unknowns,
+    mirrors: usize,
+) -> (Unknowns, Summary) {
+    let solver = Options { max_steps: 12, cost_tolerance: 1e-4, ..Options::default() };
+    let mut best = problem().minimise(state, &solver);
+    for vertices in mirrored(topology, coarse, &best.0.vertices, mirrors) {
+        let other = Unknowns { vertices, globals: best.0.globals.clone() };
+        let other = problem().minimise(other, &solver);
+        if other.1.cost().1 < best.1.cost().1 {
+            best = other;
+        }
+    }
+    best
+}
+
 /// What one shape makes of a photograph at one blur.
 struct Look {
     image: Plane,
     samples: Vec<Sample>,
     log_gain: f64,
+    /// Robust spread of the log ratio of image to prediction.
+    sigma_relative: f64,
+}
+
+impl Look {
+    /// Give every sample the noise that was measured.
+    fn weigh(&mut self, options: &JointOptions) {
+        let [least, most] = options.sigma_relative;
+        let relative = self.sigma_relative.clamp(least, most);
+        for sample in &mut self.samples {
+            sample.sigma = options.sigma_absolute.hypot(relative * sample.sigma);
+        }
+    }
 }
 
 /// Barycentrics of the samples of a face.
@@ -225,11 +272,18 @@ fn look(
             if predicted > 1e-4 && intensity > 0.0 {
                 ratios.push((intensity / predicted).ln());
             }
-            let noise = options.sigma_absolute.hypot(options.sigma_relative * intensity);
-            samples.push(Sample { face: f as u32, barycentric: b, albedo: alpha, sigma: noise });
+            samples.push(Sample {
+                face: f as u32,
+                barycentric: b,
+                albedo: alpha,
+                sigma: intensity,
+            });
         }
     }
-    Look { image, samples, log_gain: median(&mut ratios) }
+    let log_gain = median(&mut ratios);
+    let mut deviations: Vec<f64> = ratios.iter().map(|r| (r - log_gain).abs()).collect();
+    let sigma_relative = 1.4826 * median(&mut deviations);
+    Look { image, samples, log_gain, sigma_relative }
 }
 
 fn objective<'a>(
@@ -251,12 +305,13 @@ fn objective<'a>(
         &scene.rest.topology,
         look.samples.clone(),
     );
+    let strain = Loss::GemanMcClure(options.strain);
     let prior = |index, mean, sigma| GlobalsPrior { index: [index], mean, sigma };
     Objective::over(scene.posed.len(), 2)
         .plus(1.0, Loss::GemanMcClure(options.match_px), motion(scene, matches, 1.0))
-        .plus(options.conformal, Loss::Squared, Shearing { rest })
-        .plus(options.conformal, Loss::Squared, Anisotropy { rest })
-        .plus(options.stretch, Loss::Squared, Stretch { rest })
+        .plus(options.conformal, strain, Shearing { rest })
+        .plus(options.conformal, strain, Anisotropy { rest })
+        .plus(options.stretch, strain, Stretch { rest })
         .plus(options.smoothing, Loss::Squared, smoothing)
         .plus(share * options.photometric, Loss::GemanMcClure(options.robust), photometric)
         .plus(1.0, Loss::Huber(1.0), hold_depth(scene, matches, &scene.posed, depth_sigma))

@@ -2,6 +2,7 @@
 
 pub mod evidence;
 pub mod joint;
+pub mod mirror;
 pub mod objective;
 pub mod options;
 
