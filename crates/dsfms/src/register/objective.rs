@@ -1,9 +1,10 @@
 //! Eq. 3: motion, shearing, anisotropy, smoothing.
 
-use super::{Match, Posed, RegisterOptions, Scene};
+use super::{Match, Posed, Prior, RegisterOptions, Scene};
 use crate::camera::{Camera, CameraModel};
 use crate::energy::{
-    Anisotropy, Boundary, Motion, Objective, Shearing, Smoothing, Stay, Stretch, Unknowns,
+    Anisotropy, Arap, Boundary, Isometric, Motion, Objective, Shearing, Smoothing, Stay, Stretch,
+    Unknowns,
 };
 use crate::geometry::Point3;
 use crate::solver::{Loss, Options, Summary};
@@ -70,7 +71,7 @@ fn objective<'a>(
     options: &RegisterOptions,
     loss: Loss,
 ) -> Objective<'a> {
-    let (rest, area) = (&scene.faces, scene.visible_area);
+    let area = scene.visible_area;
     let motion = motion(scene, matches, options.match_sigma_px);
     let repaired = if options.literal { 0.0 } else { 1.0 };
     let smoothing = if options.literal {
@@ -78,14 +79,33 @@ fn objective<'a>(
     } else {
         Smoothing::of_displacement(&scene.laplacian, &scene.posed, area)
     };
-    Objective::over(scene.posed.len(), 0)
-        .plus(1.0, loss, motion)
-        .plus(options.conformal, Loss::Squared, Shearing { rest })
-        .plus(options.conformal, Loss::Squared, Anisotropy { rest })
+    let motion = Objective::over(scene.posed.len(), 0).plus(1.0, loss, motion);
+    keep(motion, scene, options.prior, options.conformal, repaired * options.stretch)
         .plus(options.smoothing, Loss::Squared, smoothing)
-        .plus(repaired * options.stretch, Loss::Squared, Stretch { rest })
         .plus(repaired, Loss::Huber(1.0), hold_depth(scene, matches, &scene.posed, depth_sigma))
         .plus(repaired * options.stay, Loss::Squared, stay(scene))
+}
+
+/// What the surface keeps of its rest shape; `stretch` counts for the conformal prior alone.
+pub fn keep<'a>(
+    objective: Objective<'a>,
+    scene: &'a Scene,
+    prior: Prior,
+    weight: f64,
+    stretch: f64,
+) -> Objective<'a> {
+    let rest = &scene.faces;
+    match prior {
+        Prior::Conformal => objective
+            .plus(weight, Loss::Squared, Shearing { rest })
+            .plus(weight, Loss::Squared, Anisotropy { rest })
+            .plus(stretch, Loss::Squared, Stretch { rest }),
+        Prior::Isometric => objective.plus(weight, Loss::Squared, Isometric { rest }),
+        Prior::Arap => {
+            let arap = Arap::new(&scene.laplacian, &scene.posed, scene.visible_area);
+            objective.plus(weight, Loss::Squared, arap)
+        }
+    }
 }
 
 /// The motion term of a scene.

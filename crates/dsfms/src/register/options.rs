@@ -2,13 +2,31 @@
 
 use serde::{Deserialize, Serialize};
 
+/// What the surface is expected to keep of its rest shape.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Prior {
+    /// Angles (the paper): shearing and anisotropy, with the weak stretch prior for scale.
+    #[default]
+    Conformal,
+    /// Lengths: the metric of every face.
+    Isometric,
+    /// Lengths and the shape of every vertex's ring: as rigid as possible.
+    Arap,
+}
+
 /// Options of the rigid pose and of eq. 3. Lengths are relative, so they hold in any unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RegisterOptions {
-    /// λ₁ and λ₂ of eq. 3: weight of shearing and anisotropy per visible area.
+    /// What the surface keeps.
+    pub prior: Prior,
+    /// λ₁ and λ₂ of eq. 3: weight of shearing and anisotropy per visible area. The isometric and
+    /// as-rigid-as-possible priors take it for all their strain: at small strain they are the
+    /// conformal prior with `stretch` raised to this weight.
     pub conformal: f64,
     /// Weight of the log area ratio per visible area; fixes the scale, which conformality does not.
+    /// Unused by the other priors, which fix it themselves.
     pub stretch: f64,
     /// λ₃ of eq. 3: weight of the Laplacian of the displacement.
     pub smoothing: f64,
@@ -31,6 +49,7 @@ pub struct RegisterOptions {
 impl Default for RegisterOptions {
     fn default() -> Self {
         Self {
+            prior: Prior::Conformal,
             conformal: 3e4,
             stretch: 3e3,
             smoothing: 100.0,
