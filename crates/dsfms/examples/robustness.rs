@@ -2,7 +2,7 @@
 //! wrong, and with 30 % replaced by wrong ones. A wrong match ties a surface point to a uniformly
 //! random pixel of the frame.
 //!
-//!     cargo run --release --example robustness [-- CASES [OPTIONS.toml]]
+//!     cargo run --release --example robustness [-- CASES [NOISE_PX [OPTIONS.toml]]]
 //!
 //! Prints the table as Markdown: the RMS error in mm overall and in the zone without matches, means
 //! over the cases, and in brackets the ratio to clean matches.
@@ -27,6 +27,7 @@ const METHODS: [(&str, Method); 3] =
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let cases: u64 = arguments.next().map_or(Ok(20), |a| a.parse())?;
+    let sigma_px: f64 = arguments.next().map_or(Ok(1.0), |a| a.parse())?;
     let options = match arguments.next() {
         Some(path) => ReconstructOptions::from_toml(&std::fs::read_to_string(path)?)?,
         None => ReconstructOptions::default(),
@@ -39,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         for (name, method) in METHODS {
             let mut sums = [[0.0; 2]; 3];
             for seed in 0..cases {
-                let case = case(count, 700 + seed);
+                let case = case(Draw { count, sigma_px }, 700 + seed);
                 for (how, sum) in sums.iter_mut().enumerate() {
                     let matches = spoil(&case, how, seed);
                     let vertices = solve(&case, &matches, method, &options)?;
@@ -53,12 +54,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn case(count: usize, seed: u64) -> Case {
+fn case(draw: Draw, seed: u64) -> Case {
     let options = CaseOptions {
         vertices: 300,
         extension: 0.03,
         light: LightModel::Collinear,
-        draw: Draw { count, sigma_px: 1.0 },
+        draw,
         pull: seed % 2 == 0,
     };
     Case::new(&options, seed)

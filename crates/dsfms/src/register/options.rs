@@ -28,7 +28,8 @@ pub struct RegisterOptions {
     /// Weight of the log area ratio per visible area; fixes the scale, which conformality does not.
     /// Unused by the other priors, which fix it themselves.
     pub stretch: f64,
-    /// λ₃ of eq. 3: weight of the Laplacian of the displacement.
+    /// λ₃ of eq. 3: weight of the Laplacian of the displacement, where matches do not tell that
+    /// the surface bends as a whole; less where they do.
     pub smoothing: f64,
     /// Noise of the matches, px.
     pub match_sigma_px: f64,
@@ -37,7 +38,8 @@ pub struct RegisterOptions {
     /// Depth of the matches is held to the rigid pose within this fraction of the radius of the
     /// visible surface (the radius of a disc of its area), when the pose explains them perfectly.
     pub depth_hold: f64,
-    /// Growth of that tolerance with the residual motion of the matches under the rigid pose.
+    /// Expected motion in depth for the motion that neighbouring matches share in the image and the
+    /// pose does not explain: bending is seen foreshortened.
     pub depth_hold_motion: f64,
     /// Weight that holds vertices nobody sees to the rigid pose, per visible area.
     pub stay: f64,
