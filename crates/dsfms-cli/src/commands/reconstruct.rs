@@ -15,7 +15,7 @@ use dsfms::io::template::read_template;
 use dsfms::pipeline::{
     Method, Observation, Progress, ReconstructOptions, Reconstruction, reconstruct,
 };
-use dsfms::register::Match;
+use dsfms::register::{Match, Prior};
 use dsfms::template::Template;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -68,6 +68,10 @@ pub struct ReconstructArgs {
     /// What to do.
     #[arg(long, value_enum, default_value_t = MethodName::Dsfms)]
     method: MethodName,
+    /// What the surface keeps of its rest shape in eq. 3 and in the joint solve; without it that of
+    /// the options file, or conformal.
+    #[arg(long, value_enum, conflicts_with = "literal")]
+    prior: Option<PriorName>,
     /// Solve eqs. 3 and 4 as printed in the paper instead of the repaired form.
     #[arg(long)]
     literal: bool,
@@ -92,6 +96,26 @@ pub enum MethodName {
     Dsfms,
     /// Motion, prior and shading in one problem (beyond the paper).
     Joint,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PriorName {
+    /// Angles (the paper), and weakly areas.
+    Conformal,
+    /// Lengths.
+    Isometric,
+    /// Lengths, and the shape of every vertex's surroundings: as rigid as possible.
+    Arap,
+}
+
+impl From<PriorName> for Prior {
+    fn from(name: PriorName) -> Self {
+        match name {
+            PriorName::Conformal => Self::Conformal,
+            PriorName::Isometric => Self::Isometric,
+            PriorName::Arap => Self::Arap,
+        }
+    }
 }
 
 impl From<MethodName> for Method {
@@ -190,6 +214,9 @@ fn prepare<'a>(
     };
     options.seed = global.seed;
     options.literal |= args.literal;
+    if let Some(prior) = args.prior.map(Prior::from) {
+        (options.register.prior, options.joint.prior) = (prior, prior);
+    }
     Ok(Job { args, template, camera, tone, options, reporter })
 }
 

@@ -87,3 +87,30 @@ pub(crate) fn bent_patch() -> crate::mesh::Mesh {
     let topology = crate::mesh::Topology::new(25, faces).expect("a grid is manifold");
     crate::mesh::Mesh { topology: std::sync::Arc::new(topology), positions }
 }
+
+/// Sum of the weighted squared residuals of a term without globals.
+#[cfg(test)]
+pub(crate) fn energy<const R: usize>(term: &impl EnergyTerm<R>, vertices: &[Point3]) -> f64 {
+    let block = |i: usize| {
+        let v: Vec<Point3> = term.stencil(i).iter().map(|&k| vertices[k as usize]).collect();
+        term.weight(i) * term.residual(i, &v, &[], None).expect("feasible").norm_squared()
+    };
+    (0..term.count()).map(block).sum()
+}
+
+/// A shape under a fixed rotation and translation.
+#[cfg(test)]
+pub(crate) fn rigidly_moved(shape: &[Point3]) -> Vec<Point3> {
+    let motion =
+        crate::geometry::Isometry::new(Vector3::new(3.0, -7.0, 11.0), Vector3::new(0.4, -0.9, 0.3));
+    shape.iter().map(|p| motion * p).collect()
+}
+
+/// A mesh stretched, sheared and bent by the given amount.
+#[cfg(test)]
+pub(crate) fn warped(mesh: &crate::mesh::Mesh, amount: f64) -> Vec<Point3> {
+    let warp = |p: &Point3| {
+        Point3::new(p.x * (1.0 + amount), p.y + amount * p.x, p.z + 0.2 * amount * p.x * p.y)
+    };
+    mesh.positions.iter().map(warp).collect()
+}

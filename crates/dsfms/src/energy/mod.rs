@@ -4,11 +4,13 @@
 //! pattern cannot be wrong and is factorised symbolically once. A new term is one new file.
 
 pub mod anisotropy;
+pub mod arap;
 pub mod boundary;
 pub mod check;
 pub mod diffuse;
 pub mod face;
 pub mod globals;
+pub mod isometric;
 pub mod motion;
 pub mod objective;
 pub mod photometric;
@@ -22,10 +24,12 @@ pub mod stretch;
 
 use crate::geometry::Point3;
 pub use anisotropy::Anisotropy;
+pub use arap::Arap;
 pub use boundary::Boundary;
 pub use diffuse::Diffuse;
 pub use face::RestFaces;
 pub use globals::GlobalsPrior;
+pub use isometric::Isometric;
 pub use motion::Motion;
 use nalgebra::{SMatrix, SVector};
 pub use objective::{Objective, Unknowns};

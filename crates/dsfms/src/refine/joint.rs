@@ -8,9 +8,7 @@ use super::evidence::{Photograph, clear_mask, diagonal, median, render_albedo};
 use super::mirror::mirrored;
 use crate::camera::Camera;
 use crate::energy::photometric::Sample;
-use crate::energy::{
-    Anisotropy, GlobalsPrior, Objective, Photometric, Shearing, Smoothing, Stretch, Unknowns,
-};
+use crate::energy::{GlobalsPrior, Objective, Photometric, Smoothing, Unknowns};
 use crate::geometry::{Point3, Vector3, point_at};
 use crate::image::Plane;
 use crate::image::filter::blur_masked;
@@ -18,8 +16,8 @@ use crate::light::{Light, LightModel, specular_angle};
 use crate::mesh::normals::vertex_normals;
 use crate::mesh::{Mesh, Topology};
 use crate::raster::{Raster, rasterize, regions::distance_to};
-use crate::register::objective::{hold_depth, motion, stay};
-use crate::register::{Match, Scene};
+use crate::register::objective::{hold_depth, keep, motion, stay};
+use crate::register::{Match, Prior, Scene};
 use crate::solver::{Loss, Options, Summary};
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +25,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointOptions {
-    /// Weight of shearing and anisotropy per visible area.
+    /// What the surface keeps.
+    pub prior: Prior,
+    /// Weight of shearing and anisotropy (or of the other priors) per visible area.
     pub conformal: f64,
     /// Weight of the log area ratio per visible area.
     pub stretch: f64,
@@ -76,6 +76,7 @@ pub struct JointOptions {
 impl Default for JointOptions {
     fn default() -> Self {
         Self {
+            prior: Prior::Conformal,
             conformal: 5e4,
             stretch: 2e4,
             smoothing: 30.0,
@@ -295,7 +296,7 @@ fn objective<'a>(
     expected_log_gain: f64,
     options: &JointOptions,
 ) -> Objective<'a> {
-    let (rest, area) = (&scene.faces, scene.visible_area);
+    let area = scene.visible_area;
     let share = 334.0 / look.samples.len().max(1) as f64;
     let smoothing = Smoothing::of_displacement(&scene.laplacian, &scene.posed, area);
     let photometric = Photometric::new(
@@ -307,11 +308,12 @@ fn objective<'a>(
     );
     let strain = Loss::GemanMcClure(options.strain);
     let prior = |index, mean, sigma| GlobalsPrior { index: [index], mean, sigma };
-    Objective::over(scene.posed.len(), 2)
-        .plus(1.0, Loss::GemanMcClure(options.match_px), motion(scene, matches, 1.0))
-        .plus(options.conformal, strain, Shearing { rest })
-        .plus(options.conformal, strain, Anisotropy { rest })
-        .plus(options.stretch, strain, Stretch { rest })
+    let matched = Objective::over(scene.posed.len(), 2).plus(
+        1.0,
+        Loss::GemanMcClure(options.match_px),
+        motion(scene, matches, 1.0),
+    );
+    keep(matched, scene, options.prior, strain, [options.conformal, options.stretch])
         .plus(options.smoothing, Loss::Squared, smoothing)
         .plus(share * options.photometric, Loss::GemanMcClure(options.robust), photometric)
         .plus(1.0, Loss::Huber(1.0), hold_depth(scene, matches, &scene.posed, depth_sigma))

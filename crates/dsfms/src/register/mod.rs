@@ -13,7 +13,7 @@ pub mod scene;
 use crate::geometry::Point2;
 pub use find::find;
 pub use objective::{Registered, register};
-pub use options::RegisterOptions;
+pub use options::{Prior, RegisterOptions};
 pub use pose::{Posed, pose};
 pub use scene::Scene;
 

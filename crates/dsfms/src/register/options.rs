@@ -2,15 +2,34 @@
 
 use serde::{Deserialize, Serialize};
 
+/// What the surface is expected to keep of its rest shape.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Prior {
+    /// Angles (the paper): shearing and anisotropy, with the weak stretch prior for scale.
+    #[default]
+    Conformal,
+    /// Lengths: the metric of every face.
+    Isometric,
+    /// Lengths and the shape of every vertex's ring: as rigid as possible.
+    Arap,
+}
+
 /// Options of the rigid pose and of eq. 3. Lengths are relative, so they hold in any unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RegisterOptions {
-    /// λ₁ and λ₂ of eq. 3: weight of shearing and anisotropy per visible area.
+    /// What the surface keeps.
+    pub prior: Prior,
+    /// λ₁ and λ₂ of eq. 3: weight of shearing and anisotropy per visible area. The isometric and
+    /// as-rigid-as-possible priors take it for all their strain: at small strain they are the
+    /// conformal prior with `stretch` raised to this weight.
     pub conformal: f64,
     /// Weight of the log area ratio per visible area; fixes the scale, which conformality does not.
+    /// Unused by the other priors, which fix it themselves.
     pub stretch: f64,
-    /// λ₃ of eq. 3: weight of the Laplacian of the displacement.
+    /// λ₃ of eq. 3: weight of the Laplacian of the displacement, where matches do not tell that
+    /// the surface bends as a whole; less where they do.
     pub smoothing: f64,
     /// Noise of the matches, px.
     pub match_sigma_px: f64,
@@ -19,7 +38,8 @@ pub struct RegisterOptions {
     /// Depth of the matches is held to the rigid pose within this fraction of the radius of the
     /// visible surface (the radius of a disc of its area), when the pose explains them perfectly.
     pub depth_hold: f64,
-    /// Growth of that tolerance with the residual motion of the matches under the rigid pose.
+    /// Expected motion in depth for the motion that neighbouring matches share in the image and the
+    /// pose does not explain: bending is seen foreshortened.
     pub depth_hold_motion: f64,
     /// Weight that holds vertices nobody sees to the rigid pose, per visible area.
     pub stay: f64,
@@ -31,6 +51,7 @@ pub struct RegisterOptions {
 impl Default for RegisterOptions {
     fn default() -> Self {
         Self {
+            prior: Prior::Conformal,
             conformal: 3e4,
             stretch: 3e3,
             smoothing: 100.0,

@@ -2,7 +2,7 @@
 
 use super::{Match, RegisterError, RegisterOptions};
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Isometry, Point2, Point3, point_at};
+use crate::geometry::{Isometry, Point2, Point3, Vector2, point_at};
 use crate::mesh::Mesh;
 use crate::sfm::random::Random;
 use crate::sfm::resection::{refine_pose, resect};
@@ -11,6 +11,9 @@ use crate::solver::Loss;
 /// Matches a pose needs.
 pub const NEEDED: usize = 4;
 
+/// Matches that are compared with their neighbours at most.
+const MOST_SAMPLED: usize = 1000;
+
 /// A rigid pose and how well it explains the matches.
 #[derive(Clone, Debug)]
 pub struct Posed {
@@ -18,10 +21,14 @@ pub struct Posed {
     pub pose: Isometry,
     /// Reprojection error of every match under the pose, px; infinite behind the camera.
     pub residuals_px: Vec<f64>,
+    /// Motion that neighbouring matches share and the pose does not explain, px: root mean product
+    /// of the offsets of a match and its nearest neighbour. Noise and wrong matches, which share
+    /// nothing with their neighbours, do not count.
+    pub shared_motion_px: f64,
 }
 
 impl Posed {
-    /// Median reprojection error, px: the motion that a rigid pose cannot explain.
+    /// Median reprojection error, px.
     pub fn median_px(&self) -> f64 {
         median(&self.residuals_px)
     }
@@ -67,7 +74,33 @@ pub fn pose(
         scale = (0.5 * scale).max(floor);
     }
     let residuals_px = residuals(camera, &pose, &points, &pixels);
-    Ok(Posed { pose, residuals_px })
+    let offset = |i: usize| -> Option<Vector2> {
+        let seen = camera.project(&(pose * points[i]))?;
+        (residuals_px[i] < coarse).then_some(pixels[i] - seen.pixel)
+    };
+    let offsets: Vec<(Point3, Vector2)> =
+        (0..points.len()).filter_map(|i| Some((points[i], offset(i)?))).collect();
+    let shared_motion_px = shared_motion(&offsets);
+    Ok(Posed { pose, residuals_px, shared_motion_px })
+}
+
+/// Root mean product of every point's offset with its nearest neighbour's; 0 where the mean is
+/// negative or no more than noise without any sharing would often give.
+fn shared_motion(offsets: &[(Point3, Vector2)]) -> f64 {
+    let nearest = |i: usize| {
+        let distance = |j: &usize| (offsets[*j].0 - offsets[i].0).norm_squared();
+        let others = (0..offsets.len()).filter(|&j| j != i);
+        others.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    };
+    // Of very many matches every so-manieth tells as much.
+    let products: Vec<f64> = (0..offsets.len())
+        .step_by(offsets.len() / MOST_SAMPLED + 1)
+        .filter_map(|i| Some(offsets[i].1.dot(&offsets[nearest(i)?].1)))
+        .collect();
+    let count = products.len().max(1) as f64;
+    let mean = products.iter().sum::<f64>() / count;
+    let spread = (products.iter().map(|p| p * p).sum::<f64>() / count).sqrt();
+    (mean - 2.0 * spread / count.sqrt()).max(0.0).sqrt()
 }
 
 /// The rest position of a match.
@@ -85,4 +118,27 @@ fn residuals(
         camera.project(&(pose * p)).map_or(f64::INFINITY, |seen| (seen.pixel - x).norm())
     };
     points.iter().zip(pixels).map(error).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn offsets(of: impl Fn(usize) -> Vector2) -> Vec<(Point3, Vector2)> {
+        (0..100).map(|i| (Point3::new((i % 10) as f64, (i / 10) as f64, 0.0), of(i))).collect()
+    }
+
+    #[test]
+    fn shared_motion_is_what_neighbours_have_in_common() {
+        let noise = |i: usize, size: f64| {
+            let angle = (i * i) as f64 * 2.4;
+            Vector2::new(size * angle.cos(), size * angle.sin())
+        };
+        assert_eq!(shared_motion(&offsets(|i| noise(i, 5.0))), 0.0);
+        // Half of the points moved by 8 px, all with noise: √(½ · 64) less what chance could give.
+        let pushed = |i: usize| if i % 10 < 5 { Vector2::new(8.0, 0.0) } else { Vector2::zeros() };
+        let found = shared_motion(&offsets(|i| pushed(i) + noise(i, 1.0)));
+        assert!((4.5..5.7).contains(&found), "{found}");
+        assert_eq!(shared_motion(&[]), 0.0);
+    }
 }
