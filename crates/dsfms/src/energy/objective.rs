@@ -23,7 +23,7 @@ pub const MAX_STENCIL: usize = 48;
 pub const MAX_GLOBALS: usize = 4;
 
 /// Partial sums per linearisation: fixed, so that the reduction order does not depend on threads.
-const STRIPES: usize = 4;
+const STRIPES: usize = 2;
 
 /// `Σ_terms weight · Σᵢ wᵢ ρ(‖rᵢ‖²)`.
 ///
@@ -38,6 +38,13 @@ pub struct Objective<'a> {
     vertices: usize,
     globals: usize,
     terms: Vec<Box<dyn Weighted + 'a>>,
+    workspace: Workspace,
+}
+
+/// What outlives an objective: patterns, ordering, symbolic factors and memory. Hand it from solve
+/// to solve over the same mesh; an objective that it does not fit makes it anew.
+#[derive(Default)]
+pub struct Workspace {
     system: Option<System>,
 }
 
@@ -49,7 +56,7 @@ struct System {
 impl<'a> Objective<'a> {
     /// No terms yet.
     pub fn over(vertices: usize, globals: usize) -> Self {
-        Self { vertices, globals, terms: Vec::new(), system: None }
+        Self { vertices, globals, terms: Vec::new(), workspace: Workspace::default() }
     }
 
     /// Add a term. A weight of 0 leaves it out.
@@ -66,22 +73,69 @@ impl<'a> Objective<'a> {
     }
 
     /// Minimise from `start`.
-    pub fn minimise(mut self, start: Unknowns, options: &Options) -> (Unknowns, Summary) {
+    pub fn minimise(self, start: Unknowns, options: &Options) -> (Unknowns, Summary) {
+        self.minimise_in(&mut Workspace::default(), start, options)
+    }
+
+    /// Minimise from `start` with what an earlier solve over the same mesh has left.
+    pub fn minimise_in(
+        mut self,
+        workspace: &mut Workspace,
+        start: Unknowns,
+        options: &Options,
+    ) -> (Unknowns, Summary) {
+        self.workspace = std::mem::take(workspace);
         self.prepare();
-        minimize(&mut self, start, options)
+        if let Some(system) = &mut self.workspace.system {
+            system.equations.orient(&start.vertices).expect("a system that was ordered fits");
+        }
+        let found = minimize(&mut self, start, options);
+        *workspace = std::mem::take(&mut self.workspace);
+        found
     }
 
     /// Analyse the sparsity once; also needed before [`Problem::linearise`] is called by hand.
     pub fn prepare(&mut self) {
-        let stencils = self.terms.iter().flat_map(|t| (0..t.count()).map(|i| t.stencil(i)));
-        let pattern = Pattern::new(self.vertices, stencils);
-        for term in &mut self.terms {
-            term.locate(&pattern);
+        let mut system = self.workspace.system.take().filter(|system| {
+            let equations = &system.equations;
+            equations.near().vertices() == self.vertices && equations.globals() == self.globals
+        });
+        if !system.as_ref().is_some_and(|s| self.locate(&s.equations)) {
+            let fresh = self.analyse(system.as_ref().map(|s| &s.equations));
+            self.locate(&fresh.equations);
+            system = Some(fresh);
         }
-        let equations = NormalEquations::new(&pattern, self.globals)
+        if let Some(system) = &mut system {
+            let values = system.equations.isotropic_mut();
+            values.fill(0.0);
+            self.terms.iter().for_each(|term| term.accumulate_isotropic(values));
+        }
+        self.workspace.system = system;
+    }
+
+    /// Find the blocks of every term; `false` where one has none.
+    fn locate(&mut self, equations: &NormalEquations) -> bool {
+        self.terms.iter_mut().all(|term| {
+            let pattern = if term.is_isotropic() { equations.smooth() } else { equations.near() };
+            term.locate(pattern)
+        })
+    }
+
+    /// A system for the terms, and for those that an earlier one was made for.
+    fn analyse(&self, earlier: Option<&NormalEquations>) -> System {
+        let pattern = |isotropic: bool| {
+            let terms = self.terms.iter().filter(move |t| t.is_isotropic() == isotropic);
+            let stencils = terms.flat_map(|t| (0..t.count()).map(|i| t.stencil(i)));
+            Pattern::new(self.vertices, stencils)
+        };
+        let (mut near, mut smooth) = (pattern(false), pattern(true));
+        if let Some(earlier) = earlier {
+            (near, smooth) = (near.union(earlier.near()), smooth.union(earlier.smooth()));
+        }
+        let stripes = vec![Accumulator::new(&near, self.globals); STRIPES];
+        let equations = NormalEquations::new(near, smooth, self.globals)
             .expect("a pattern built from stencils is well formed");
-        let stripes = vec![Accumulator::new(&pattern, self.globals); STRIPES];
-        self.system = Some(System { equations, stripes });
+        System { equations, stripes }
     }
 }
 
@@ -97,7 +151,7 @@ impl Problem for Objective<'_> {
     }
 
     fn linearise(&mut self, state: &Unknowns) -> f64 {
-        let Some(system) = &mut self.system else { return 0.0 };
+        let Some(system) = &mut self.workspace.system else { return 0.0 };
         let terms = &self.terms;
         system.stripes.par_iter_mut().enumerate().for_each(|(stripe, sums)| {
             sums.clear();
@@ -111,7 +165,7 @@ impl Problem for Objective<'_> {
     }
 
     fn step(&mut self, damping: f64) -> Option<Step> {
-        self.system.as_mut()?.equations.step(damping)
+        self.workspace.system.as_mut()?.equations.step(damping)
     }
 
     fn retract(&self, state: &Unknowns, delta: &[f64]) -> Unknowns {
@@ -129,7 +183,10 @@ trait Weighted: Send + Sync {
     fn label(&self) -> &'static str;
     fn count(&self) -> usize;
     fn stencil(&self, i: usize) -> &[u32];
-    fn locate(&mut self, pattern: &Pattern);
+    /// Whether its part of the normal matrix is constant and one number for a pair of vertices.
+    fn is_isotropic(&self) -> bool;
+    fn locate(&mut self, pattern: &Pattern) -> bool;
+    fn accumulate_isotropic(&self, values: &mut [f64]);
     fn cost(&self, state: &Unknowns) -> Option<f64>;
     fn accumulate(&self, state: &Unknowns, range: std::ops::Range<usize>, sums: &mut Accumulator);
 }
@@ -148,16 +205,25 @@ struct Gathered {
     globals: [f64; MAX_GLOBALS],
 }
 
-fn gather(state: &Unknowns, stencil: &[u32], globals: &[usize]) -> Gathered {
-    let mut gathered =
-        Gathered { vertices: [Point3::origin(); MAX_STENCIL], globals: [0.0; MAX_GLOBALS] };
-    for (to, &v) in gathered.vertices.iter_mut().zip(stencil) {
-        *to = state.vertices[v as usize];
+impl Gathered {
+    fn new() -> Self {
+        Self { vertices: [Point3::origin(); MAX_STENCIL], globals: [0.0; MAX_GLOBALS] }
     }
-    for (to, &g) in gathered.globals.iter_mut().zip(globals) {
-        *to = state.globals[g];
+
+    fn take(
+        &mut self,
+        state: &Unknowns,
+        stencil: &[u32],
+        globals: &[usize],
+    ) -> (&[Point3], &[f64]) {
+        for (to, &v) in self.vertices.iter_mut().zip(stencil) {
+            *to = state.vertices[v as usize];
+        }
+        for (to, &g) in self.globals.iter_mut().zip(globals) {
+            *to = state.globals[g];
+        }
+        (&self.vertices[..stencil.len()], &self.globals[..globals.len()])
     }
-    gathered
 }
 
 impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
@@ -173,23 +239,45 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
         self.term.stencil(i)
     }
 
-    fn locate(&mut self, pattern: &Pattern) {
+    fn is_isotropic(&self) -> bool {
+        self.loss == Loss::Squared && self.term.isotropic(0).is_some()
+    }
+
+    fn locate(&mut self, pattern: &Pattern) -> bool {
         self.slots.clear();
         for i in 0..self.term.count() {
             let stencil = self.term.stencil(i);
             for (k, &a) in stencil.iter().enumerate() {
-                self.slots.extend(stencil[..=k].iter().map(|&b| pattern.block(a, b) as u32));
+                for &b in &stencil[..=k] {
+                    let Some(block) = pattern.find(a, b) else { return false };
+                    self.slots.push(block as u32);
+                }
+            }
+        }
+        true
+    }
+
+    fn accumulate_isotropic(&self, values: &mut [f64]) {
+        if !self.is_isotropic() {
+            return;
+        }
+        let mut slots = self.slots.iter();
+        for i in 0..self.term.count() {
+            let Some(weights) = self.term.isotropic(i) else { return };
+            let w = self.weight * self.term.weight(i);
+            for (k, a) in weights.iter().enumerate() {
+                for (b, &slot) in weights[..=k].iter().zip(&mut slots) {
+                    values[slot as usize] += w * a * b;
+                }
             }
         }
     }
 
     fn cost(&self, state: &Unknowns) -> Option<f64> {
-        let globals = self.term.globals();
+        let (globals, mut gathered) = (self.term.globals(), Gathered::new());
         let mut sum = 0.0;
         for i in 0..self.term.count() {
-            let stencil = self.term.stencil(i);
-            let at = gather(state, stencil, globals);
-            let (v, g) = (&at.vertices[..stencil.len()], &at.globals[..globals.len()]);
+            let (v, g) = gathered.take(state, self.term.stencil(i), globals);
             let r = self.term.residual(i, v, g, None).ok()?;
             sum += self.term.weight(i) * self.loss.evaluate(r.norm_squared()).0;
         }
@@ -197,6 +285,9 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
     }
 
     fn accumulate(&self, state: &Unknowns, range: std::ops::Range<usize>, sums: &mut Accumulator) {
+        if self.is_isotropic() {
+            return self.accumulate_gradient(state, range, sums);
+        }
         let globals = self.term.globals();
         let pairs = |i: usize| {
             let k = self.term.stencil(i).len();
@@ -205,10 +296,10 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
         let mut slot: usize = (0..range.start).map(pairs).sum();
         let mut d_vertices = [SMatrix::<f64, R, 3>::zeros(); MAX_STENCIL];
         let mut d_globals = [SVector::<f64, R>::zeros(); MAX_GLOBALS];
+        let mut gathered = Gathered::new();
         for i in range {
             let stencil = self.term.stencil(i);
-            let at = gather(state, stencil, globals);
-            let (v, g) = (&at.vertices[..stencil.len()], &at.globals[..globals.len()]);
+            let (v, g) = gathered.take(state, stencil, globals);
             let (dv, dg) = (&mut d_vertices[..stencil.len()], &mut d_globals[..globals.len()]);
             dv.fill(SMatrix::zeros());
             dg.fill(SVector::zeros());
@@ -220,6 +311,31 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
             let w = self.weight * self.term.weight(i) * slope;
             if w > 0.0 {
                 scatter(sums, Block { w, r, stencil, globals, dv, dg, slots });
+            }
+        }
+    }
+}
+
+impl<const R: usize, T: EnergyTerm<R>> WeightedTerm<R, T> {
+    /// The gradient of blocks whose part of the matrix is already there.
+    fn accumulate_gradient(
+        &self,
+        state: &Unknowns,
+        range: std::ops::Range<usize>,
+        sums: &mut Accumulator,
+    ) {
+        let mut gathered = Gathered::new();
+        for i in range {
+            let stencil = self.term.stencil(i);
+            let (v, _) = gathered.take(state, stencil, &[]);
+            let (Ok(r), Some(weights)) =
+                (self.term.residual(i, v, &[], None), self.term.isotropic(i))
+            else {
+                continue;
+            };
+            let r = Vector3::from_fn(|c, _| r[c] * self.weight * self.term.weight(i));
+            for (&a, &k) in stencil.iter().zip(weights) {
+                sums.gradient[a as usize] += r * k;
             }
         }
     }

@@ -9,6 +9,7 @@ use crate::camera::Camera;
 use crate::energy::photometric::Sample;
 use crate::energy::{
     Anisotropy, GlobalsPrior, Objective, Photometric, Shearing, Smoothing, Stretch, Unknowns,
+    Workspace,
 };
 use crate::geometry::{Point3, Vector3, point_at};
 use crate::image::Plane;
@@ -121,7 +122,7 @@ pub fn join(
     };
     let mut state = Unknowns { vertices: start.to_vec(), globals: vec![0.0, 0.0] };
     let mut expected = photo.expected_log_gain;
-    let mut last = None;
+    let (mut last, mut workspace) = (None, Workspace::default());
     let mut reposed: Option<Scene> = None;
     for &blur in &options.blurs {
         let scene = reposed.as_ref().unwrap_or(scene);
@@ -133,7 +134,7 @@ pub fn join(
         let gain = expected.unwrap_or(look.log_gain);
         let objective = objective(scene, matches, hold, photo, &look, gain, options);
         let solver = Options { max_steps: 12, cost_tolerance: 1e-4, ..Options::default() };
-        let (next, summary) = objective.minimise(state, &solver);
+        let (next, summary) = objective.minimise_in(&mut workspace, state, &solver);
         state = next;
         last = Some((summary, look.samples.len()));
         // A near light tells the distance of everything, so the shape now knows the pose better than

@@ -4,6 +4,7 @@ use super::{Match, Posed, RegisterOptions, Scene};
 use crate::camera::{Camera, CameraModel};
 use crate::energy::{
     Anisotropy, Boundary, Motion, Objective, Shearing, Smoothing, Stay, Stretch, Unknowns,
+    Workspace,
 };
 use crate::geometry::Point3;
 use crate::solver::{Loss, Options, Summary};
@@ -32,11 +33,11 @@ pub fn register(
 ) -> Registered {
     let depth_sigma = depth_sigma(scene, posed, options);
     let mut state = Unknowns { vertices: scene.posed.clone(), globals: Vec::new() };
-    let mut summary = None;
+    let (mut summary, mut workspace) = (None, Workspace::default());
     for loss in losses(options) {
         let solver = Options { max_steps: 15, cost_tolerance: 1e-5, ..Options::default() };
         let objective = objective(scene, matches, depth_sigma, options, loss);
-        let (next, report) = objective.minimise(state, &solver);
+        let (next, report) = objective.minimise_in(&mut workspace, state, &solver);
         (state, summary) = (next, Some(report));
     }
     let summary = summary.expect("the annealing has at least one step");
