@@ -1,12 +1,14 @@
 //! Eq. 3: motion, shearing, anisotropy, smoothing.
 
+use super::pose::rest_point;
 use super::{Match, Posed, RegisterOptions, Scene};
 use crate::camera::{Camera, CameraModel};
 use crate::energy::{
     Anisotropy, Boundary, Motion, Objective, Shearing, Smoothing, Stay, Stretch, Unknowns,
     Workspace,
 };
-use crate::geometry::Point3;
+use crate::geometry::{Point3, Vector3};
+use crate::mesh::decimate::decimate;
 use crate::solver::{Loss, Options, Summary};
 
 /// The coarse shape V′.
@@ -32,22 +34,77 @@ pub fn register(
     options: &RegisterOptions,
 ) -> Registered {
     let depth_sigma = depth_sigma(scene, posed, options);
-    let mut state = Unknowns { vertices: scene.posed.clone(), globals: Vec::new() };
-    let (mut summary, mut workspace) = (None, Workspace::default());
-    for loss in losses(options) {
-        let solver = Options { max_steps: 15, cost_tolerance: 1e-5, ..Options::default() };
-        let objective = objective(scene, matches, depth_sigma, options, loss);
-        let (next, report) = objective.minimise_in(&mut workspace, state, &solver);
-        (state, summary) = (next, Some(report));
-    }
-    let summary = summary.expect("the annealing has at least one step");
-    let errors = errors_px(scene, matches, &state.vertices);
+    let losses = losses(options);
+    let coarse = coarse_start(scene, matches, depth_sigma, options, &losses);
+    let (start, losses) = match coarse {
+        Some(start) => (start, &losses[losses.len() - 1..]),
+        None => (scene.posed.clone(), &losses[..]),
+    };
+    let (state, summary) = anneal(scene, matches, depth_sigma, options, start, losses);
+    let errors = errors_px(scene, matches, &state);
     let limit = 3.0 * options.robust_px[1];
     let kept: Vec<bool> = errors.iter().map(|&e| e <= limit).collect();
     let mut inliers: Vec<f64> = errors.into_iter().filter(|&e| e <= limit).collect();
     inliers.sort_unstable_by(f64::total_cmp);
     let residual_px = inliers.get(inliers.len() / 2).copied().unwrap_or(f64::INFINITY);
-    Registered { vertices: state.vertices, kept, residual_px, depth_sigma, summary }
+    Registered { vertices: state, kept, residual_px, depth_sigma, summary }
+}
+
+/// Eq. 3 under one loss after another; only the last is solved to the end.
+fn anneal(
+    scene: &Scene,
+    matches: &[Match],
+    depth_sigma: f64,
+    options: &RegisterOptions,
+    start: Vec<Point3>,
+    losses: &[Loss],
+) -> (Vec<Point3>, Summary) {
+    let mut state = Unknowns { vertices: start, globals: Vec::new() };
+    let (mut summary, mut workspace) = (None, Workspace::default());
+    for (k, &loss) in losses.iter().enumerate() {
+        let cost_tolerance = if k + 1 < losses.len() { 1e-2 } else { 1e-5 };
+        let solver = Options { max_steps: 15, cost_tolerance, ..Options::default() };
+        let objective = objective(scene, matches, depth_sigma, options, loss);
+        let (next, report) = objective.minimise_in(&mut workspace, state, &solver);
+        (state, summary) = (next, Some(report));
+    }
+    (state.vertices, summary.expect("the annealing has at least one step"))
+}
+
+/// Meshes of more vertices are first solved on a coarse one.
+const COARSE_ABOVE: usize = 900;
+
+/// Vertices of the coarse mesh.
+const COARSE: usize = 400;
+
+/// The annealing on a mesh of some of the vertices, carried to all of them: it finds the matches
+/// that count and all but the finest part of the shape. `None` for a mesh that is coarse already, or
+/// that cannot be made coarser.
+fn coarse_start(
+    scene: &Scene,
+    matches: &[Match],
+    depth_sigma: f64,
+    options: &RegisterOptions,
+    losses: &[Loss],
+) -> Option<Vec<Point3>> {
+    if scene.posed.len() <= COARSE_ABOVE || options.literal {
+        return None;
+    }
+    let decimated = decimate(scene.rest, COARSE)?;
+    let coarse = scene.on_some(&decimated.mesh, &decimated.kept);
+    let carried = |m: &Match| {
+        let (point, near) = (rest_point(scene.rest, m), scene.face(m)[0]);
+        let (face, barycentric) = decimated.locate(&point, near)?;
+        Some(Match { face, barycentric, pixel: m.pixel })
+    };
+    let matches: Vec<Match> = matches.iter().filter_map(carried).collect();
+    let start = coarse.posed.clone();
+    let (found, _) = anneal(&coarse, &matches, depth_sigma, options, start, losses);
+    let displacement: Vec<Vector3> =
+        found.iter().zip(&coarse.posed).map(|(now, posed)| now - posed).collect();
+    let carried = decimated.prolong(scene.rest, &displacement);
+    let fine = scene.posed.iter().zip(carried).map(|(p, d)| p + d);
+    Some(fine.collect())
 }
 
 /// Losses of the annealing, coarse to fine; one unsquared norm for the printed form.

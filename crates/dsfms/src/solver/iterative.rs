@@ -33,7 +33,7 @@ pub(super) struct Iterative {
 }
 
 impl Iterative {
-    pub fn new(ordered: &Ordered, _globals: usize) -> Result<Self, CholeskyError> {
+    pub fn new(ordered: &Ordered) -> Result<Self, CholeskyError> {
         let (col_ptr, row_idx) = ordered.scalar(1);
         let cholesky = Cholesky::analyse(ordered.len(), col_ptr, row_idx)?;
         let values = [0, 1, 2].map(|_| vec![0.0; cholesky.nnz()]);
@@ -131,7 +131,13 @@ impl Iterative {
         self.precondition(matrix.ordered, &r, &mut z);
         let mut p = z.clone();
         let (mut rz, mut since) = (dot(&r, &z), 0);
+        if std::env::var("CGTRACE").is_ok() {
+            eprintln!("rz {rz:e} damping {damping:e}");
+        }
         let goal = REDUCTION * REDUCTION * rz;
+        if !(goal > 0.0) {
+            return None;
+        }
         while rz > goal {
             multiply(matrix, &diagonal, &p, &mut q);
             let alpha = rz / dot(&p, &q);

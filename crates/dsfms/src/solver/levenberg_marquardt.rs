@@ -47,13 +47,16 @@ impl Default for Options {
             max_steps: 50,
             cost_tolerance: 1e-6,
             gradient_tolerance: 1e-12,
-            initial_damping: 1e-4,
+            initial_damping: 1e-8,
         }
     }
 }
 
 /// Largest damping before the solver gives up on a linearisation.
 const MAX_DAMPING: f64 = 1e12;
+
+/// Damping after a refused step: less would hardly change it.
+const MIN_REFUSED_DAMPING: f64 = 1e-5;
 
 /// Minimise from `state`; the cost of what is returned is never above that of the start.
 ///
@@ -101,7 +104,7 @@ pub fn minimize<P: Problem>(
                 }
             }
             refused += 1;
-            damping *= growth;
+            damping = (damping * growth).max(MIN_REFUSED_DAMPING);
             growth *= 2.0;
             if damping > MAX_DAMPING {
                 break 'steps Stop::NoProgress;

@@ -164,7 +164,7 @@ impl NormalEquations {
         }
         let mut solver = match self.iterative.take() {
             Some(solver) => solver,
-            None => Iterative::new(&self.ordered, self.globals())?,
+            None => Iterative::new(&self.ordered)?,
         };
         solver.orient(&self.matrix(), vertices);
         self.iterative = Some(solver);
