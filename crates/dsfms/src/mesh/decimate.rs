@@ -3,8 +3,6 @@
 use super::{Mesh, Topology};
 use crate::geometry::{Point3, Vector3, area_normal, barycentric};
 use nalgebra::Matrix3;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 use std::sync::Arc;
 
 /// A decimated mesh and where the vertices of the original lie on it.
@@ -21,19 +19,33 @@ pub struct Decimated {
 /// Vertices of more neighbours are not made.
 const MAX_VALENCE: usize = 12;
 
-/// Collapse the shortest edges until about `target` vertices are left; outline and orientation stay.
-/// `None` where the surface does not allow it.
+/// Collapse short edges, in sweeps of growing length, until about `target` vertices are left;
+/// outline and orientation stay. `None` where the surface does not allow it.
 pub fn decimate(mesh: &Mesh, target: usize) -> Option<Decimated> {
-    let mut work = Collapser::new(mesh);
-    let mut left = mesh.topology.vertex_count;
-    while left > target {
-        let Reverse((_, a, b)) = work.queue.pop()?;
-        if work.collapse(b, a) || work.collapse(a, b) {
-            left -= 1;
+    let mut work = Collapser {
+        positions: &mesh.positions,
+        boundary: &mesh.topology.boundary,
+        faces: mesh.topology.faces.clone(),
+        around: mesh.topology.vertex_faces.clone(),
+        into: (0..mesh.topology.vertex_count as u32).collect(),
+    };
+    let mut left: Vec<u32> = work.into.clone();
+    let mut limit = 0.5 * mesh.mean_edge_length();
+    let [low, high] = mesh.bounding_box();
+    while left.len() > target {
+        let excess = left.len() - target;
+        work.sweep(&left, limit * limit, excess);
+        left.retain(|&v| work.into[v as usize] == v);
+        limit *= GROWTH;
+        if limit > (high - low).norm() {
+            return None;
         }
     }
     work.finish()
 }
+
+/// Growth of the longest edge that is collapsed, from one sweep to the next.
+const GROWTH: f64 = 1.15;
 
 struct Collapser<'a> {
     positions: &'a [Point3],
@@ -43,29 +55,30 @@ struct Collapser<'a> {
     around: Vec<Vec<u32>>,
     /// Vertex that another was merged into, itself for those that are left.
     into: Vec<u32>,
-    queue: BinaryHeap<Reverse<(u64, u32, u32)>>,
 }
 
-impl<'a> Collapser<'a> {
-    fn new(mesh: &'a Mesh) -> Self {
-        let topology = &*mesh.topology;
-        let mut work = Self {
-            positions: &mesh.positions,
-            boundary: &topology.boundary,
-            faces: topology.faces.clone(),
-            around: topology.vertex_faces.clone(),
-            into: (0..topology.vertex_count as u32).collect(),
-            queue: BinaryHeap::new(),
-        };
-        work.queue = topology.edges.iter().map(|&[a, b]| work.entry(a, b)).collect();
-        work
-    }
-
-    /// Positive numbers order like their bits.
-    fn entry(&self, a: u32, b: u32) -> Reverse<(u64, u32, u32)> {
-        let (a, b) = (a.min(b), a.max(b));
-        let length = (self.positions[a as usize] - self.positions[b as usize]).norm_squared();
-        Reverse((length.to_bits(), a, b))
+impl Collapser<'_> {
+    /// Merge at most `most` vertices into their nearest neighbour, none twice and none next to
+    /// another.
+    fn sweep(&mut self, left: &[u32], limit: f64, most: usize) {
+        let mut touched = vec![false; self.into.len()];
+        let mut merged = 0;
+        for &v in left {
+            if touched[v as usize] || merged == most {
+                continue;
+            }
+            let ring = self.ring(v);
+            let at = &self.positions[v as usize];
+            let nearest = ring
+                .iter()
+                .map(|&u| ((self.positions[u as usize] - at).norm_squared(), u))
+                .filter(|&(distance, u)| distance < limit && !touched[u as usize])
+                .min_by(|a, b| a.0.total_cmp(&b.0));
+            if nearest.is_some_and(|(_, u)| self.collapse(v, u)) {
+                ring.iter().for_each(|&w| touched[w as usize] = true);
+                merged += 1;
+            }
+        }
     }
 
     fn ring(&self, v: u32) -> Vec<u32> {
@@ -95,8 +108,6 @@ impl<'a> Collapser<'a> {
             }
         }
         self.into[v as usize] = u;
-        let entries: Vec<_> = self.ring(u).into_iter().map(|w| self.entry(u, w)).collect();
-        self.queue.extend(entries);
         true
     }
 

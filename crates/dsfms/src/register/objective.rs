@@ -75,7 +75,7 @@ fn anneal(
 const COARSE_ABOVE: usize = 900;
 
 /// Vertices of the coarse mesh.
-const COARSE: usize = 400;
+const COARSE: usize = 300;
 
 /// The annealing on a mesh of some of the vertices, carried to all of them: it finds the matches
 /// that count and all but the finest part of the shape. `None` for a mesh that is coarse already, or

@@ -32,7 +32,6 @@ pub struct Cholesky {
     pattern: SymbolicSparseColMat<usize>,
     symbolic: SymbolicCholesky<usize>,
     memory: MemBuffer,
-    gathered: Vec<f64>,
 }
 
 /// The values of `L`.
@@ -65,7 +64,7 @@ impl Cholesky {
         .map_err(|_| CholeskyError::Symbolic)?;
         let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default());
         let memory = MemBuffer::try_new(scratch).map_err(|_| CholeskyError::Symbolic)?;
-        Ok(Self { pattern, symbolic, memory, gathered: Vec::new() })
+        Ok(Self { pattern, symbolic, memory })
     }
 
     /// Entries of the pattern.
@@ -95,8 +94,8 @@ impl Cholesky {
         Ok(())
     }
 
-    /// Solve `A x = b` in place.
-    pub fn solve(&mut self, factor: &Factor, x: &mut [f64]) {
+    /// Solve `A x = b` in place for `K` right-hand sides, those of one unknown together.
+    pub fn solve<const K: usize>(&self, factor: &Factor, x: &mut [[f64; K]]) {
         let SymbolicCholeskyRaw::Supernodal(symbolic) = self.symbolic.raw() else { return };
         let panel = |s: usize| Panel {
             begin: symbolic.supernode_begin()[s],
@@ -104,11 +103,12 @@ impl Cholesky {
             below: symbolic.supernode(s).pattern(),
             values: &factor.values[symbolic.col_ptr_for_val()[s]..],
         };
+        let mut gathered = Vec::new();
         for s in 0..symbolic.n_supernodes() {
-            panel(s).forward(x, &mut self.gathered);
+            panel(s).forward(x, &mut gathered);
         }
         for s in (0..symbolic.n_supernodes()).rev() {
-            panel(s).backward(x, &mut self.gathered);
+            panel(s).backward(x, &mut gathered);
         }
     }
 }
@@ -124,36 +124,78 @@ struct Panel<'a> {
 }
 
 impl Panel<'_> {
-    fn columns(&self) -> std::slice::ChunksExact<'_, f64> {
-        let height = self.width + self.below.len();
-        self.values[..height * self.width].chunks_exact(height)
-    }
-
     /// Part of `L⁻¹`.
-    fn forward(&self, x: &mut [f64], sums: &mut Vec<f64>) {
-        sums.clear();
-        sums.resize(self.below.len(), 0.0);
+    fn forward<const K: usize>(&self, x: &mut [[f64; K]], sums: &mut Vec<[f64; K]>) {
         let inside = &mut x[self.begin..self.begin + self.width];
-        for (c, column) in self.columns().enumerate() {
-            let (top, bottom) = column.split_at(self.width);
-            let value = inside[c] / top[c];
+        for c in 0..self.width {
+            let top = self.column(c).0;
+            let value = inside[c].map(|x| x / top[c]);
             inside[c] = value;
-            inside[c + 1..].iter_mut().zip(&top[c + 1..]).for_each(|(x, l)| *x -= l * value);
-            sums.iter_mut().zip(bottom).for_each(|(sum, l)| *sum += l * value);
+            for (x, l) in inside[c + 1..].iter_mut().zip(&top[c + 1..]) {
+                (0..K).for_each(|k| x[k] -= l * value[k]);
+            }
         }
-        self.below.iter().zip(sums.iter()).for_each(|(&row, sum)| x[row] -= sum);
+        sums.clear();
+        sums.resize(self.below.len(), [0.0; K]);
+        // Four columns at a time: the sums are then read and written a quarter as often.
+        for c in (0..self.width - self.width % 4).step_by(4) {
+            let v = [inside[c], inside[c + 1], inside[c + 2], inside[c + 3]];
+            let [p, q, r, s] = [0, 1, 2, 3].map(|i| self.column(c + i).1);
+            for ((((sum, p), q), r), s) in sums.iter_mut().zip(p).zip(q).zip(r).zip(s) {
+                for k in 0..K {
+                    sum[k] += (p * v[0][k] + q * v[1][k]) + (r * v[2][k] + s * v[3][k]);
+                }
+            }
+        }
+        for c in self.width - self.width % 4..self.width {
+            for (sum, l) in sums.iter_mut().zip(self.column(c).1) {
+                (0..K).for_each(|k| sum[k] += l * inside[c][k]);
+            }
+        }
+        for (&row, sum) in self.below.iter().zip(sums.iter()) {
+            (0..K).for_each(|k| x[row][k] -= sum[k]);
+        }
     }
 
     /// Part of `L⁻ᵀ`.
-    fn backward(&self, x: &mut [f64], gathered: &mut Vec<f64>) {
+    fn backward<const K: usize>(&self, x: &mut [[f64; K]], gathered: &mut Vec<[f64; K]>) {
         gathered.clear();
         gathered.extend(self.below.iter().map(|&row| x[row]));
         let inside = &mut x[self.begin..self.begin + self.width];
-        for (c, column) in self.columns().enumerate().rev() {
-            let (top, bottom) = column.split_at(self.width);
-            let known = dot(&inside[c + 1..], &top[c + 1..]) + dot(gathered, bottom);
-            inside[c] = (inside[c] - known) / top[c];
+        for c in (0..self.width - self.width % 4).step_by(4) {
+            let [p, q, r, s] = [0, 1, 2, 3].map(|i| self.column(c + i).1);
+            let mut sums = [[0.0; K]; 4];
+            for ((((x, p), q), r), s) in gathered.iter().zip(p).zip(q).zip(r).zip(s) {
+                for k in 0..K {
+                    sums[0][k] += p * x[k];
+                    sums[1][k] += q * x[k];
+                    sums[2][k] += r * x[k];
+                    sums[3][k] += s * x[k];
+                }
+            }
+            for (x, sum) in inside[c..].iter_mut().zip(sums) {
+                (0..K).for_each(|k| x[k] -= sum[k]);
+            }
         }
+        for c in self.width - self.width % 4..self.width {
+            for (x, l) in gathered.iter().zip(self.column(c).1) {
+                (0..K).for_each(|k| inside[c][k] -= l * x[k]);
+            }
+        }
+        for c in (0..self.width).rev() {
+            let top = self.column(c).0;
+            let (before, after) = inside.split_at_mut(c + 1);
+            for (x, l) in after.iter().zip(&top[c + 1..]) {
+                (0..K).for_each(|k| before[c][k] -= l * x[k]);
+            }
+            before[c] = before[c].map(|x| x / top[c]);
+        }
+    }
+
+    /// A column within the diagonal block and below it.
+    fn column(&self, c: usize) -> (&[f64], &[f64]) {
+        let height = self.width + self.below.len();
+        self.values[c * height..(c + 1) * height].split_at(self.width)
     }
 }
 
@@ -197,9 +239,9 @@ mod tests {
         let mut cholesky = Cholesky::analyse(3, vec![0, 2, 4, 5], vec![0, 1, 1, 2, 2]).unwrap();
         let mut factor = Factor::default();
         cholesky.factorise(&[4.0, 2.0, 5.0, 1.0, 3.0], &mut factor).unwrap();
-        let mut x = [8.0, 15.0, 11.0];
+        let mut x = [[8.0], [15.0], [11.0]];
         cholesky.solve(&factor, &mut x);
-        for (found, expected) in x.iter().zip([1.0, 2.0, 3.0]) {
+        for ([found], expected) in x.iter().zip([1.0, 2.0, 3.0]) {
             assert!((found - expected).abs() < 1e-14);
         }
         assert_eq!(
@@ -222,12 +264,12 @@ mod tests {
             col_ptr.push(row_idx.len());
         }
         let truth: Vec<f64> = (0..n * n).map(|v| ((7 * v) % 11) as f64 - 5.0).collect();
-        let mut x = vec![0.0; n * n];
+        let mut x = vec![[0.0; 2]; n * n];
         for column in 0..n * n {
             for k in col_ptr[column]..col_ptr[column + 1] {
-                x[row_idx[k]] += values[k] * truth[column];
+                x[row_idx[k]][1] += values[k] * truth[column];
                 if row_idx[k] != column {
-                    x[column] += values[k] * truth[row_idx[k]];
+                    x[column][1] += values[k] * truth[row_idx[k]];
                 }
             }
         }
@@ -235,6 +277,6 @@ mod tests {
         let mut factor = Factor::default();
         cholesky.factorise(&values, &mut factor).unwrap();
         cholesky.solve(&factor, &mut x);
-        assert!(x.iter().zip(&truth).all(|(a, b)| (a - b).abs() < 1e-12));
+        assert!(x.iter().zip(&truth).all(|([z, a], b)| *z == 0.0 && (a - b).abs() < 1e-12));
     }
 }

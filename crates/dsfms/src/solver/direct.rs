@@ -10,14 +10,14 @@ pub(super) struct Direct {
     cholesky: Cholesky,
     factor: Factor,
     values: Vec<f64>,
-    permuted: Vec<f64>,
+    permuted: Vec<[f64; 1]>,
 }
 
 impl Direct {
     pub fn new(ordered: &Ordered) -> Result<Self, CholeskyError> {
         let (col_ptr, row_idx) = ordered.scalar(3);
         let values = vec![0.0; row_idx.len()];
-        let permuted = vec![0.0; 3 * ordered.len()];
+        let permuted = vec![[0.0]; 3 * ordered.len()];
         let cholesky = Cholesky::analyse(permuted.len(), col_ptr, row_idx)?;
         Ok(Self { cholesky, factor: Factor::default(), values, permuted })
     }
@@ -49,11 +49,11 @@ impl Direct {
     /// `A⁻¹ x` in place.
     fn solve(&mut self, ordered: &Ordered, x: &mut [f64]) {
         for (to, &v) in self.permuted.chunks_exact_mut(3).zip(&ordered.order) {
-            to.copy_from_slice(&x[3 * v as usize..3 * v as usize + 3]);
+            to.iter_mut().zip(&x[3 * v as usize..]).for_each(|(to, x)| *to = [*x]);
         }
         self.cholesky.solve(&self.factor, &mut self.permuted);
         for (from, &v) in self.permuted.chunks_exact(3).zip(&ordered.order) {
-            x[3 * v as usize..3 * v as usize + 3].copy_from_slice(from);
+            x[3 * v as usize..].iter_mut().zip(from).for_each(|(x, [from])| *x = *from);
         }
     }
 

@@ -1,9 +1,9 @@
-//! Conjugate gradients for large meshes, preconditioned by three scalar factorisations.
+//! Conjugate gradients for large meshes, preconditioned by two scalar factorisations.
 //!
 //! In axes along and across the surface, `A` couples the three components of a displacement weakly:
 //! the part of `Qᵀ A Q` within each component, with `Q` the local axes, is a scalar matrix over the
-//! vertices whose factor costs a 27th of that of `A`. The factors are kept over steps and renewed
-//! when they have aged.
+//! vertices whose factor costs a 27th of that of `A`. The two components along the surface are alike
+//! enough to share theirs.
 
 use super::cholesky::{Cholesky, CholeskyError, Factor, dot};
 use super::normal_equations::Matrix;
@@ -14,7 +14,7 @@ use nalgebra::{Cholesky as Dense, Dyn, Matrix3, Point3, Vector3};
 /// linearisation is worth.
 const REDUCTION: f64 = 0.02;
 
-/// More iterations than this renew an old factor.
+/// More iterations than this renew the factor for another damping.
 const AGED: usize = 20;
 
 /// More iterations than this with a fresh factor call for the direct solver.
@@ -22,21 +22,23 @@ const LIMIT: usize = 200;
 
 pub(super) struct Iterative {
     cholesky: Cholesky,
-    factors: [Factor; 3],
+    /// Along the surface, and across it.
+    factors: [Factor; 2],
     corner: Option<Dense<f64, Dyn>>,
     /// Axes of every vertex, in its columns.
     axes: Vec<Matrix3<f64>>,
     fresh: bool,
     renew: bool,
-    values: [Vec<f64>; 3],
-    component: Vec<f64>,
+    values: [Vec<f64>; 2],
+    along: Vec<[f64; 2]>,
+    across: Vec<[f64; 1]>,
 }
 
 impl Iterative {
     pub fn new(ordered: &Ordered) -> Result<Self, CholeskyError> {
         let (col_ptr, row_idx) = ordered.scalar(1);
         let cholesky = Cholesky::analyse(ordered.len(), col_ptr, row_idx)?;
-        let values = [0, 1, 2].map(|_| vec![0.0; cholesky.nnz()]);
+        let values = [0, 1].map(|_| vec![0.0; cholesky.nnz()]);
         Ok(Self {
             cholesky,
             factors: Default::default(),
@@ -45,7 +47,8 @@ impl Iterative {
             fresh: false,
             renew: true,
             values,
-            component: vec![0.0; ordered.len()],
+            along: vec![[0.0; 2]; ordered.len()],
+            across: vec![[0.0]; ordered.len()],
         })
     }
 
@@ -64,6 +67,11 @@ impl Iterative {
         self.renew = true;
     }
 
+    /// The matrix has changed.
+    pub fn renew(&mut self) {
+        self.renew = true;
+    }
+
     fn factorise(&mut self, matrix: &Matrix, damping: f64) -> Result<(), CholeskyError> {
         let (order, floor) = (&matrix.ordered.order, matrix.floor());
         let mut at = 0;
@@ -72,8 +80,8 @@ impl Iterative {
             for (k, entry) in matrix.ordered.column(j).iter().enumerate() {
                 let other = &self.axes[order[entry.row as usize] as usize];
                 let turned = matrix.block(entry) * axes;
-                for c in 0..3 {
-                    let value = other.column(c).dot(&turned.column(c));
+                let [u, v, w] = [0, 1, 2].map(|c| other.column(c).dot(&turned.column(c)));
+                for (c, value) in [0.5 * (u + v), w].into_iter().enumerate() {
                     let added = if k == 0 { damping * value + floor } else { 0.0 };
                     self.values[c][at] = value + added;
                 }
@@ -94,20 +102,17 @@ impl Iterative {
 
     /// `z = M⁻¹ r`.
     fn precondition(&mut self, ordered: &Ordered, r: &[f64], z: &mut [f64]) {
-        z.fill(0.0);
-        for c in 0..3 {
-            for (to, &v) in self.component.iter_mut().zip(&ordered.order) {
-                let v = v as usize;
-                *to =
-                    self.axes[v].column(c).dot(&Vector3::new(r[3 * v], r[3 * v + 1], r[3 * v + 2]));
-            }
-            self.cholesky.solve(&self.factors[c], &mut self.component);
-            for (&value, &v) in self.component.iter().zip(&ordered.order) {
-                let v = v as usize;
-                for (to, axis) in z[3 * v..3 * v + 3].iter_mut().zip(&self.axes[v].column(c)) {
-                    *to += value * axis;
-                }
-            }
+        for (new, &v) in ordered.order.iter().enumerate() {
+            let v = v as usize;
+            let local = self.axes[v].tr_mul(&Vector3::new(r[3 * v], r[3 * v + 1], r[3 * v + 2]));
+            (self.along[new], self.across[new]) = ([local.x, local.y], [local.z]);
+        }
+        self.cholesky.solve(&self.factors[0], &mut self.along);
+        self.cholesky.solve(&self.factors[1], &mut self.across);
+        for (new, &v) in ordered.order.iter().enumerate() {
+            let ([x, y], [across], v) = (self.along[new], self.across[new], v as usize);
+            let global = self.axes[v] * Vector3::new(x, y, across);
+            z[3 * v..3 * v + 3].copy_from_slice(global.as_slice());
         }
         let globals = 3 * ordered.len()..;
         if let Some(corner) = &self.corner {
