@@ -1,14 +1,16 @@
 //! Solves of eq. 3, eq. 4 and the joint problem over mesh sizes: `cargo bench --bench solve`.
 //!
 //! Synthetic patches, 300 matches of 1 px outside a zone pulled by 3 %. CPU milliseconds of the
-//! whole process (median of the repetitions), steps of the last solve, and RMS error against the
+//! whole process (median of the repetitions; `warm` keeps coarse mesh and symbolic factors), steps of the last solve, and RMS error against the
 //! truth over the whole surface. Arguments choose sizes and problems: `-- 432 6912 eq3 joint`.
 
 use dsfms::image::exposure::saturation;
 use dsfms::image::{Mask, ToneCurve};
 use dsfms::light::LightModel;
 use dsfms::refine::{JointOptions, Photograph, RefineOptions, join, refine};
-use dsfms::register::{RegisterOptions, Registered, Scene, pose, register};
+use dsfms::register::{
+    RegisterMemory, RegisterOptions, Registered, Scene, pose, register, register_in,
+};
 use dsfms::solver::Summary;
 use dsfms::synth::{Case, CaseOptions, Draw};
 use std::time::Instant;
@@ -37,6 +39,12 @@ fn bench_size(n: usize, wanted: &dyn Fn(&str) -> bool) {
     let start = if wanted("eq3") {
         let (time, found) = median_time(n, coarse);
         report(n, "eq3", time, &found.summary, rms(&case, &found.vertices));
+        let memory = std::cell::RefCell::new(RegisterMemory::default());
+        let warm =
+            |_| register_in(&mut memory.borrow_mut(), &scene, &case.matches, &posed, &options);
+        warm(0);
+        let (time, warmed) = median_time(n, warm);
+        report(n, "eq3 warm", time, &warmed.summary, rms(&case, &warmed.vertices));
         found
     } else {
         coarse(0)

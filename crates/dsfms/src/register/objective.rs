@@ -8,8 +8,10 @@ use crate::energy::{
     Workspace,
 };
 use crate::geometry::{Point3, Vector3};
-use crate::mesh::decimate::decimate;
+use crate::mesh::Mesh;
+use crate::mesh::decimate::{Decimated, decimate};
 use crate::solver::{Loss, Options, Summary};
+use std::sync::Arc;
 
 /// The coarse shape V′.
 #[derive(Clone, Debug)]
@@ -26,6 +28,20 @@ pub struct Registered {
     pub summary: Summary,
 }
 
+/// What outlives a frame of the same template: the coarse mesh and the symbolic factors.
+#[derive(Default)]
+pub struct RegisterMemory {
+    coarse: Option<Coarse>,
+    workspace: Workspace,
+}
+
+struct Coarse {
+    /// The mesh it was made from.
+    rest: Mesh,
+    decimated: Option<Decimated>,
+    workspace: Workspace,
+}
+
 /// Solve eq. 3 from the rigid pose.
 pub fn register(
     scene: &Scene,
@@ -33,14 +49,27 @@ pub fn register(
     posed: &Posed,
     options: &RegisterOptions,
 ) -> Registered {
+    register_in(&mut RegisterMemory::default(), scene, matches, posed, options)
+}
+
+/// Solve eq. 3 from the rigid pose with what an earlier frame of the same template has left; a
+/// memory of another template is made anew.
+pub fn register_in(
+    memory: &mut RegisterMemory,
+    scene: &Scene,
+    matches: &[Match],
+    posed: &Posed,
+    options: &RegisterOptions,
+) -> Registered {
     let depth_sigma = depth_sigma(scene, posed, options);
     let losses = losses(options);
-    let coarse = coarse_start(scene, matches, depth_sigma, options, &losses);
+    let problem = Problem { scene, matches, depth_sigma, options };
+    let coarse = coarse_start(&mut memory.coarse, &problem, &losses);
     let (start, losses) = match coarse {
         Some(start) => (start, &losses[losses.len() - 1..]),
         None => (scene.posed.clone(), &losses[..]),
     };
-    let (state, summary) = anneal(scene, matches, depth_sigma, options, start, losses);
+    let (state, summary) = problem.anneal(&mut memory.workspace, start, losses, 1e-5);
     let errors = errors_px(scene, matches, &state);
     let limit = 3.0 * options.robust_px[1];
     let kept: Vec<bool> = errors.iter().map(|&e| e <= limit).collect();
@@ -50,25 +79,36 @@ pub fn register(
     Registered { vertices: state, kept, residual_px, depth_sigma, summary }
 }
 
-/// Eq. 3 under one loss after another; only the last is solved to the end.
-fn anneal(
-    scene: &Scene,
-    matches: &[Match],
+/// Eq. 3 on one mesh.
+struct Problem<'a> {
+    scene: &'a Scene<'a>,
+    matches: &'a [Match],
     depth_sigma: f64,
-    options: &RegisterOptions,
-    start: Vec<Point3>,
-    losses: &[Loss],
-) -> (Vec<Point3>, Summary) {
-    let mut state = Unknowns { vertices: start, globals: Vec::new() };
-    let (mut summary, mut workspace) = (None, Workspace::default());
-    for (k, &loss) in losses.iter().enumerate() {
-        let cost_tolerance = if k + 1 < losses.len() { 1e-2 } else { 1e-5 };
-        let solver = Options { max_steps: 15, cost_tolerance, ..Options::default() };
-        let objective = objective(scene, matches, depth_sigma, options, loss);
-        let (next, report) = objective.minimise_in(&mut workspace, state, &solver);
-        (state, summary) = (next, Some(report));
+    options: &'a RegisterOptions,
+}
+
+impl Problem<'_> {
+    /// Solve under one loss after another; only the last to the given tolerance, since the others
+    /// merely lead there.
+    fn anneal(
+        &self,
+        workspace: &mut Workspace,
+        start: Vec<Point3>,
+        losses: &[Loss],
+        tolerance: f64,
+    ) -> (Vec<Point3>, Summary) {
+        let mut state = Unknowns { vertices: start, globals: Vec::new() };
+        let mut summary = None;
+        for (k, &loss) in losses.iter().enumerate() {
+            let cost_tolerance = if k + 1 < losses.len() { 1e-2 } else { tolerance };
+            let solver = Options { max_steps: 15, cost_tolerance, ..Options::default() };
+            let Self { scene, matches, depth_sigma, options } = *self;
+            let objective = objective(scene, matches, depth_sigma, options, loss);
+            let (next, report) = objective.minimise_in(workspace, state, &solver);
+            (state, summary) = (next, Some(report));
+        }
+        (state.vertices, summary.expect("the annealing has at least one step"))
     }
-    (state.vertices, summary.expect("the annealing has at least one step"))
 }
 
 /// Meshes of more vertices are first solved on a coarse one.
@@ -81,16 +121,24 @@ const COARSE: usize = 300;
 /// that count and all but the finest part of the shape. `None` for a mesh that is coarse already, or
 /// that cannot be made coarser.
 fn coarse_start(
-    scene: &Scene,
-    matches: &[Match],
-    depth_sigma: f64,
-    options: &RegisterOptions,
+    memory: &mut Option<Coarse>,
+    fine: &Problem,
     losses: &[Loss],
 ) -> Option<Vec<Point3>> {
+    let Problem { scene, matches, depth_sigma, options } = *fine;
     if scene.posed.len() <= COARSE_ABOVE || options.literal {
         return None;
     }
-    let decimated = decimate(scene.rest, COARSE)?;
+    let same = |c: &Coarse| {
+        Arc::ptr_eq(&c.rest.topology, &scene.rest.topology)
+            && c.rest.positions == scene.rest.positions
+    };
+    if !memory.as_ref().is_some_and(same) {
+        let (rest, decimated) = (scene.rest.clone(), decimate(scene.rest, COARSE));
+        *memory = Some(Coarse { rest, decimated, workspace: Workspace::default() });
+    }
+    let Coarse { decimated, workspace, .. } = memory.as_mut()?;
+    let decimated = decimated.as_ref()?;
     let coarse = scene.on_some(&decimated.mesh, &decimated.kept);
     let carried = |m: &Match| {
         let (point, near) = (rest_point(scene.rest, m), scene.face(m)[0]);
@@ -98,13 +146,12 @@ fn coarse_start(
         Some(Match { face, barycentric, pixel: m.pixel })
     };
     let matches: Vec<Match> = matches.iter().filter_map(carried).collect();
-    let start = coarse.posed.clone();
-    let (found, _) = anneal(&coarse, &matches, depth_sigma, options, start, losses);
+    let problem = Problem { scene: &coarse, matches: &matches, depth_sigma, options };
+    let (found, _) = problem.anneal(workspace, coarse.posed.clone(), losses, 1e-3);
     let displacement: Vec<Vector3> =
         found.iter().zip(&coarse.posed).map(|(now, posed)| now - posed).collect();
     let carried = decimated.prolong(scene.rest, &displacement);
-    let fine = scene.posed.iter().zip(carried).map(|(p, d)| p + d);
-    Some(fine.collect())
+    Some(scene.posed.iter().zip(carried).map(|(p, d)| p + d).collect())
 }
 
 /// Losses of the annealing, coarse to fine; one unsquared norm for the printed form.
@@ -197,4 +244,44 @@ pub fn errors_px(scene: &Scene, matches: &[Match], shape: &[Point3]) -> Vec<f64>
         seen.map_or(f64::INFINITY, |s| (s.pixel - m.pixel).norm())
     };
     matches.iter().map(error).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::LightModel;
+    use crate::register::pose;
+    use crate::synth::{Case, CaseOptions, Draw};
+
+    #[test]
+    fn starting_on_a_coarse_mesh_ends_where_annealing_on_the_fine_one_does() {
+        let options = CaseOptions {
+            vertices: 1200,
+            extension: 0.05,
+            light: LightModel::Collinear,
+            draw: Draw { count: 100, sigma_px: 1.0 },
+            pull: true,
+        };
+        let mut case = Case::new(&options, 3);
+        // One match in ten is wrong.
+        case.matches.iter_mut().step_by(10).for_each(|m| m.pixel.x += 40.0);
+        let options = RegisterOptions::default();
+        let rest = &case.template.mesh;
+        let posed = pose(&case.camera, rest, &case.matches, &options, 0).unwrap();
+        let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
+        let scene = Scene::new(&case.camera, rest, rigid);
+        let mut memory = RegisterMemory::default();
+        let found = register_in(&mut memory, &scene, &case.matches, &posed, &options);
+        let depth_sigma = found.depth_sigma;
+        let problem =
+            Problem { scene: &scene, matches: &case.matches, depth_sigma, options: &options };
+        let start = scene.posed.clone();
+        let (all, _) = problem.anneal(&mut Workspace::default(), start, &losses(&options), 1e-7);
+        let squares = found.vertices.iter().zip(&all).map(|(a, b)| (a - b).norm_squared());
+        let rms = (squares.sum::<f64>() / all.len() as f64).sqrt();
+        // A match of 1 px is worth 0.1 mm here.
+        assert!(rms < 0.01, "{rms} mm");
+        let again = register_in(&mut memory, &scene, &case.matches, &posed, &options);
+        assert_eq!(found.vertices, again.vertices);
+    }
 }

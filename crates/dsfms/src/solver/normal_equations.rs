@@ -183,9 +183,6 @@ impl NormalEquations {
             None => self.sums.clear(),
         }
         parts.for_each(|part| self.sums.add(part));
-        if let Some(solver) = &mut self.iterative {
-            solver.renew();
-        }
     }
 
     /// Norm of the whole gradient.
