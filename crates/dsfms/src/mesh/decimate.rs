@@ -258,6 +258,6 @@ mod tests {
             errors.sum::<f64>() / 900.0
         };
         let (linear, quadratic) = (mean_error(&flat), mean_error(&|v| carried[v]));
-        assert!(quadratic < 0.5 * linear && quadratic < 1e-3, "{quadratic} {linear}");
+        assert!(quadratic < 0.7 * linear && quadratic < 1.5e-3, "{quadratic} {linear}");
     }
 }

@@ -39,7 +39,7 @@ struct Coarse {
     /// The mesh it was made from.
     rest: Mesh,
     decimated: Option<Decimated>,
-    workspace: Workspace,
+    memory: Box<RegisterMemory>,
 }
 
 /// Solve eq. 3 from the rigid pose.
@@ -64,12 +64,7 @@ pub fn register_in(
     let depth_sigma = depth_sigma(scene, posed, options);
     let losses = losses(options);
     let problem = Problem { scene, matches, depth_sigma, options };
-    let coarse = coarse_start(&mut memory.coarse, &problem, &losses);
-    let (start, losses) = match coarse {
-        Some(start) => (start, &losses[losses.len() - 1..]),
-        None => (scene.posed.clone(), &losses[..]),
-    };
-    let (state, summary) = problem.anneal(&mut memory.workspace, start, losses, 1e-5);
+    let (state, summary) = problem.solve(memory, &losses, 1e-5);
     let errors = errors_px(scene, matches, &state);
     let limit = 3.0 * options.robust_px[1];
     let kept: Vec<bool> = errors.iter().map(|&e| e <= limit).collect();
@@ -88,6 +83,20 @@ struct Problem<'a> {
 }
 
 impl Problem<'_> {
+    /// Anneal on a coarser mesh where there is one, and solve the last loss here.
+    fn solve(
+        &self,
+        memory: &mut RegisterMemory,
+        losses: &[Loss],
+        tolerance: f64,
+    ) -> (Vec<Point3>, Summary) {
+        let (start, losses) = match coarse_start(&mut memory.coarse, self, losses) {
+            Some(start) => (start, &losses[losses.len() - 1..]),
+            None => (self.scene.posed.clone(), losses),
+        };
+        self.anneal(&mut memory.workspace, start, losses, tolerance)
+    }
+
     /// Solve under one loss after another; only the last to the given tolerance, since the others
     /// merely lead there.
     fn anneal(
@@ -114,8 +123,14 @@ impl Problem<'_> {
 /// Meshes of more vertices are first solved on a coarse one.
 const COARSE_ABOVE: usize = 900;
 
-/// Vertices of the coarse mesh.
+/// Vertices of the coarsest mesh.
 const COARSE: usize = 300;
+
+/// Vertices of one mesh for each of the next coarser.
+const RATIO: usize = 16;
+
+/// How far a coarse mesh is solved: what is left is less than its own error.
+const COARSE_TOLERANCE: f64 = 1e-4;
 
 /// The annealing on a mesh of some of the vertices, carried to all of them: it finds the matches
 /// that count and all but the finest part of the shape. `None` for a mesh that is coarse already, or
@@ -134,10 +149,11 @@ fn coarse_start(
             && c.rest.positions == scene.rest.positions
     };
     if !memory.as_ref().is_some_and(same) {
-        let (rest, decimated) = (scene.rest.clone(), decimate(scene.rest, COARSE));
-        *memory = Some(Coarse { rest, decimated, workspace: Workspace::default() });
+        let target = (scene.posed.len() / RATIO).max(COARSE);
+        let (rest, decimated) = (scene.rest.clone(), decimate(scene.rest, target));
+        *memory = Some(Coarse { rest, decimated, memory: Box::default() });
     }
-    let Coarse { decimated, workspace, .. } = memory.as_mut()?;
+    let Coarse { decimated, memory, .. } = memory.as_mut()?;
     let decimated = decimated.as_ref()?;
     let coarse = scene.on_some(&decimated.mesh, &decimated.kept);
     let carried = |m: &Match| {
@@ -147,7 +163,7 @@ fn coarse_start(
     };
     let matches: Vec<Match> = matches.iter().filter_map(carried).collect();
     let problem = Problem { scene: &coarse, matches: &matches, depth_sigma, options };
-    let (found, _) = problem.anneal(workspace, coarse.posed.clone(), losses, 1e-3);
+    let (found, _) = problem.solve(memory, losses, COARSE_TOLERANCE);
     let displacement: Vec<Vector3> =
         found.iter().zip(&coarse.posed).map(|(now, posed)| now - posed).collect();
     let carried = decimated.prolong(scene.rest, &displacement);

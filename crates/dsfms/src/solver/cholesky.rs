@@ -142,9 +142,9 @@ impl Panel<'_> {
             let v = [inside[c], inside[c + 1], inside[c + 2], inside[c + 3]];
             let [p, q, r, s] = [0, 1, 2, 3].map(|i| self.column(c + i).1);
             for ((((sum, p), q), r), s) in sums.iter_mut().zip(p).zip(q).zip(r).zip(s) {
-                for k in 0..K {
+                (0..K).for_each(|k| {
                     sum[k] += (p * v[0][k] + q * v[1][k]) + (r * v[2][k] + s * v[3][k]);
-                }
+                });
             }
         }
         for c in self.width - self.width % 4..self.width {
@@ -166,12 +166,12 @@ impl Panel<'_> {
             let [p, q, r, s] = [0, 1, 2, 3].map(|i| self.column(c + i).1);
             let mut sums = [[0.0; K]; 4];
             for ((((x, p), q), r), s) in gathered.iter().zip(p).zip(q).zip(r).zip(s) {
-                for k in 0..K {
+                (0..K).for_each(|k| {
                     sums[0][k] += p * x[k];
                     sums[1][k] += q * x[k];
                     sums[2][k] += r * x[k];
                     sums[3][k] += s * x[k];
-                }
+                });
             }
             for (x, sum) in inside[c..].iter_mut().zip(sums) {
                 (0..K).for_each(|k| x[k] -= sum[k]);
@@ -205,9 +205,7 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
     let rest: f64 = a4.remainder().iter().zip(b4.remainder()).map(|(x, y)| x * y).sum();
     for (x, y) in a4.zip(b4) {
-        for k in 0..4 {
-            sums[k] += x[k] * y[k];
-        }
+        (0..4).for_each(|k| sums[k] += x[k] * y[k]);
     }
     (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }

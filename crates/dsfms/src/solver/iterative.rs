@@ -71,8 +71,8 @@ impl Iterative {
     fn factorise(&mut self, matrix: &Matrix, damping: f64) -> Result<(), CholeskyError> {
         let (order, floor) = (&matrix.ordered.order, matrix.floor());
         let mut at = 0;
-        for j in 0..order.len() {
-            let axes = &self.axes[order[j] as usize];
+        for (j, &old) in order.iter().enumerate() {
+            let axes = &self.axes[old as usize];
             for (k, entry) in matrix.ordered.column(j).iter().enumerate() {
                 let other = &self.axes[order[entry.row as usize] as usize];
                 let turned = matrix.block(entry) * axes;

@@ -57,6 +57,17 @@ impl Accumulator {
         self.global_gradient.fill(0.0);
     }
 
+    /// Take the values of another accumulator of the same shape.
+    pub fn set(&mut self, other: &Self) {
+        self.blocks.copy_from_slice(&other.blocks);
+        self.gradient.copy_from_slice(&other.gradient);
+        for (mine, theirs) in self.border.iter_mut().zip(&other.border) {
+            mine.copy_from_slice(theirs);
+        }
+        self.corner.copy_from(&other.corner);
+        self.global_gradient.copy_from(&other.global_gradient);
+    }
+
     /// Add another accumulator of the same shape.
     pub fn add(&mut self, other: &Self) {
         add_all(&mut self.blocks, &other.blocks);
@@ -179,7 +190,7 @@ impl NormalEquations {
     /// Take the sums of a linearisation (in the given order) as the system.
     pub fn assemble<'a>(&mut self, mut parts: impl Iterator<Item = &'a Accumulator>) {
         match parts.next() {
-            Some(first) => self.sums.clone_from(first),
+            Some(first) => self.sums.set(first),
             None => self.sums.clear(),
         }
         parts.for_each(|part| self.sums.add(part));
