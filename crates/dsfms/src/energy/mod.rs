@@ -32,7 +32,7 @@ pub use globals::GlobalsPrior;
 pub use isometric::Isometric;
 pub use motion::Motion;
 use nalgebra::{SMatrix, SVector};
-pub use objective::{Objective, Unknowns};
+pub use objective::{Objective, Unknowns, Workspace};
 pub use photometric::Photometric;
 pub use reprojection::Reprojection;
 pub use shearing::Shearing;
@@ -73,6 +73,13 @@ pub trait EnergyTerm<const R: usize>: Send + Sync {
     /// Weight `wᵢ` of a block, outside the loss.
     fn weight(&self, _i: usize) -> f64 {
         1.0
+    }
+
+    /// The weights `wₖ` of a block that is linear and the same in every direction,
+    /// `r = Σ wₖ vₖ − constant` with `R = 3`; `None` for the blocks of every other term. Least
+    /// squares of such a term have a constant matrix, which is summed once.
+    fn isotropic(&self, _i: usize) -> Option<&[f64]> {
+        None
     }
 
     /// `rᵢ` at the gathered stencil `v` and globals `g`; and its derivatives, when asked for.

@@ -23,7 +23,7 @@ pub const MAX_STENCIL: usize = 48;
 pub const MAX_GLOBALS: usize = 4;
 
 /// Partial sums per linearisation: fixed, so that the reduction order does not depend on threads.
-const STRIPES: usize = 4;
+const STRIPES: usize = 2;
 
 /// `Σ_terms weight · Σᵢ wᵢ ρ(‖rᵢ‖²)`.
 ///
@@ -38,6 +38,13 @@ pub struct Objective<'a> {
     vertices: usize,
     globals: usize,
     terms: Vec<Box<dyn Weighted + 'a>>,
+    workspace: Workspace,
+}
+
+/// What outlives an objective: patterns, ordering, symbolic factors and memory. Hand it from solve
+/// to solve over the same mesh; an objective that it does not fit makes it anew.
+#[derive(Default)]
+pub struct Workspace {
     system: Option<System>,
 }
 
@@ -49,7 +56,7 @@ struct System {
 impl<'a> Objective<'a> {
     /// No terms yet.
     pub fn over(vertices: usize, globals: usize) -> Self {
-        Self { vertices, globals, terms: Vec::new(), system: None }
+        Self { vertices, globals, terms: Vec::new(), workspace: Workspace::default() }
     }
 
     /// Add a term. A weight of 0 leaves it out.
@@ -66,22 +73,69 @@ impl<'a> Objective<'a> {
     }
 
     /// Minimise from `start`.
-    pub fn minimise(mut self, start: Unknowns, options: &Options) -> (Unknowns, Summary) {
+    pub fn minimise(self, start: Unknowns, options: &Options) -> (Unknowns, Summary) {
+        self.minimise_in(&mut Workspace::default(), start, options)
+    }
+
+    /// Minimise from `start` with what an earlier solve over the same mesh has left.
+    pub fn minimise_in(
+        mut self,
+        workspace: &mut Workspace,
+        start: Unknowns,
+        options: &Options,
+    ) -> (Unknowns, Summary) {
+        self.workspace = std::mem::take(workspace);
         self.prepare();
-        minimize(&mut self, start, options)
+        if let Some(system) = &mut self.workspace.system {
+            system.equations.orient(&start.vertices).expect("a system that was ordered fits");
+        }
+        let found = minimize(&mut self, start, options);
+        *workspace = std::mem::take(&mut self.workspace);
+        found
     }
 
     /// Analyse the sparsity once; also needed before [`Problem::linearise`] is called by hand.
     pub fn prepare(&mut self) {
-        let stencils = self.terms.iter().flat_map(|t| (0..t.count()).map(|i| t.stencil(i)));
-        let pattern = Pattern::new(self.vertices, stencils);
-        for term in &mut self.terms {
-            term.locate(&pattern);
+        let mut system = self.workspace.system.take().filter(|system| {
+            let equations = &system.equations;
+            equations.near().vertices() == self.vertices && equations.globals() == self.globals
+        });
+        if !system.as_ref().is_some_and(|s| self.locate(&s.equations)) {
+            let fresh = self.analyse(system.as_ref().map(|s| &s.equations));
+            self.locate(&fresh.equations);
+            system = Some(fresh);
         }
-        let equations = NormalEquations::new(&pattern, self.globals)
+        if let Some(system) = &mut system {
+            let values = system.equations.isotropic_mut();
+            values.fill(0.0);
+            self.terms.iter().for_each(|term| term.accumulate_isotropic(values));
+        }
+        self.workspace.system = system;
+    }
+
+    /// Find the blocks of every term; `false` where one has none.
+    fn locate(&mut self, equations: &NormalEquations) -> bool {
+        self.terms.iter_mut().all(|term| {
+            let pattern = if term.is_isotropic() { equations.smooth() } else { equations.near() };
+            term.locate(pattern)
+        })
+    }
+
+    /// A system for the terms, and for those that an earlier one was made for.
+    fn analyse(&self, earlier: Option<&NormalEquations>) -> System {
+        let pattern = |isotropic: bool| {
+            let terms = self.terms.iter().filter(move |t| t.is_isotropic() == isotropic);
+            let stencils = terms.flat_map(|t| (0..t.count()).map(|i| t.stencil(i)));
+            Pattern::new(self.vertices, stencils)
+        };
+        let (mut near, mut smooth) = (pattern(false), pattern(true));
+        if let Some(earlier) = earlier {
+            (near, smooth) = (near.union(earlier.near()), smooth.union(earlier.smooth()));
+        }
+        let stripes = vec![Accumulator::new(&near, self.globals); STRIPES];
+        let equations = NormalEquations::new(near, smooth, self.globals)
             .expect("a pattern built from stencils is well formed");
-        let stripes = vec![Accumulator::new(&pattern, self.globals); STRIPES];
-        self.system = Some(System { equations, stripes });
+        System { equations, stripes }
     }
 }
 
@@ -97,7 +151,7 @@ impl Problem for Objective<'_> {
     }
 
     fn linearise(&mut self, state: &Unknowns) -> f64 {
-        let Some(system) = &mut self.system else { return 0.0 };
+        let Some(system) = &mut self.workspace.system else { return 0.0 };
         let terms = &self.terms;
         system.stripes.par_iter_mut().enumerate().for_each(|(stripe, sums)| {
             sums.clear();
@@ -111,7 +165,7 @@ impl Problem for Objective<'_> {
     }
 
     fn step(&mut self, damping: f64) -> Option<Step> {
-        self.system.as_mut()?.equations.step(damping)
+        self.workspace.system.as_mut()?.equations.step(damping)
     }
 
     fn retract(&self, state: &Unknowns, delta: &[f64]) -> Unknowns {
@@ -129,7 +183,10 @@ trait Weighted: Send + Sync {
     fn label(&self) -> &'static str;
     fn count(&self) -> usize;
     fn stencil(&self, i: usize) -> &[u32];
-    fn locate(&mut self, pattern: &Pattern);
+    /// Whether its part of the normal matrix is constant and one number for a pair of vertices.
+    fn is_isotropic(&self) -> bool;
+    fn locate(&mut self, pattern: &Pattern) -> bool;
+    fn accumulate_isotropic(&self, values: &mut [f64]);
     fn cost(&self, state: &Unknowns) -> Option<f64>;
     fn accumulate(&self, state: &Unknowns, range: std::ops::Range<usize>, sums: &mut Accumulator);
 }
@@ -148,16 +205,25 @@ struct Gathered {
     globals: [f64; MAX_GLOBALS],
 }
 
-fn gather(state: &Unknowns, stencil: &[u32], globals: &[usize]) -> Gathered {
-    let mut gathered =
-        Gathered { vertices: [Point3::origin(); MAX_STENCIL], globals: [0.0; MAX_GLOBALS] };
-    for (to, &v) in gathered.vertices.iter_mut().zip(stencil) {
-        *to = state.vertices[v as usize];
+impl Gathered {
+    fn new() -> Self {
+        Self { vertices: [Point3::origin(); MAX_STENCIL], globals: [0.0; MAX_GLOBALS] }
     }
-    for (to, &g) in gathered.globals.iter_mut().zip(globals) {
-        *to = state.globals[g];
+
+    fn take(
+        &mut self,
+        state: &Unknowns,
+        stencil: &[u32],
+        globals: &[usize],
+    ) -> (&[Point3], &[f64]) {
+        for (to, &v) in self.vertices.iter_mut().zip(stencil) {
+            *to = state.vertices[v as usize];
+        }
+        for (to, &g) in self.globals.iter_mut().zip(globals) {
+            *to = state.globals[g];
+        }
+        (&self.vertices[..stencil.len()], &self.globals[..globals.len()])
     }
-    gathered
 }
 
 impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
@@ -173,23 +239,45 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
         self.term.stencil(i)
     }
 
-    fn locate(&mut self, pattern: &Pattern) {
+    fn is_isotropic(&self) -> bool {
+        self.loss == Loss::Squared && self.term.isotropic(0).is_some()
+    }
+
+    fn locate(&mut self, pattern: &Pattern) -> bool {
         self.slots.clear();
         for i in 0..self.term.count() {
             let stencil = self.term.stencil(i);
             for (k, &a) in stencil.iter().enumerate() {
-                self.slots.extend(stencil[..=k].iter().map(|&b| pattern.block(a, b) as u32));
+                for &b in &stencil[..=k] {
+                    let Some(block) = pattern.find(a, b) else { return false };
+                    self.slots.push(block as u32);
+                }
+            }
+        }
+        true
+    }
+
+    fn accumulate_isotropic(&self, values: &mut [f64]) {
+        if !self.is_isotropic() {
+            return;
+        }
+        let mut slots = self.slots.iter();
+        for i in 0..self.term.count() {
+            let Some(weights) = self.term.isotropic(i) else { return };
+            let w = self.weight * self.term.weight(i);
+            for (k, a) in weights.iter().enumerate() {
+                for (b, &slot) in weights[..=k].iter().zip(&mut slots) {
+                    values[slot as usize] += w * a * b;
+                }
             }
         }
     }
 
     fn cost(&self, state: &Unknowns) -> Option<f64> {
-        let globals = self.term.globals();
+        let (globals, mut gathered) = (self.term.globals(), Gathered::new());
         let mut sum = 0.0;
         for i in 0..self.term.count() {
-            let stencil = self.term.stencil(i);
-            let at = gather(state, stencil, globals);
-            let (v, g) = (&at.vertices[..stencil.len()], &at.globals[..globals.len()]);
+            let (v, g) = gathered.take(state, self.term.stencil(i), globals);
             let r = self.term.residual(i, v, g, None).ok()?;
             sum += self.term.weight(i) * self.loss.evaluate(r.norm_squared()).0;
         }
@@ -197,6 +285,9 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
     }
 
     fn accumulate(&self, state: &Unknowns, range: std::ops::Range<usize>, sums: &mut Accumulator) {
+        if self.is_isotropic() {
+            return self.accumulate_gradient(state, range, sums);
+        }
         let globals = self.term.globals();
         let pairs = |i: usize| {
             let k = self.term.stencil(i).len();
@@ -205,10 +296,10 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
         let mut slot: usize = (0..range.start).map(pairs).sum();
         let mut d_vertices = [SMatrix::<f64, R, 3>::zeros(); MAX_STENCIL];
         let mut d_globals = [SVector::<f64, R>::zeros(); MAX_GLOBALS];
+        let mut gathered = Gathered::new();
         for i in range {
             let stencil = self.term.stencil(i);
-            let at = gather(state, stencil, globals);
-            let (v, g) = (&at.vertices[..stencil.len()], &at.globals[..globals.len()]);
+            let (v, g) = gathered.take(state, stencil, globals);
             let (dv, dg) = (&mut d_vertices[..stencil.len()], &mut d_globals[..globals.len()]);
             dv.fill(SMatrix::zeros());
             dg.fill(SVector::zeros());
@@ -220,6 +311,31 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
             let w = self.weight * self.term.weight(i) * slope;
             if w > 0.0 {
                 scatter(sums, Block { w, r, stencil, globals, dv, dg, slots });
+            }
+        }
+    }
+}
+
+impl<const R: usize, T: EnergyTerm<R>> WeightedTerm<R, T> {
+    /// The gradient of blocks whose part of the matrix is already there.
+    fn accumulate_gradient(
+        &self,
+        state: &Unknowns,
+        range: std::ops::Range<usize>,
+        sums: &mut Accumulator,
+    ) {
+        let mut gathered = Gathered::new();
+        for i in range {
+            let stencil = self.term.stencil(i);
+            let (v, _) = gathered.take(state, stencil, &[]);
+            let (Ok(r), Some(weights)) =
+                (self.term.residual(i, v, &[], None), self.term.isotropic(i))
+            else {
+                continue;
+            };
+            let r = Vector3::from_fn(|c, _| r[c] * self.weight * self.term.weight(i));
+            for (&a, &k) in stencil.iter().zip(weights) {
+                sums.gradient[a as usize] += r * k;
             }
         }
     }
@@ -255,6 +371,188 @@ fn scatter<const R: usize>(sums: &mut Accumulator, block: Block<'_, R>) {
         sums.global_gradient[g] += w * dg[k].dot(&r);
         for (l, &h) in globals.iter().enumerate() {
             sums.corner[(g, h)] += w * dg[k].dot(&dg[l]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{CameraModel, Lens};
+    use crate::energy::check::bent_patch;
+    use crate::energy::{GlobalsPrior, Motion, RestFaces, Shearing, Smoothing, Stretch};
+    use crate::geometry::Point2;
+    use crate::mesh::laplacian::Laplacian;
+    use crate::mesh::{Mesh, shapes};
+    use nalgebra::{DMatrix, DVector};
+
+    fn camera() -> CameraModel {
+        CameraModel {
+            size: [640, 480],
+            focal: [600.0, 600.0],
+            centre: [319.5, 239.5],
+            lens: Lens::Pinhole,
+        }
+    }
+
+    /// A sheet of 40 × 40 mm, gently bent, 80 mm in front of the camera.
+    fn sheet(n: usize) -> Mesh {
+        let flat = shapes::irregular_sheet(n);
+        let bend = |p: &Point3| {
+            let (x, y) = (40.0 * (p.x - 0.5), 40.0 * (p.y - 0.5));
+            Point3::new(x, y, 80.0 + 0.01 * x * x + 0.005 * x * y)
+        };
+        flat.with_positions(flat.positions.iter().map(bend).collect())
+    }
+
+    fn objective<'a>(mesh: &Mesh, rest: &'a RestFaces, camera: &'a CameraModel) -> Objective<'a> {
+        let faces: Vec<[u32; 3]> = mesh.topology.faces.iter().step_by(7).copied().collect();
+        let pixels = faces.iter().map(|f| {
+            let p = mesh.positions[f[0] as usize];
+            let pull = 6.0 * (-(p.x * p.x + p.y * p.y) / 60.0).exp();
+            Point2::new(319.5 + 600.0 * p.x / p.z + pull, 239.5 + 600.0 * p.y / p.z)
+        });
+        let motion = Motion {
+            camera,
+            pixels: pixels.collect(),
+            barycentrics: vec![[1.0, 0.0, 0.0]; faces.len()],
+            faces,
+            sigma_px: 1.0,
+        };
+        let smoothing = Smoothing::of_displacement(&Laplacian::new(mesh), &mesh.positions, 1600.0);
+        Objective::over(mesh.positions.len(), 1)
+            .plus(1.0, Loss::GemanMcClure(4.0), motion)
+            .plus(3e4, Loss::Squared, Shearing { rest })
+            .plus(3e3, Loss::Squared, Stretch { rest })
+            .plus(100.0, Loss::Squared, smoothing)
+            .plus(1.0, Loss::Squared, GlobalsPrior { index: [0], mean: 0.1, sigma: 0.3 })
+    }
+
+    fn start(mesh: &Mesh) -> Unknowns {
+        let moved = mesh.positions.iter().map(|p| p + Vector3::new(0.05 * p.y.sin(), 0.0, 0.02));
+        Unknowns { vertices: moved.collect(), globals: vec![0.0] }
+    }
+
+    fn farthest(a: &Unknowns, b: &Unknowns) -> f64 {
+        a.vertices.iter().zip(&b.vertices).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn assembly_equals_the_dense_sum() {
+        let mesh = bent_patch();
+        let rest = RestFaces::new(&mesh, 100.0);
+        let smoothing =
+            || Smoothing::of_displacement(&Laplacian::new(&mesh), &mesh.positions, 100.0);
+        let mut problem = Objective::over(25, 1)
+            .plus(2.0, Loss::Huber(0.01), Shearing { rest: &rest })
+            .plus(3.0, Loss::Squared, Stretch { rest: &rest })
+            .plus(0.5, Loss::Squared, smoothing())
+            .plus(0.7, Loss::Squared, GlobalsPrior { index: [0], mean: 0.1, sigma: 0.3 });
+        let state = start(&mesh);
+        let (mut hessian, mut gradient) = (DMatrix::zeros(76, 76), DVector::zeros(76));
+        add_dense(
+            2.0,
+            Loss::Huber(0.01),
+            &Shearing { rest: &rest },
+            &state,
+            &mut hessian,
+            &mut gradient,
+        );
+        add_dense(
+            3.0,
+            Loss::Squared,
+            &Stretch { rest: &rest },
+            &state,
+            &mut hessian,
+            &mut gradient,
+        );
+        add_dense(0.5, Loss::Squared, &smoothing(), &state, &mut hessian, &mut gradient);
+        (hessian[(75, 75)], gradient[75]) = (0.7 / 0.09, 0.7 * (0.0 - 0.1) / 0.09);
+        problem.prepare();
+        let norm = problem.linearise(&state);
+        assert!((norm - gradient.norm()).abs() < 1e-9 * norm);
+        // Damping keeps the free rigid motion in check.
+        let found = DVector::from_vec(problem.step(0.1).unwrap().delta);
+        let damped = &hessian + DMatrix::from_diagonal(&(hessian.diagonal() * 0.1));
+        let residual = &damped * &found + &gradient;
+        assert!(residual.norm() < 1e-8 * gradient.norm(), "{}", residual.norm());
+    }
+
+    fn add_dense<const R: usize>(
+        weight: f64,
+        loss: Loss,
+        term: &impl EnergyTerm<R>,
+        state: &Unknowns,
+        hessian: &mut DMatrix<f64>,
+        gradient: &mut DVector<f64>,
+    ) {
+        for i in 0..term.count() {
+            let stencil = term.stencil(i);
+            let v: Vec<Point3> = stencil.iter().map(|&k| state.vertices[k as usize]).collect();
+            let mut dv = vec![SMatrix::<f64, R, 3>::zeros(); v.len()];
+            let jacobian = Jacobian { vertices: &mut dv, globals: &mut [] };
+            let r = term.residual(i, &v, &[], Some(jacobian)).unwrap();
+            let w = weight * term.weight(i) * loss.evaluate(r.norm_squared()).1;
+            let mut row = DMatrix::zeros(R, gradient.len());
+            for (&k, d) in stencil.iter().zip(&dv) {
+                row.view_mut((0, 3 * k as usize), (R, 3)).copy_from(d);
+            }
+            *hessian += row.transpose() * &row * w;
+            *gradient += row.transpose() * DVector::from_row_slice(r.as_slice()) * w;
+        }
+    }
+
+    #[test]
+    fn conjugate_gradients_end_where_the_direct_solver_does() {
+        let (mesh, camera) = (sheet(33), camera());
+        let rest = RestFaces::new(&mesh, 1600.0);
+        let options = Options { cost_tolerance: 1e-10, ..Options::default() };
+        let (found, _) = objective(&mesh, &rest, &camera).minimise(start(&mesh), &options);
+        // Never oriented: solved directly.
+        let mut direct = objective(&mesh, &rest, &camera);
+        direct.prepare();
+        let (expected, summary) = minimize(&mut direct, start(&mesh), &options);
+        assert!(summary.cost().1 < 0.9 * summary.cost().0);
+        // A match of 1 px is worth 0.13 mm here.
+        let distance = farthest(&found, &expected);
+        assert!(distance < 1e-3, "{distance} mm");
+        assert!((found.globals[0] - 0.1).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_kept_workspace_gives_what_a_fresh_one_does() {
+        let camera = camera();
+        for n in [12, 33] {
+            let mesh = sheet(n);
+            let rest = RestFaces::new(&mesh, 1600.0);
+            let options = Options::default();
+            let make = || objective(&mesh, &rest, &camera);
+            let mut workspace = Workspace::default();
+            let (fresh, _) = make().minimise_in(&mut workspace, start(&mesh), &options);
+            let (again, _) = make().minimise_in(&mut workspace, start(&mesh), &options);
+            assert_eq!(fresh, again);
+            // An objective with pairs that the workspace does not know.
+            let far = Smoothing::of_displacement(&Laplacian::new(&mesh), &mesh.positions, 100.0);
+            let other = || make().plus(1.0, Loss::Norm, far.clone());
+            let (kept, _) = other().minimise_in(&mut workspace, start(&mesh), &options);
+            let (fresh, _) = other().minimise(start(&mesh), &options);
+            assert!(farthest(&kept, &fresh) < 1e-6, "{}", farthest(&kept, &fresh));
+        }
+    }
+
+    #[test]
+    fn the_number_of_threads_changes_no_bit() {
+        let camera = camera();
+        for n in [12, 33] {
+            let mesh = sheet(n);
+            let rest = RestFaces::new(&mesh, 1600.0);
+            let solve = |threads: usize| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| {
+                    objective(&mesh, &rest, &camera).minimise(start(&mesh), &Options::default()).0
+                })
+            };
+            assert_eq!(solve(1), solve(4));
         }
     }
 }

@@ -59,6 +59,10 @@ impl EnergyTerm<3> for Smoothing {
         &self.stencils[i]
     }
 
+    fn isotropic(&self, i: usize) -> Option<&[f64]> {
+        Some(&self.weights[i])
+    }
+
     fn residual(
         &self,
         i: usize,

@@ -2,6 +2,7 @@
 
 pub mod boundary;
 pub mod components;
+pub mod decimate;
 pub mod laplacian;
 pub mod normals;
 pub mod orientation;

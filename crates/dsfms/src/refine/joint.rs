@@ -8,7 +8,7 @@ use super::evidence::{Photograph, clear_mask, diagonal, median, render_albedo};
 use super::mirror::mirrored;
 use crate::camera::Camera;
 use crate::energy::photometric::Sample;
-use crate::energy::{GlobalsPrior, Objective, Photometric, Smoothing, Unknowns};
+use crate::energy::{GlobalsPrior, Objective, Photometric, Smoothing, Unknowns, Workspace};
 use crate::geometry::{Point3, Vector3, point_at};
 use crate::image::Plane;
 use crate::image::filter::blur_masked;
@@ -132,7 +132,7 @@ pub fn join(
     };
     let mut state = Unknowns { vertices: start.to_vec(), globals: vec![0.0, 0.0] };
     let mut expected = photo.expected_log_gain;
-    let mut last = None;
+    let (mut last, mut workspace) = (None, Workspace::default());
     let last_stage = options.blurs.len().saturating_sub(1);
     let mut reposed: Option<Scene> = None;
     for (stage, &blur) in options.blurs.iter().enumerate() {
@@ -146,7 +146,8 @@ pub fn join(
         let gain = expected.unwrap_or(look.log_gain);
         let problem = || objective(scene, matches, hold, photo, &look, gain, options);
         let mirrors = if (1..last_stage).contains(&stage) { options.mirrors } else { 0 };
-        let (next, summary) = settle(problem, &scene.rest.topology, start, state, mirrors);
+        let (next, summary) =
+            settle(problem, &mut workspace, &scene.rest.topology, start, state, mirrors);
         state = next;
         last = Some((summary, look.samples.len()));
         // A near light tells the distance of everything, so the shape now knows the pose better than
@@ -170,16 +171,17 @@ pub fn join(
 /// stays.
 fn settle<'a>(
     problem: impl Fn() -> Objective<'a>,
+    workspace: &mut Workspace,
     topology: &Topology,
     coarse: &[Point3],
     state: Unknowns,
     mirrors: usize,
 ) -> (Unknowns, Summary) {
     let solver = Options { max_steps: 12, cost_tolerance: 1e-4, ..Options::default() };
-    let mut best = problem().minimise(state, &solver);
+    let mut best = problem().minimise_in(workspace, state, &solver);
     for vertices in mirrored(topology, coarse, &best.0.vertices, mirrors) {
         let other = Unknowns { vertices, globals: best.0.globals.clone() };
-        let other = problem().minimise(other, &solver);
+        let other = problem().minimise_in(workspace, other, &solver);
         if other.1.cost().1 < best.1.cost().1 {
             best = other;
         }

@@ -3,7 +3,7 @@
 use super::RefineOptions;
 use super::evidence::{Evidence, Photograph, gather};
 use crate::energy::{
-    Diffuse, GlobalsPrior, Objective, Reprojection, Smoothing, Specular, Stay, Unknowns,
+    Diffuse, GlobalsPrior, Objective, Reprojection, Smoothing, Specular, Stay, Unknowns, Workspace,
 };
 use crate::geometry::Point3;
 use crate::register::objective::hold_depth;
@@ -40,11 +40,11 @@ pub fn refine(
     let start = if options.literal { 0.0 } else { evidence.log_gain };
     let mut state = Unknowns { vertices: coarse.to_vec(), globals: vec![start, 0.0] };
     let rounds = if options.literal { 1 } else { options.rounds.max(1) };
-    let mut round = 0;
+    let (mut round, mut workspace) = (0, Workspace::default());
     loop {
         let objective = objective(scene, coarse, matches, photo, &evidence, expected, options);
         let solver = Options { max_steps: 20, cost_tolerance: 1e-5, ..Options::default() };
-        let (next, summary) = objective.minimise(state, &solver);
+        let (next, summary) = objective.minimise_in(&mut workspace, state, &solver);
         round += 1;
         if round == rounds {
             return Refined {

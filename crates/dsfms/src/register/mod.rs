@@ -12,7 +12,7 @@ pub mod scene;
 
 use crate::geometry::Point2;
 pub use find::find;
-pub use objective::{Registered, register};
+pub use objective::{RegisterMemory, Registered, register, register_in};
 pub use options::{Prior, RegisterOptions};
 pub use pose::{Posed, pose};
 pub use scene::Scene;

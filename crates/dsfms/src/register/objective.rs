@@ -1,13 +1,17 @@
 //! Eq. 3: motion, shearing, anisotropy, smoothing.
 
+use super::pose::rest_point;
 use super::{Match, Posed, Prior, RegisterOptions, Scene};
 use crate::camera::{Camera, CameraModel};
 use crate::energy::{
     Anisotropy, Arap, Boundary, Isometric, Motion, Objective, Shearing, Smoothing, Stay, Stretch,
-    Unknowns,
+    Unknowns, Workspace,
 };
-use crate::geometry::Point3;
+use crate::geometry::{Point3, Vector3};
+use crate::mesh::Mesh;
+use crate::mesh::decimate::{Decimated, decimate};
 use crate::solver::{Loss, Options, Summary};
+use std::sync::Arc;
 
 /// The coarse shape V′.
 #[derive(Clone, Debug)]
@@ -27,6 +31,20 @@ pub struct Registered {
 /// Solves at most where matches tell that the surface bends as a whole.
 const ROUNDS: usize = 4;
 
+/// What outlives a frame of the same template: the coarse mesh and the symbolic factors.
+#[derive(Default)]
+pub struct RegisterMemory {
+    coarse: Option<Coarse>,
+    workspace: Workspace,
+}
+
+struct Coarse {
+    /// The mesh it was made from.
+    rest: Mesh,
+    decimated: Option<Decimated>,
+    memory: Box<RegisterMemory>,
+}
+
 /// Solve eq. 3 from the rigid pose.
 ///
 /// Where neighbouring matches share a motion that the pose does not explain and that the depth hold
@@ -39,49 +57,162 @@ pub fn register(
     posed: &Posed,
     options: &RegisterOptions,
 ) -> Registered {
+    register_in(&mut RegisterMemory::default(), scene, matches, posed, options)
+}
+
+/// Solve eq. 3 from the rigid pose with what an earlier frame of the same template has left; a
+/// memory of another template is made anew.
+pub fn register_in(
+    memory: &mut RegisterMemory,
+    scene: &Scene,
+    matches: &[Match],
+    posed: &Posed,
+    options: &RegisterOptions,
+) -> Registered {
     let hold = options.depth_hold * scene.radius();
     let mut motion = options.depth_hold_motion * unexplained_motion(scene, posed);
-    let mut state = Unknowns { vertices: scene.posed.clone(), globals: Vec::new() };
+    let losses = losses(options);
+    let mut state = scene.posed.clone();
     let (mut reposed, mut round): (Option<Scene>, usize) = (None, 1);
     let summary = loop {
         let scene = reposed.as_ref().unwrap_or(scene);
-        let (next, summary) = anneal(scene, matches, motion, options, state);
+        let problem = Problem { scene, matches, motion, options };
+        let (next, summary) = problem.solve(memory, state, &losses, 1e-5);
         state = next;
-        let moved = displacement(scene, matches, &state.vertices, 3.0 * options.robust_px[1]);
+        let moved = displacement(scene, matches, &state, 3.0 * options.robust_px[1]);
         if options.literal || motion <= hold || moved <= 1.1 * motion || round == ROUNDS {
             break summary;
         }
-        let anew = scene.reposed(&state.vertices);
+        let anew = scene.reposed(&state);
         (motion, round, reposed) = (moved, round + 1, Some(anew));
     };
-    let errors = errors_px(scene, matches, &state.vertices);
+    let errors = errors_px(scene, matches, &state);
     let limit = 3.0 * options.robust_px[1];
     let kept: Vec<bool> = errors.iter().map(|&e| e <= limit).collect();
     let mut inliers: Vec<f64> = errors.into_iter().filter(|&e| e <= limit).collect();
     inliers.sort_unstable_by(f64::total_cmp);
     let residual_px = inliers.get(inliers.len() / 2).copied().unwrap_or(f64::INFINITY);
     let depth_sigma = hold.hypot(motion);
-    Registered { vertices: state.vertices, kept, residual_px, depth_sigma, summary }
+    Registered { vertices: state, kept, residual_px, depth_sigma, summary }
 }
 
-/// One solve of eq. 3, coarse to fine, for a surface expected to move by `motion`.
-fn anneal(
-    scene: &Scene,
-    matches: &[Match],
+/// Eq. 3 on one mesh.
+struct Problem<'a> {
+    scene: &'a Scene<'a>,
+    matches: &'a [Match],
+    /// How far the surface is expected to move, length units.
     motion: f64,
-    options: &RegisterOptions,
-    mut state: Unknowns,
-) -> (Unknowns, Summary) {
-    let depth_sigma = (options.depth_hold * scene.radius()).hypot(motion);
-    let solver = Options { max_steps: 15, cost_tolerance: 1e-5, ..Options::default() };
-    let mut summary = None;
-    for loss in losses(options) {
-        let smoothing = smoothing_weight(options, motion / scene.radius());
-        let objective = objective(scene, matches, [depth_sigma, smoothing], options, loss);
-        let (next, report) = objective.minimise(state, &solver);
-        (state, summary) = (next, Some(report));
+    options: &'a RegisterOptions,
+}
+
+impl Problem<'_> {
+    /// Anneal on a coarser mesh where there is one, else here from `start`, and solve the last loss
+    /// here.
+    fn solve(
+        &self,
+        memory: &mut RegisterMemory,
+        start: Vec<Point3>,
+        losses: &[Loss],
+        tolerance: f64,
+    ) -> (Vec<Point3>, Summary) {
+        let (start, losses) = match coarse_start(&mut memory.coarse, self, losses) {
+            Some(start) => (start, &losses[losses.len() - 1..]),
+            None => (start, losses),
+        };
+        self.anneal(&mut memory.workspace, start, losses, tolerance)
     }
-    (state, summary.expect("the annealing has at least one step"))
+
+    /// Solve under one loss after another; only the last to the given tolerance, since the others
+    /// merely lead there.
+    fn anneal(
+        &self,
+        workspace: &mut Workspace,
+        start: Vec<Point3>,
+        losses: &[Loss],
+        tolerance: f64,
+    ) -> (Vec<Point3>, Summary) {
+        let mut state = Unknowns { vertices: start, globals: Vec::new() };
+        let mut summary = None;
+        for (k, &loss) in losses.iter().enumerate() {
+            let cost_tolerance = if k + 1 < losses.len() { 1e-2 } else { tolerance };
+            let solver = Options { max_steps: 15, cost_tolerance, ..Options::default() };
+            let (next, report) = self.objective(loss).minimise_in(workspace, state, &solver);
+            (state, summary) = (next, Some(report));
+        }
+        (state.vertices, summary.expect("the annealing has at least one step"))
+    }
+
+    /// The lines of eq. 3, with the repairs of DESIGN.md.
+    fn objective(&self, loss: Loss) -> Objective<'_> {
+        let Self { scene, matches, options, .. } = *self;
+        let area = scene.visible_area;
+        let repaired = if options.literal { 0.0 } else { 1.0 };
+        let smoothing = if options.literal {
+            Smoothing::of_position(&scene.laplacian, area)
+        } else {
+            Smoothing::of_displacement(&scene.laplacian, &scene.posed, area)
+        };
+        let smooth = smoothing_weight(options, self.motion / scene.radius());
+        let depth_sigma = (options.depth_hold * scene.radius()).hypot(self.motion);
+        let motion = motion(scene, matches, options.match_sigma_px);
+        let motion = Objective::over(scene.posed.len(), 0).plus(1.0, loss, motion);
+        let weights = [options.conformal, repaired * options.stretch];
+        keep(motion, scene, options.prior, Loss::Squared, weights)
+            .plus(smooth, Loss::Squared, smoothing)
+            .plus(repaired, Loss::Huber(1.0), hold_depth(scene, matches, &scene.posed, depth_sigma))
+            .plus(repaired * options.stay, Loss::Squared, stay(scene))
+    }
+}
+
+/// Meshes of more vertices are first solved on a coarse one.
+const COARSE_ABOVE: usize = 900;
+
+/// Vertices of the coarsest mesh.
+const COARSE: usize = 300;
+
+/// Vertices of one mesh for each of the next coarser.
+const RATIO: usize = 16;
+
+/// How far a coarse mesh is solved: what is left is less than its own error.
+const COARSE_TOLERANCE: f64 = 1e-4;
+
+/// The annealing on a mesh of some of the vertices, carried to all of them: it finds the matches
+/// that count and all but the finest part of the shape. `None` for a mesh that is coarse already, or
+/// that cannot be made coarser.
+fn coarse_start(
+    memory: &mut Option<Coarse>,
+    fine: &Problem,
+    losses: &[Loss],
+) -> Option<Vec<Point3>> {
+    let Problem { scene, matches, motion, options } = *fine;
+    if scene.posed.len() <= COARSE_ABOVE || options.literal {
+        return None;
+    }
+    let same = |c: &Coarse| {
+        Arc::ptr_eq(&c.rest.topology, &scene.rest.topology)
+            && c.rest.positions == scene.rest.positions
+    };
+    if !memory.as_ref().is_some_and(same) {
+        let target = (scene.posed.len() / RATIO).max(COARSE);
+        let (rest, decimated) = (scene.rest.clone(), decimate(scene.rest, target));
+        *memory = Some(Coarse { rest, decimated, memory: Box::default() });
+    }
+    let Coarse { decimated, memory, .. } = memory.as_mut()?;
+    let decimated = decimated.as_ref()?;
+    let coarse = scene.on_some(&decimated.mesh, &decimated.kept);
+    let carried = |m: &Match| {
+        let (point, near) = (rest_point(scene.rest, m), scene.face(m)[0]);
+        let (face, barycentric) = decimated.locate(&point, near)?;
+        Some(Match { face, barycentric, pixel: m.pixel })
+    };
+    let matches: Vec<Match> = matches.iter().filter_map(carried).collect();
+    let problem = Problem { scene: &coarse, matches: &matches, motion, options };
+    let start = coarse.posed.clone();
+    let (found, _) = problem.solve(memory, start, losses, COARSE_TOLERANCE);
+    let displacement: Vec<Vector3> =
+        found.iter().zip(&coarse.posed).map(|(now, posed)| now - posed).collect();
+    let carried = decimated.prolong(scene.rest, &displacement);
+    Some(scene.posed.iter().zip(carried).map(|(p, d)| p + d).collect())
 }
 
 /// Root mean square distance of the matches that a shape explains within `limit_px` from where the
@@ -108,30 +239,6 @@ fn losses(options: &RegisterOptions) -> Vec<Loss> {
         scales.push((scales[scales.len() - 1] * 0.4).max(fine));
     }
     scales.into_iter().map(Loss::GemanMcClure).collect()
-}
-
-/// The lines of eq. 3, with the repairs of DESIGN.md.
-fn objective<'a>(
-    scene: &'a Scene,
-    matches: &[Match],
-    [depth_sigma, smoothing_weight]: [f64; 2],
-    options: &RegisterOptions,
-    loss: Loss,
-) -> Objective<'a> {
-    let area = scene.visible_area;
-    let motion = motion(scene, matches, options.match_sigma_px);
-    let repaired = if options.literal { 0.0 } else { 1.0 };
-    let smoothing = if options.literal {
-        Smoothing::of_position(&scene.laplacian, area)
-    } else {
-        Smoothing::of_displacement(&scene.laplacian, &scene.posed, area)
-    };
-    let motion = Objective::over(scene.posed.len(), 0).plus(1.0, loss, motion);
-    let weights = [options.conformal, repaired * options.stretch];
-    keep(motion, scene, options.prior, Loss::Squared, weights)
-        .plus(smoothing_weight, Loss::Squared, smoothing)
-        .plus(repaired, Loss::Huber(1.0), hold_depth(scene, matches, &scene.posed, depth_sigma))
-        .plus(repaired * options.stay, Loss::Squared, stay(scene))
 }
 
 /// What the surface keeps of its rest shape, with the loss of its strains; the second weight is that
@@ -213,4 +320,44 @@ pub fn errors_px(scene: &Scene, matches: &[Match], shape: &[Point3]) -> Vec<f64>
         seen.map_or(f64::INFINITY, |s| (s.pixel - m.pixel).norm())
     };
     matches.iter().map(error).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::LightModel;
+    use crate::register::pose;
+    use crate::synth::{Case, CaseOptions, Draw};
+
+    #[test]
+    fn starting_on_a_coarse_mesh_ends_where_annealing_on_the_fine_one_does() {
+        let options = CaseOptions {
+            vertices: 1200,
+            extension: 0.05,
+            light: LightModel::Collinear,
+            draw: Draw { count: 100, sigma_px: 1.0 },
+            pull: true,
+        };
+        let mut case = Case::new(&options, 3);
+        // One match in ten is wrong.
+        case.matches.iter_mut().step_by(10).for_each(|m| m.pixel.x += 40.0);
+        let options = RegisterOptions::default();
+        let rest = &case.template.mesh;
+        let posed = pose(&case.camera, rest, &case.matches, &options, 0).unwrap();
+        let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
+        let scene = Scene::new(&case.camera, rest, rigid);
+        let mut memory = RegisterMemory::default();
+        let found = register_in(&mut memory, &scene, &case.matches, &posed, &options);
+        let depth_sigma = found.depth_sigma;
+        let problem =
+            Problem { scene: &scene, matches: &case.matches, depth_sigma, options: &options };
+        let start = scene.posed.clone();
+        let (all, _) = problem.anneal(&mut Workspace::default(), start, &losses(&options), 1e-7);
+        let squares = found.vertices.iter().zip(&all).map(|(a, b)| (a - b).norm_squared());
+        let rms = (squares.sum::<f64>() / all.len() as f64).sqrt();
+        // A match of 1 px is worth 0.1 mm here.
+        assert!(rms < 0.01, "{rms} mm");
+        let again = register_in(&mut memory, &scene, &case.matches, &posed, &options);
+        assert_eq!(found.vertices, again.vertices);
+    }
 }

@@ -53,6 +53,22 @@ impl<'a> Scene<'a> {
         Self::new(self.camera, self.rest, posed)
     }
 
+    /// The same frame for a coarser mesh on the vertices `kept`.
+    pub fn on_some<'b>(&self, rest: &'b Mesh, kept: &[u32]) -> Scene<'b>
+    where
+        'a: 'b,
+    {
+        Scene {
+            camera: self.camera,
+            rest,
+            posed: kept.iter().map(|&v| self.posed[v as usize]).collect(),
+            visible: kept.iter().map(|&v| self.visible[v as usize]).collect(),
+            visible_area: self.visible_area,
+            faces: RestFaces::new(rest, self.visible_area),
+            laplacian: Laplacian::new(rest),
+        }
+    }
+
     /// Radius of a disc of the visible area: the length scale of the frame.
     pub fn radius(&self) -> f64 {
         (self.visible_area / std::f64::consts::PI).sqrt()

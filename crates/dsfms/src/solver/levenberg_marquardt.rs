@@ -33,7 +33,8 @@ pub trait Problem {
 pub struct Options {
     /// Accepted steps at most.
     pub max_steps: usize,
-    /// Stop when an accepted step lowers the cost by less than this fraction of it.
+    /// Stop when the next step can be expected to lower the cost by less than this fraction of it:
+    /// the last decrease times the ratio of the last two.
     pub cost_tolerance: f64,
     /// Stop when the gradient norm falls below this.
     pub gradient_tolerance: f64,
@@ -47,13 +48,19 @@ impl Default for Options {
             max_steps: 50,
             cost_tolerance: 1e-6,
             gradient_tolerance: 1e-12,
-            initial_damping: 1e-4,
+            initial_damping: 1e-8,
         }
     }
 }
 
 /// Largest damping before the solver gives up on a linearisation.
 const MAX_DAMPING: f64 = 1e12;
+
+/// Convergence is not believed to be faster than this from one step to the next.
+const FASTEST: f64 = 0.1;
+
+/// Damping after a refused step: less would hardly change it.
+const MIN_REFUSED_DAMPING: f64 = 1e-5;
 
 /// Minimise from `state`; the cost of what is returned is never above that of the start.
 ///
@@ -68,7 +75,7 @@ pub fn minimize<P: Problem>(
         return (state, summary(problem, Stop::NoProgress, [0, 0], [&[], &[]], start));
     };
     let (mut costs, mut damping, mut growth) = (before.clone(), options.initial_damping, 2.0);
-    let (mut accepted, mut refused) = (0, 0);
+    let (mut accepted, mut refused, mut last_decrease) = (0, 0, f64::MIN_POSITIVE);
     let stop = 'steps: loop {
         if accepted == options.max_steps {
             break Stop::StepLimit;
@@ -91,17 +98,20 @@ pub fn minimize<P: Problem>(
                     let gain = (2.0 * decrease / predicted - 1.0).powi(3);
                     damping = (damping * (1.0 - gain).max(1.0 / 3.0)).max(1e-14);
                     growth = 2.0;
-                    if decrease < options.cost_tolerance * cost {
+                    let rate = (decrease / last_decrease).clamp(FASTEST, 1.0);
+                    last_decrease = decrease;
+                    if decrease * rate < options.cost_tolerance * cost {
                         break 'steps Stop::Cost;
                     }
                     break;
                 }
-                if predicted.abs() <= 1e-14 * cost {
+                // What is left to gain drowns in what the model leaves out.
+                if predicted.abs() <= options.cost_tolerance * cost {
                     break 'steps Stop::Step;
                 }
             }
             refused += 1;
-            damping *= growth;
+            damping = (damping * growth).max(MIN_REFUSED_DAMPING);
             growth *= 2.0;
             if damping > MAX_DAMPING {
                 break 'steps Stop::NoProgress;

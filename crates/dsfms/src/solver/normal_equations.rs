@@ -5,83 +5,26 @@
 //! ⎣ Bᵀ C ⎦ ⎣ δ globals  ⎦ = − ⎣ h ⎦
 //! ```
 //!
-//! `A` is sparse in 3×3 blocks; `C` is small and dense and is eliminated by its Schur complement.
+//! `A = N + S ⊗ I₃`: `N` in 3×3 blocks changes with every linearisation; `S`, one number for a pair
+//! of vertices, comes from the terms that are linear in the positions (smoothing) and stays. `C` is
+//! small and dense. Small meshes are solved directly, large ones by preconditioned conjugate
+//! gradients; the choice depends on the number of vertices alone.
 
-use super::cholesky::{Cholesky, CholeskyError};
+use super::cholesky::CholeskyError;
+use super::direct::Direct;
+use super::iterative::Iterative;
 use super::levenberg_marquardt::Step;
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use std::collections::BTreeSet;
+use super::ordering::{Entry, NONE, Ordered};
+use super::pattern::Pattern;
+use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
 
-/// Which 3×3 blocks of the lower triangle of `A` can be non-zero.
-#[derive(Clone, Debug, Default)]
-pub struct Pattern {
-    vertices: usize,
-    /// First block of every block column, and the block count last.
-    columns: Vec<usize>,
-    /// Block row of every block, ascending in a column, the diagonal first.
-    rows: Vec<u32>,
-}
-
-impl Pattern {
-    /// Blocks for every pair of vertices that share a stencil.
-    pub fn new<'a>(vertices: usize, stencils: impl Iterator<Item = &'a [u32]>) -> Self {
-        let mut below: Vec<BTreeSet<u32>> = (0..vertices as u32).map(|v| [v].into()).collect();
-        for stencil in stencils {
-            for &column in stencil {
-                below[column as usize].extend(stencil.iter().filter(|&&row| row > column));
-            }
-        }
-        let mut columns = vec![0];
-        let mut rows = Vec::new();
-        for set in below {
-            rows.extend(set);
-            columns.push(rows.len());
-        }
-        Self { vertices, columns, rows }
-    }
-
-    /// Number of blocks.
-    pub fn len(&self) -> usize {
-        self.rows.len()
-    }
-
-    /// Whether there is no block.
-    pub fn is_empty(&self) -> bool {
-        self.rows.is_empty()
-    }
-
-    /// Index of the block of two vertices, whichever is larger; the pair must share a stencil.
-    pub fn block(&self, a: u32, b: u32) -> usize {
-        let (row, column) = (a.max(b), a.min(b) as usize);
-        let range = self.columns[column]..self.columns[column + 1];
-        let found = self.rows[range.clone()].binary_search(&row);
-        range.start + found.expect("both vertices are in one stencil of the pattern")
-    }
-
-    /// The scalar lower triangle: column pointers, row indices, and for every entry its place in
-    /// the block values (9 per block, column major).
-    fn scalar(&self) -> (Vec<usize>, Vec<usize>, Vec<u32>) {
-        let (mut col_ptr, mut row_idx, mut source) = (vec![0], Vec::new(), Vec::new());
-        for column in 0..self.vertices {
-            for c in 0..3 {
-                for block in self.columns[column]..self.columns[column + 1] {
-                    let row = self.rows[block] as usize;
-                    for r in (if row == column { c } else { 0 })..3 {
-                        row_idx.push(3 * row + r);
-                        source.push((9 * block + 3 * c + r) as u32);
-                    }
-                }
-                col_ptr.push(row_idx.len());
-            }
-        }
-        (col_ptr, row_idx, source)
-    }
-}
+/// Meshes of more vertices are solved iteratively.
+pub const DIRECT_UP_TO: usize = 1000;
 
 /// Sums of one linearisation; several are added in fixed order to use all cores.
 #[derive(Clone, Debug)]
 pub struct Accumulator {
-    /// Nine values per block, column major, rows = the larger vertex.
+    /// Blocks of `N`, rows = the larger vertex.
     pub blocks: Vec<Matrix3<f64>>,
     /// Gradient of the vertices.
     pub gradient: Vec<Vector3<f64>>,
@@ -94,12 +37,12 @@ pub struct Accumulator {
 }
 
 impl Accumulator {
-    /// All zero, for a pattern and a number of globals.
-    pub fn new(pattern: &Pattern, globals: usize) -> Self {
+    /// All zero, for the pattern of `N` and a number of globals.
+    pub fn new(near: &Pattern, globals: usize) -> Self {
         Self {
-            blocks: vec![Matrix3::zeros(); pattern.len()],
-            gradient: vec![Vector3::zeros(); pattern.vertices],
-            border: vec![vec![Vector3::zeros(); pattern.vertices]; globals],
+            blocks: vec![Matrix3::zeros(); near.len()],
+            gradient: vec![Vector3::zeros(); near.vertices()],
+            border: vec![vec![Vector3::zeros(); near.vertices()]; globals],
             corner: DMatrix::zeros(globals, globals),
             global_gradient: DVector::zeros(globals),
         }
@@ -112,6 +55,17 @@ impl Accumulator {
         self.border.iter_mut().for_each(|b| b.fill(Vector3::zeros()));
         self.corner.fill(0.0);
         self.global_gradient.fill(0.0);
+    }
+
+    /// Take the values of another accumulator of the same shape.
+    pub fn set(&mut self, other: &Self) {
+        self.blocks.copy_from_slice(&other.blocks);
+        self.gradient.copy_from_slice(&other.gradient);
+        for (mine, theirs) in self.border.iter_mut().zip(&other.border) {
+            mine.copy_from_slice(theirs);
+        }
+        self.corner.copy_from(&other.corner);
+        self.global_gradient.copy_from(&other.global_gradient);
     }
 
     /// Add another accumulator of the same shape.
@@ -130,34 +84,116 @@ fn add_all<T: Copy + std::ops::AddAssign>(mine: &mut [T], theirs: &[T]) {
     mine.iter_mut().zip(theirs).for_each(|(m, t)| *m += *t);
 }
 
-/// The system at one linearisation, with the symbolic factor kept between them.
+/// The system at one linearisation, with the ordering and the symbolic factor kept between them.
 pub struct NormalEquations {
-    cholesky: Cholesky,
-    source: Vec<u32>,
-    diagonal: Vec<usize>,
-    values: Vec<f64>,
-    damped: Vec<f64>,
+    near: Pattern,
+    smooth: Pattern,
+    ordered: Ordered,
+    isotropic: Vec<f64>,
     sums: Accumulator,
+    direct: Option<Direct>,
+    iterative: Option<Iterative>,
+}
+
+/// The parts of the matrix, borrowed by a solver.
+pub(super) struct Matrix<'a> {
+    pub near: &'a Pattern,
+    pub smooth: &'a Pattern,
+    pub ordered: &'a Ordered,
+    pub isotropic: &'a [f64],
+    pub sums: &'a Accumulator,
+}
+
+impl Matrix<'_> {
+    /// Block of `A` at an entry of the renumbered lower triangle.
+    pub fn block(&self, entry: &Entry) -> Matrix3<f64> {
+        let mut block = match self.sums.blocks.get(entry.near as usize) {
+            Some(block) if entry.flipped => block.transpose(),
+            Some(block) => *block,
+            None => Matrix3::zeros(),
+        };
+        if entry.smooth != NONE {
+            let isotropic = self.isotropic[entry.smooth as usize];
+            (0..3).for_each(|c| block[(c, c)] += isotropic);
+        }
+        block
+    }
+
+    /// Diagonal of `A` at a vertex.
+    pub fn diagonal(&self, vertex: usize) -> Vector3<f64> {
+        let near = self.sums.blocks[self.near.column(vertex).0].diagonal();
+        near.add_scalar(self.isotropic[self.smooth.column(vertex).0])
+    }
+
+    /// What is added to the diagonal to keep vertices without evidence solvable.
+    pub fn floor(&self) -> f64 {
+        let largest = (0..self.near.vertices()).map(|v| self.diagonal(v).max()).fold(0.0, f64::max);
+        1e-12 * largest + f64::MIN_POSITIVE
+    }
 }
 
 impl NormalEquations {
-    /// Analyse a pattern once for all linearisations.
-    pub fn new(pattern: &Pattern, globals: usize) -> Result<Self, CholeskyError> {
-        let (col_ptr, row_idx, source) = pattern.scalar();
-        let diagonal = col_ptr[..col_ptr.len() - 1].to_vec();
-        let cholesky = Cholesky::analyse(3 * pattern.vertices, col_ptr, row_idx)?;
-        let values = vec![0.0; source.len()];
-        let sums = Accumulator::new(pattern, globals);
-        Ok(Self { cholesky, source, diagonal, damped: values.clone(), values, sums })
+    /// Order and analyse the patterns of `N` and `S` once for all linearisations.
+    ///
+    /// # Errors
+    /// A system too large for its index type or for the memory.
+    pub fn new(near: Pattern, smooth: Pattern, globals: usize) -> Result<Self, CholeskyError> {
+        let ordered = Ordered::new(&near, &smooth)?;
+        let sums = Accumulator::new(&near, globals);
+        let isotropic = vec![0.0; smooth.len()];
+        Ok(Self { near, smooth, ordered, isotropic, sums, direct: None, iterative: None })
+    }
+
+    /// Pattern of `N`.
+    pub fn near(&self) -> &Pattern {
+        &self.near
+    }
+
+    /// Pattern of `S`.
+    pub fn smooth(&self) -> &Pattern {
+        &self.smooth
+    }
+
+    /// Number of global unknowns.
+    pub fn globals(&self) -> usize {
+        self.sums.corner.nrows()
+    }
+
+    /// Values of `S`, in its pattern's order.
+    pub fn isotropic_mut(&mut self) -> &mut [f64] {
+        &mut self.isotropic
+    }
+
+    /// Take a shape near the solution, from which the iterative solver takes its local axes. Without
+    /// it, or with few vertices, the system is solved directly.
+    ///
+    /// # Errors
+    /// A system too large for its index type or for the memory.
+    pub fn orient(&mut self, vertices: &[Point3<f64>]) -> Result<(), CholeskyError> {
+        if vertices.len() <= DIRECT_UP_TO {
+            return Ok(());
+        }
+        let mut solver = match self.iterative.take() {
+            Some(solver) => solver,
+            None => Iterative::new(&self.ordered)?,
+        };
+        solver.orient(&self.matrix(), vertices);
+        self.iterative = Some(solver);
+        Ok(())
+    }
+
+    fn matrix(&self) -> Matrix<'_> {
+        let Self { near, smooth, ordered, isotropic, sums, .. } = self;
+        Matrix { near, smooth, ordered, isotropic, sums }
     }
 
     /// Take the sums of a linearisation (in the given order) as the system.
-    pub fn assemble<'a>(&mut self, parts: impl Iterator<Item = &'a Accumulator>) {
-        self.sums.clear();
-        parts.for_each(|part| self.sums.add(part));
-        for (value, &source) in self.values.iter_mut().zip(&self.source) {
-            *value = self.sums.blocks[source as usize / 9][source as usize % 9];
+    pub fn assemble<'a>(&mut self, mut parts: impl Iterator<Item = &'a Accumulator>) {
+        match parts.next() {
+            Some(first) => self.sums.set(first),
+            None => self.sums.clear(),
         }
+        parts.for_each(|part| self.sums.add(part));
     }
 
     /// Norm of the whole gradient.
@@ -166,67 +202,39 @@ impl NormalEquations {
         (vertices + self.sums.global_gradient.norm_squared()).sqrt()
     }
 
-    /// Factorise `A + damping·diag A`, with a floor that keeps vertices without evidence solvable.
-    fn factorise(&mut self, damping: f64) -> Result<(), CholeskyError> {
-        self.damped.copy_from_slice(&self.values);
-        let largest = self.diagonal.iter().fold(0.0_f64, |m, &d| m.max(self.values[d]));
-        for &d in &self.diagonal {
-            self.damped[d] += damping * self.values[d] + 1e-12 * largest + f64::MIN_POSITIVE;
-        }
-        self.cholesky.factorise(&self.damped)
-    }
-
     /// Solve `(H + damping·diag H) δ = −∇` and predict the decrease of the cost
     /// (whose gradient is twice `∇`, as for a sum of squares).
     pub fn step(&mut self, damping: f64) -> Option<Step> {
-        self.factorise(damping).ok()?;
-        let (n, m) = (3 * self.sums.gradient.len(), self.sums.corner.nrows());
-        let mut rhs: Vec<f64> =
-            self.sums.gradient.iter().flat_map(|g| [-g.x, -g.y, -g.z]).collect();
-        rhs.extend(self.sums.border.iter().flatten().flat_map(|b| [b.x, b.y, b.z]));
-        self.cholesky.solve(&mut rhs);
-        let mut delta = rhs[..n].to_vec();
-        if m > 0 {
-            let globals = self.schur_step(damping, &rhs)?;
-            for (k, &g) in globals.iter().enumerate() {
-                let column = &rhs[(k + 1) * n..(k + 2) * n];
-                delta.iter_mut().zip(column).for_each(|(d, c)| *d -= g * c);
+        if let Some(mut solver) = self.iterative.take() {
+            let found = solver.step(&self.matrix(), damping);
+            self.iterative = Some(solver);
+            if let Some((delta, slack)) = found {
+                let predicted = self.predicted(&delta, damping) + slack;
+                return predicted.is_finite().then_some(Step { delta, predicted });
             }
-            delta.extend(globals.iter());
         }
-        let predicted = self.predicted(&delta, damping);
-        (predicted.is_finite()).then_some(Step { delta, predicted })
-    }
-
-    /// Globals of the step, given `A⁻¹[−g, B]`.
-    fn schur_step(&self, damping: f64, solved: &[f64]) -> Option<DVector<f64>> {
-        let (n, m) = (3 * self.sums.gradient.len(), self.sums.corner.nrows());
-        let dot = |k: usize, x: &[f64]| -> f64 {
-            let border = self.sums.border[k].iter().flat_map(|b| b.iter());
-            border.zip(x).map(|(b, x)| b * x).sum()
+        let mut solver = match self.direct.take() {
+            Some(solver) => solver,
+            None => Direct::new(&self.ordered).ok()?,
         };
-        let mut schur = self.sums.corner.clone();
-        let mut rhs = -&self.sums.global_gradient;
-        for k in 0..m {
-            schur[(k, k)] += damping * self.sums.corner[(k, k)] + f64::MIN_POSITIVE;
-            rhs[k] -= dot(k, &solved[..n]);
-            for l in 0..m {
-                schur[(k, l)] -= dot(k, &solved[(l + 1) * n..(l + 2) * n]);
-            }
-        }
-        let symmetric = (&schur + schur.transpose()) * 0.5;
-        Some(symmetric.cholesky()?.solve(&rhs))
+        let delta = solver.step(&self.matrix(), damping);
+        self.direct = Some(solver);
+        let delta = delta?;
+        let predicted = self.predicted(&delta, damping);
+        predicted.is_finite().then_some(Step { delta, predicted })
     }
 
-    /// Decrease of the undamped quadratic model: `−2∇ᵀδ − δᵀHδ = −∇ᵀδ + μ δᵀDδ`.
+    /// Decrease of the undamped quadratic model at a solution of the damped system:
+    /// `−2∇ᵀδ − δᵀHδ = −∇ᵀδ + μ δᵀDδ`.
     fn predicted(&self, delta: &[f64], damping: f64) -> f64 {
-        let n = 3 * self.sums.gradient.len();
-        let gradient = self.sums.gradient.iter().flat_map(|g| g.iter());
-        let mut sum: f64 = gradient.zip(delta).map(|(g, d)| -g * d).sum();
-        for (i, &place) in self.diagonal.iter().enumerate() {
-            sum += damping * self.values[place] * delta[i] * delta[i];
+        let matrix = self.matrix();
+        let mut sum = 0.0;
+        for (v, d) in delta[..3 * self.near.vertices()].chunks_exact(3).enumerate() {
+            let d = Vector3::new(d[0], d[1], d[2]);
+            let curvature = matrix.diagonal(v).component_mul(&d).dot(&d);
+            sum += damping * curvature - self.sums.gradient[v].dot(&d);
         }
-        for (k, d) in delta[n..].iter().enumerate() {
+        for (k, d) in delta[3 * self.near.vertices()..].iter().enumerate() {
             sum += -self.sums.global_gradient[k] * d + damping * self.sums.corner[(k, k)] * d * d;
         }
         sum
@@ -241,32 +249,43 @@ mod tests {
     fn bordered_step_solves_the_dense_system() {
         let stencils: [&[u32]; 2] = [&[0, 1], &[1, 2]];
         let pattern = Pattern::new(3, stencils.into_iter());
+        let far: [&[u32]; 1] = [&[0, 2]];
+        let smooth = Pattern::new(3, far.into_iter());
+        let block = |a, b| pattern.find(a, b).unwrap();
         let mut sums = Accumulator::new(&pattern, 1);
         for v in 0..3 {
             let diagonal = Matrix3::new(4., 1., 0., 1., 5., 1., 0., 1., 6.);
-            sums.blocks[pattern.block(v, v)] = diagonal;
+            sums.blocks[block(v, v)] = diagonal;
             sums.gradient[v as usize] = Vector3::new(1.0, -2.0, v as f64);
             sums.border[0][v as usize] = Vector3::new(0.5, 0.1 * v as f64, -0.3);
         }
         let off = Matrix3::new(0.3, 0., 0.1, 0.2, -0.4, 0., 0., 0.1, 0.2);
-        sums.blocks[pattern.block(0, 1)] = off;
+        sums.blocks[block(0, 1)] = off;
         sums.corner[(0, 0)] = 7.0;
         sums.global_gradient[0] = 0.7;
-        let mut system = NormalEquations::new(&pattern, 1).unwrap();
+        let mut system = NormalEquations::new(pattern.clone(), smooth.clone(), 1).unwrap();
+        system.isotropic_mut()[smooth.find(0, 2).unwrap()] = -0.6;
+        system.isotropic_mut()[smooth.find(2, 2).unwrap()] = 0.9;
         system.assemble([&sums].into_iter());
         let step = system.step(0.0).unwrap();
         let mut dense = DMatrix::zeros(10, 10);
         let mut gradient = DVector::zeros(10);
         for v in 0..3 {
-            let block = sums.blocks[pattern.block(v, v)];
-            dense.view_mut((3 * v as usize, 3 * v as usize), (3, 3)).copy_from(&block);
-            let border = sums.border[0][v as usize];
-            dense.view_mut((3 * v as usize, 9), (3, 1)).copy_from(&border);
-            dense.view_mut((9, 3 * v as usize), (1, 3)).copy_from(&border.transpose());
-            gradient.rows_mut(3 * v as usize, 3).copy_from(&sums.gradient[v as usize]);
+            dense
+                .view_mut((3 * v, 3 * v), (3, 3))
+                .copy_from(&sums.blocks[block(v as u32, v as u32)]);
+            let border = sums.border[0][v];
+            dense.view_mut((3 * v, 9), (3, 1)).copy_from(&border);
+            dense.view_mut((9, 3 * v), (1, 3)).copy_from(&border.transpose());
+            gradient.rows_mut(3 * v, 3).copy_from(&sums.gradient[v]);
         }
         dense.view_mut((3, 0), (3, 3)).copy_from(&off);
         dense.view_mut((0, 3), (3, 3)).copy_from(&off.transpose());
+        for c in 0..3 {
+            dense[(6 + c, c)] -= 0.6;
+            dense[(c, 6 + c)] -= 0.6;
+            dense[(6 + c, 6 + c)] += 0.9;
+        }
         (dense[(9, 9)], gradient[9]) = (7.0, 0.7);
         let expected = dense.clone().lu().solve(&-&gradient).unwrap();
         let found = DVector::from_vec(step.delta);

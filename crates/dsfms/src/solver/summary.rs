@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stop {
-    /// An accepted step lowered the cost by less than the relative tolerance.
+    /// The next step could be expected to lower the cost by less than the relative tolerance.
     Cost,
-    /// An accepted step was shorter than the tolerance.
+    /// A refused step promised less than the relative tolerance.
     Step,
     /// The gradient vanished.
     Gradient,

@@ -1,0 +1,226 @@
+//! Conjugate gradients for large meshes, preconditioned by two scalar factorisations.
+//!
+//! In axes along and across the surface, `A` couples the three components of a displacement weakly:
+//! the part of `Qᵀ A Q` within each component, with `Q` the local axes, is a scalar matrix over the
+//! vertices whose factor costs a 27th of that of `A`. The two components along the surface are alike
+//! enough to share theirs. The factors are made at the first step of a solve: what later steps change
+//! in the matrix costs fewer iterations than new factors would.
+
+use super::cholesky::{Cholesky, CholeskyError, Factor, dot};
+use super::normal_equations::Matrix;
+use super::ordering::Ordered;
+use nalgebra::{Cholesky as Dense, Dyn, Matrix3, Point3, Vector3};
+
+/// The residual is reduced by this factor in the norm of the preconditioner, about what one
+/// linearisation is worth.
+const REDUCTION: f64 = 0.1;
+
+/// More iterations than this renew a factor made at another linearisation or damping.
+const AGED: usize = 25;
+
+/// More iterations than this with a fresh factor call for the direct solver.
+const LIMIT: usize = 200;
+
+pub(super) struct Iterative {
+    cholesky: Cholesky,
+    /// Along the surface, and across it.
+    factors: [Factor; 2],
+    corner: Option<Dense<f64, Dyn>>,
+    /// Axes of every vertex, in its columns.
+    axes: Vec<Matrix3<f64>>,
+    fresh: bool,
+    renew: bool,
+    values: [Vec<f64>; 2],
+    along: Vec<[f64; 2]>,
+    across: Vec<[f64; 1]>,
+}
+
+impl Iterative {
+    pub fn new(ordered: &Ordered) -> Result<Self, CholeskyError> {
+        let (col_ptr, row_idx) = ordered.scalar(1);
+        let cholesky = Cholesky::analyse(ordered.len(), col_ptr, row_idx)?;
+        let values = [0, 1].map(|_| vec![0.0; cholesky.nnz()]);
+        Ok(Self {
+            cholesky,
+            factors: Default::default(),
+            corner: None,
+            axes: vec![Matrix3::identity(); ordered.len()],
+            fresh: false,
+            renew: true,
+            values,
+            along: vec![[0.0; 2]; ordered.len()],
+            across: vec![[0.0]; ordered.len()],
+        })
+    }
+
+    /// Local axes from the edges of the pattern: the direction in which they extend least, and two
+    /// across.
+    pub fn orient(&mut self, matrix: &Matrix, vertices: &[Point3<f64>]) {
+        let mut spread = vec![Matrix3::zeros(); vertices.len()];
+        for (a, b) in matrix.near.iter().filter(|(a, b)| a != b) {
+            let d = vertices[a as usize] - vertices[b as usize];
+            let product = d * d.transpose();
+            spread[a as usize] += product;
+            spread[b as usize] += product;
+        }
+        self.axes.clear();
+        self.axes.extend(spread.iter().map(local_axes));
+        self.renew = true;
+    }
+
+    fn factorise(&mut self, matrix: &Matrix, damping: f64) -> Result<(), CholeskyError> {
+        let (order, floor) = (&matrix.ordered.order, matrix.floor());
+        let mut at = 0;
+        for (j, &old) in order.iter().enumerate() {
+            let axes = &self.axes[old as usize];
+            for (k, entry) in matrix.ordered.column(j).iter().enumerate() {
+                let other = &self.axes[order[entry.row as usize] as usize];
+                let turned = matrix.block(entry) * axes;
+                let [u, v, w] = [0, 1, 2].map(|c| other.column(c).dot(&turned.column(c)));
+                for (c, value) in [0.5 * (u + v), w].into_iter().enumerate() {
+                    let added = if k == 0 { damping * value + floor } else { 0.0 };
+                    self.values[c][at] = value + added;
+                }
+                at += 1;
+            }
+        }
+        for (values, factor) in self.values.iter().zip(&mut self.factors) {
+            self.cholesky.factorise(values, factor)?;
+        }
+        let mut corner = matrix.sums.corner.clone();
+        for k in 0..corner.nrows() {
+            corner[(k, k)] += damping * corner[(k, k)] + f64::MIN_POSITIVE;
+        }
+        self.corner = corner.cholesky();
+        (self.fresh, self.renew) = (true, false);
+        Ok(())
+    }
+
+    /// `z = M⁻¹ r`.
+    fn precondition(&mut self, ordered: &Ordered, r: &[f64], z: &mut [f64]) {
+        for (new, &v) in ordered.order.iter().enumerate() {
+            let v = v as usize;
+            let local = self.axes[v].tr_mul(&Vector3::new(r[3 * v], r[3 * v + 1], r[3 * v + 2]));
+            (self.along[new], self.across[new]) = ([local.x, local.y], [local.z]);
+        }
+        self.cholesky.solve(&self.factors[0], &mut self.along);
+        self.cholesky.solve(&self.factors[1], &mut self.across);
+        for (new, &v) in ordered.order.iter().enumerate() {
+            let ([x, y], [across], v) = (self.along[new], self.across[new], v as usize);
+            let global = self.axes[v] * Vector3::new(x, y, across);
+            z[3 * v..3 * v + 3].copy_from_slice(global.as_slice());
+        }
+        let globals = 3 * ordered.len()..;
+        if let Some(corner) = &self.corner {
+            let solved = corner.solve(&nalgebra::DVector::from_row_slice(&r[globals.clone()]));
+            z[globals].copy_from_slice(solved.as_slice());
+        }
+    }
+
+    /// The step, and the product of step and residual; `None` where the iteration fails.
+    pub fn step(&mut self, matrix: &Matrix, damping: f64) -> Option<(Vec<f64>, f64)> {
+        self.fresh = false;
+        if self.renew {
+            self.factorise(matrix, damping).ok()?;
+        }
+        let sums = matrix.sums;
+        let mut r: Vec<f64> = sums.gradient.iter().flat_map(|g| [-g.x, -g.y, -g.z]).collect();
+        r.extend(sums.global_gradient.iter().map(|g| -g));
+        let mut x = vec![0.0; r.len()];
+        let (mut z, mut q) = (x.clone(), x.clone());
+        let diagonal = damped_part(matrix, damping);
+        self.precondition(matrix.ordered, &r, &mut z);
+        let mut p = z.clone();
+        let (mut rz, mut since) = (dot(&r, &z), 0);
+        let goal = REDUCTION * REDUCTION * rz;
+        if !(goal > 0.0) {
+            return None;
+        }
+        while rz > goal {
+            multiply(matrix, &diagonal, &p, &mut q);
+            let alpha = rz / dot(&p, &q);
+            if !alpha.is_finite() || alpha <= 0.0 || since == LIMIT {
+                return None;
+            }
+            x.iter_mut().zip(&p).for_each(|(x, p)| *x += alpha * p);
+            r.iter_mut().zip(&q).for_each(|(r, q)| *r -= alpha * q);
+            since += 1;
+            let aged = !self.fresh && since == AGED;
+            if aged {
+                self.factorise(matrix, damping).ok()?;
+                since = 0;
+            }
+            self.precondition(matrix.ordered, &r, &mut z);
+            let next = dot(&r, &z);
+            let beta = if aged { 0.0 } else { next / rz };
+            p.iter_mut().zip(&z).for_each(|(p, z)| *p = z + beta * *p);
+            rz = next;
+        }
+        let slack = dot(&x, &r);
+        Some((x, slack))
+    }
+}
+
+/// What damping adds to the diagonal.
+fn damped_part(matrix: &Matrix, damping: f64) -> Vec<f64> {
+    let floor = matrix.floor();
+    let mut diagonal = Vec::new();
+    for v in 0..matrix.near.vertices() {
+        diagonal.extend(matrix.diagonal(v).iter().map(|d| damping * d + floor));
+    }
+    let corner = &matrix.sums.corner;
+    diagonal.extend((0..corner.nrows()).map(|k| damping * corner[(k, k)] + f64::MIN_POSITIVE));
+    diagonal
+}
+
+/// `y = (H + diagonal) x`.
+fn multiply(matrix: &Matrix, diagonal: &[f64], x: &[f64], y: &mut [f64]) {
+    y.iter_mut().zip(diagonal.iter().zip(x)).for_each(|(y, (d, x))| *y = d * x);
+    let at = |x: &[f64], v: usize| Vector3::new(x[3 * v], x[3 * v + 1], x[3 * v + 2]);
+    let add = |y: &mut [f64], v: usize, d: Vector3<f64>| {
+        y[3 * v..3 * v + 3].iter_mut().zip(&d).for_each(|(y, d)| *y += d);
+    };
+    for column in 0..matrix.near.vertices() {
+        let here = at(x, column);
+        let (first, rows) = matrix.near.column(column);
+        let mut sum = matrix.sums.blocks[first] * here;
+        for (block, &row) in matrix.sums.blocks[first..].iter().zip(rows).skip(1) {
+            add(y, row as usize, block * here);
+            sum += block.tr_mul(&at(x, row as usize));
+        }
+        let (first, rows) = matrix.smooth.column(column);
+        sum += here * matrix.isotropic[first];
+        for (&s, &row) in matrix.isotropic[first..].iter().zip(rows).skip(1) {
+            add(y, row as usize, here * s);
+            sum += at(x, row as usize) * s;
+        }
+        add(y, column, sum);
+    }
+    let n = 3 * matrix.near.vertices();
+    for (k, border) in matrix.sums.border.iter().enumerate() {
+        let mut sum = 0.0;
+        for (v, b) in border.iter().enumerate() {
+            add(y, v, b * x[n + k]);
+            sum += b.dot(&at(x, v));
+        }
+        for l in 0..matrix.sums.border.len() {
+            sum += matrix.sums.corner[(k, l)] * x[n + l];
+        }
+        y[n + k] += sum;
+    }
+}
+
+/// Axes of a vertex from the sum of `ddᵀ` over its edges `d`: two along the surface, then the normal
+/// (of either sign), as the columns.
+fn local_axes(spread: &Matrix3<f64>) -> Matrix3<f64> {
+    // The largest column of the adjugate is along the direction of least spread.
+    let [a, b, c] = [0, 1, 2].map(|k| spread.column(k).into_owned());
+    let adjugate = [b.cross(&c), c.cross(&a), a.cross(&b)];
+    let longest = adjugate.iter().fold(Vector3::zeros(), |m, v| {
+        if v.norm_squared() > Vector3::norm_squared(&m) { *v } else { m }
+    });
+    let Some(normal) = longest.try_normalize(1e-300) else { return Matrix3::identity() };
+    let reference = if normal.x.abs() < 0.8 { Vector3::x() } else { Vector3::y() };
+    let along = (reference - normal * normal.dot(&reference)).normalize();
+    Matrix3::from_columns(&[along, normal.cross(&along), normal])
+}
