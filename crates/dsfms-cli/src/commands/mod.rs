@@ -2,6 +2,7 @@
 
 pub mod demo;
 pub mod evaluate;
+pub mod experiment;
 pub mod inspect;
 pub mod reconstruct;
 pub mod template;
@@ -26,6 +27,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Command::Reconstruct(args) => reconstruct::run(args, global, &reporter),
         Command::Inspect(args) => inspect::run(args),
         Command::Evaluate(args) => evaluate::run(args),
+        Command::Experiment(args) => experiment::run(args, global, &reporter),
         Command::Demo(args) => demo::run(args, global, &reporter),
     };
     reporter.finish();
