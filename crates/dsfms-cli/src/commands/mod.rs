@@ -5,6 +5,7 @@ pub mod evaluate;
 pub mod experiment;
 pub mod inspect;
 pub mod reconstruct;
+pub mod synth;
 pub mod template;
 
 use crate::args::{Arguments, Command};
@@ -28,6 +29,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Command::Inspect(args) => inspect::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Experiment(args) => experiment::run(args, global, &reporter),
+        Command::Synth(args) => synth::run(args, global, &reporter),
         Command::Demo(args) => demo::run(args, global, &reporter),
     };
     reporter.finish();

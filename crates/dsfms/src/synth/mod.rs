@@ -4,6 +4,7 @@
 pub mod case;
 pub mod correspond;
 pub mod deform;
+pub mod part;
 pub mod patch;
 pub mod protocol;
 pub mod random;
@@ -13,7 +14,8 @@ mod shadow;
 pub use case::{Admitted, Case, CaseOptions};
 pub use correspond::{Draw, correspond};
 pub use deform::{Attraction, Deformation, deform};
-pub use patch::{Patch, patch};
+pub use part::part;
+pub use patch::{Patch, patch, textured};
 pub use protocol::{Cell, LightKind, Protocol};
 pub use random::Random;
 pub use render::{Gloss, RenderOptions, render};

@@ -103,7 +103,7 @@ fn brightness(
 }
 
 /// Encoded value (of 255, not rounded) of linear light, by inverting the decoder's table.
-fn encoder(tone: &ToneCurve) -> impl Fn(f64) -> f64 {
+pub fn encoder(tone: &ToneCurve) -> impl Fn(f64) -> f64 {
     let table = tone.table();
     move |light: f64| {
         let above = table.partition_point(|&t| (t as f64) < light);

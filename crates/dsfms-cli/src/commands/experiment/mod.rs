@@ -1,7 +1,9 @@
 //! `dsfms experiment`: the paper's experiment on synthetic cases (§8.1).
 
-mod pace;
-mod series;
+mod font;
+pub mod pace;
+pub mod series;
+mod table1;
 
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
@@ -13,7 +15,7 @@ use dsfms::experiment::{
     Arm, Metric, Plan, Row, ablation, arms_of, markdown, plot, run as run_plan, summarise,
     table_csv, times_csv,
 };
-use dsfms::pipeline::{Method, Progress};
+use dsfms::pipeline::{Method, Progress, ReconstructOptions};
 use pace::Paced;
 use series::SeriesArgs;
 use std::path::{Path, PathBuf};
@@ -24,6 +26,8 @@ Examples:
   dsfms experiment ext --count 100 --seed 1 -o results
   # Under a near light, with noisier matches
   dsfms experiment ext --light near --noise 1,4 --methods rigid,dsfm,joint -o near
+  # The methods side by side, on a part of the liver
+  dsfms experiment table1 --organ liver -o table1
   # What each ingredient is worth
   dsfms experiment ablation --count 40 -o ablation
 
@@ -43,6 +47,8 @@ pub struct ExperimentArgs {
 enum Which {
     /// Error against extension: CSV and Markdown tables, SVG plots.
     Ext(ExtArgs),
+    /// The methods side by side as pictures.
+    Table1(table1::Table1Args),
     /// The effect of leaving out one ingredient of a method at a time.
     Ablation(AblationArgs),
 }
@@ -72,9 +78,12 @@ struct AblationArgs {
     place: PlaceArgs,
 }
 
-/// Where results go.
+/// Where results go, and with which options the methods run.
 #[derive(Debug, Args)]
 struct PlaceArgs {
+    /// Weights and thresholds of the methods, as `dsfms reconstruct --options` takes them.
+    #[arg(long, value_name = "FILE")]
+    options: Option<PathBuf>,
     /// Folder for the results.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
@@ -83,10 +92,20 @@ struct PlaceArgs {
     restart: bool,
 }
 
+impl PlaceArgs {
+    fn options(&self) -> anyhow::Result<ReconstructOptions> {
+        let Some(path) = &self.options else { return Ok(ReconstructOptions::default()) };
+        let name = || format!("--options {}", path.display());
+        let text = std::fs::read_to_string(path).with_context(name)?;
+        ReconstructOptions::from_toml(&text).with_context(name)
+    }
+}
+
 /// Run the command.
 pub fn run(args: &ExperimentArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
     match &args.which {
         Which::Ext(args) => ext(args, global, reporter),
+        Which::Table1(args) => table1::run(args, global, reporter),
         Which::Ablation(args) => ablate(args, global, reporter),
     }
 }
@@ -100,7 +119,7 @@ fn ext(args: &ExtArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<O
         }
         methods.push(method);
     }
-    let arms = arms_of(&methods, &args.series.options()?);
+    let arms = arms_of(&methods, &args.place.options()?);
     let (plan, rows) = work(&args.series, &args.ext, arms, &args.place, global, reporter)?;
     let out = &args.place.output;
     let text = markdown(&plan, &rows);
@@ -115,7 +134,7 @@ fn ext(args: &ExtArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<O
 }
 
 fn ablate(args: &AblationArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
-    let arms = ablation::arms(&args.series.options()?);
+    let arms = ablation::arms(&args.place.options()?);
     let (plan, rows) = work(&args.series, &args.ext, arms, &args.place, global, reporter)?;
     let out = &args.place.output;
     let text = ablation::markdown(&plan, &rows);

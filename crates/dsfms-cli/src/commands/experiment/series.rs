@@ -1,16 +1,14 @@
 //! The options that every series of cases has.
 
-use anyhow::Context;
 use clap::{Args, ValueEnum};
 use dsfms::experiment::Organ;
-use dsfms::pipeline::ReconstructOptions;
 use dsfms::synth::{LightKind, Protocol};
-use std::path::PathBuf;
 
 #[derive(Debug, Args)]
 pub struct SeriesArgs {
-    /// `patch` (a bulging patch of 50 x 40 mm).
-    #[arg(long, default_value = "patch")]
+    /// `uterus`, `liver` (a part of it for every case, scaled to 2000 mm2), `patch` (a bulging patch of
+    /// 50 x 40 mm), or a mesh file.
+    #[arg(long, value_name = "ORGAN", default_value = "patch")]
     organ: String,
     /// Cases of every extension and noise.
     #[arg(long, value_name = "N", default_value = "100", value_parser = count)]
@@ -27,9 +25,17 @@ pub struct SeriesArgs {
     /// Vertices of the template.
     #[arg(long, value_name = "N", default_value_t = 334, value_parser = vertices)]
     vertices: usize,
-    /// Weights and thresholds of the methods, as `dsfms reconstruct --options` takes them.
-    #[arg(long, value_name = "FILE")]
-    options: Option<PathBuf>,
+    /// Attraction points of a case, all pulling or all pushing.
+    #[arg(long, value_name = "N", default_value_t = Protocol::default().attractions,
+        value_parser = attractions)]
+    attractions: usize,
+    /// Radius of the surface that one attraction point moves, mm.
+    #[arg(long, value_name = "MM", default_value_t = Protocol::default().reach, value_parser = length)]
+    reach: f64,
+    /// Distance of the attraction points from the surface, mm.
+    #[arg(long, value_name = "LEAST,MOST", num_args = 1..=2, value_delimiter = ',',
+        default_values_t = Protocol::default().height, value_parser = length)]
+    height: Vec<f64>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -59,24 +65,15 @@ impl SeriesArgs {
             LightName::Distant => LightKind::Distant,
             LightName::Near => LightKind::Near,
         };
-        Protocol { vertices: self.vertices, light, matches, everywhere, seed, ..Default::default() }
+        let ends = |pick: fn(f64, f64) -> f64| self.height.iter().copied().reduce(pick);
+        let height = [ends(f64::min), ends(f64::max)].map(|h| h.unwrap_or(1.0));
+        let (vertices, attractions, reach) = (self.vertices, self.attractions, self.reach);
+        Protocol { vertices, light, matches, everywhere, attractions, reach, height, seed }
     }
 
     /// The organ.
     pub fn organ(&self) -> anyhow::Result<Organ> {
-        match self.organ.as_str() {
-            "patch" => Ok(Organ::Patch),
-            other => Err(anyhow::anyhow!("--organ {other}: not known")),
-        }
-    }
-
-    /// The options of the methods.
-    pub fn options(&self) -> anyhow::Result<ReconstructOptions> {
-        let Some(path) = &self.options else { return Ok(ReconstructOptions::default()) };
-        let text = std::fs::read_to_string(path)
-            .with_context(|| format!("--options {}", path.display()))?;
-        ReconstructOptions::from_toml(&text)
-            .with_context(|| format!("--options {}", path.display()))
+        Ok(Organ::named(&self.organ)?)
     }
 }
 
@@ -99,6 +96,19 @@ fn noise(text: &str) -> Result<f64, String> {
 
 fn within(text: &str, most: f64, expected: &str) -> Result<f64, String> {
     text.parse().ok().filter(|v| (0.0..=most).contains(v)).ok_or_else(|| expected.to_owned())
+}
+
+/// A length above zero.
+fn length(text: &str) -> Result<f64, String> {
+    let valid = |v: &f64| (0.5..=100.0).contains(v);
+    text.parse().ok().filter(valid).ok_or_else(|| "expected 0.5 to 100 mm".to_owned())
+}
+
+fn attractions(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n @ 1..=20) => Ok(n),
+        _ => Err("expected a whole number from 1 to 20".into()),
+    }
 }
 
 fn vertices(text: &str) -> Result<usize, String> {
