@@ -46,7 +46,7 @@ more than a tenth of the largest displacement) and case.json.";
 pub struct SynthArgs {
     #[command(flatten)]
     series: SeriesArgs,
-    /// Extensions (mean edge-length change in the deformed zone), percent.
+    /// Extensions, percent.
     #[arg(long, value_delimiter = ',', default_value = "0,5,10,15,20", value_parser = percent)]
     ext: Vec<f64>,
     /// Folder for the cases.
@@ -75,14 +75,16 @@ pub fn run(args: &SynthArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
         let several = args.series.noise.len() > 1;
         let noise = if several { format!("_noise{}", cell.noise) } else { String::new() };
         let folder = format!("ext{:02}{noise}/case_{index:04}", cell.extension);
-        write(&args.output.join(folder), &case)?;
+        let folder = args.output.join(folder);
+        write(&folder, &case)?;
         write_json(
-            &args.output.join(format!("ext{:02}{noise}/case_{index:04}/case.json", cell.extension)),
+            &folder.join("case.json"),
             &serde_json::json!({
                 "organ": organ.name(),
                 "case": index,
                 "extension_percent": cell.extension,
-                "extension_reached": case.deformation.extension,
+                "mean_extension_percent": 100.0 * case.deformation.extension,
+                "largest_extension_percent": 100.0 * case.deformation.largest_extension,
                 "amplitude_mm": amplitude(&case),
                 "match_noise_px": cell.noise,
                 "protocol": protocol,

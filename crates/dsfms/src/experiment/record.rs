@@ -16,6 +16,8 @@ pub struct Record {
     pub arm: String,
     /// Largest true displacement, mm.
     pub amplitude: f64,
+    /// Mean relative edge-length change in the zone, percent.
+    pub mean_extension: f64,
     /// `None` where the method gave no surface.
     pub errors: Option<Errors>,
     /// Time of the reconstruction on one thread, seconds.
@@ -26,7 +28,10 @@ pub struct Record {
 
 /// The names of the columns of the file.
 fn header() -> String {
-    format!("extension,noise,case,arm,amplitude,{},seconds,note", Errors::NAMES.join(","))
+    format!(
+        "extension,noise,case,arm,amplitude,mean_extension,{},seconds,note",
+        Errors::NAMES.join(",")
+    )
 }
 
 /// First two lines of the file: the plan, and the names of the columns.
@@ -44,24 +49,27 @@ impl Record {
             None => ",".repeat(Errors::NAMES.len() - 1),
         };
         let note = self.note.replace([',', '\n', '\r'], ";");
-        let (case, arm, amplitude, seconds) = (self.case, &self.arm, self.amplitude, self.seconds);
-        format!("{extension},{noise},{case},{arm},{amplitude},{errors},{seconds:.4},{note}\n")
+        let (case, arm, seconds) = (self.case, &self.arm, self.seconds);
+        let (amplitude, mean) = (self.amplitude, self.mean_extension);
+        format!(
+            "{extension},{noise},{case},{arm},{amplitude},{mean},{errors},{seconds:.4},{note}\n"
+        )
     }
 
     fn parse(line: &str) -> Result<Self, String> {
         let words: Vec<&str> = line.split(',').collect();
-        let expected = 7 + Errors::NAMES.len();
+        let expected = 8 + Errors::NAMES.len();
         if words.len() != expected {
             return Err(format!("{} values, expected {expected}", words.len()));
         }
         let number =
             |i: usize| words[i].parse::<f64>().map_err(|_| format!("{:?} is no number", words[i]));
-        let errors = match words[5].is_empty() {
+        let errors = match words[6].is_empty() {
             true => None,
             false => {
                 let mut values = [0.0; 6];
                 for (k, value) in values.iter_mut().enumerate() {
-                    *value = number(5 + k)?;
+                    *value = number(6 + k)?;
                 }
                 Some(Errors::from_values(values))
             }
@@ -71,9 +79,10 @@ impl Record {
             case: words[2].parse().map_err(|_| format!("{:?} is no case number", words[2]))?,
             arm: words[3].to_owned(),
             amplitude: number(4)?,
+            mean_extension: number(5)?,
             errors,
-            seconds: number(11)?,
-            note: words[12].to_owned(),
+            seconds: number(12)?,
+            note: words[13].to_owned(),
         })
     }
 }

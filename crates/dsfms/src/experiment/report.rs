@@ -33,16 +33,17 @@ impl Metric {
 
 /// All figures but the times, which are never the same twice.
 pub fn table_csv(rows: &[Row]) -> String {
-    let mut text = "extension,noise,arm,cases,lost,amplitude".to_owned();
+    let mut text = "extension,noise,arm,cases,lost,amplitude,mean_extension".to_owned();
     for name in Errors::NAMES {
         let _ = write!(text, ",{name}_mean,{name}_p90,{name}_to_rigid,{name}_to_dsfm");
     }
     text += ",failures\n";
     for r in rows {
-        let (c, amplitude) = (&r.cell, number(Some(r.amplitude)));
+        let c = &r.cell;
+        let [amplitude, mean] = [r.amplitude, r.mean_extension].map(|v| number(Some(v)));
         let _ = write!(
             text,
-            "{},{},{},{},{},{amplitude}",
+            "{},{},{},{},{},{amplitude},{mean}",
             c.extension, c.noise, r.arm, r.count, r.lost
         );
         for (k, e) in r.errors.iter().enumerate() {
@@ -77,8 +78,9 @@ pub fn markdown(plan: &Plan, rows: &[Row]) -> String {
     let place = if p.everywhere { "over the whole surface" } else { "outside the deformed zone" };
     let mut text = format!(
         "{} cases a cell, organ {}, {} vertices, {:?} light, {} matches {place}, seed {}. \
+         Extension: {:?} relative edge-length change in the deformed zone. \
          Mean (90th percentile) over the cases; absolute errors, nothing aligned.\n",
-        plan.count, plan.organ, p.vertices, p.light, p.matches, p.seed
+        plan.count, plan.organ, p.vertices, p.light, p.matches, p.seed, p.extension_of
     );
     for &noise in &plan.noises {
         let cell_rows: Vec<&Row> = rows.iter().filter(|r| r.cell.noise == noise).collect();
@@ -123,15 +125,16 @@ fn pivot(title: &str, rows: &[&Row], value: impl Fn(&Row) -> String) -> String {
             extensions.push(r.cell.extension);
         }
     }
-    let mut text = format!("\n### {title}\n\n| extension | amplitude mm |");
+    let mut text = format!("\n### {title}\n\n| extension | mean change | amplitude mm |");
     arms.iter().for_each(|arm| text += &format!(" {arm} |"));
-    text += "\n| --- | --- |";
+    text += "\n| --- | --- | --- |";
     arms.iter().for_each(|_| text += " --- |");
     text.push('\n');
     for extension in extensions {
         let line: Vec<&&Row> = rows.iter().filter(|r| r.cell.extension == extension).collect();
-        let amplitude = line.first().map_or(f64::NAN, |r| r.amplitude);
-        text += &format!("| {extension} % | {amplitude:.1} |");
+        let [amplitude, mean] =
+            line.first().map_or([f64::NAN; 2], |r| [r.amplitude, r.mean_extension]);
+        text += &format!("| {extension} % | {mean:.1} % | {amplitude:.1} |");
         for arm in &arms {
             let found = line.iter().find(|r| r.arm == *arm);
             text += &format!(" {} |", found.map_or("-".to_owned(), |r| value(r)));

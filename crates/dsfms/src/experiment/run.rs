@@ -116,11 +116,22 @@ impl Shared<'_> {
         let moved = case.deformation.vertices.iter().zip(&case.template.mesh.positions);
         let amplitude = moved.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
         let arms = self.plan.arms.iter();
-        Ok(arms.map(|arm| solve(&case, arm, cell, index, amplitude)).collect())
+        let blank = |arm: &Arm| Record {
+            cell,
+            case: index,
+            arm: arm.name.clone(),
+            amplitude,
+            mean_extension: 100.0 * case.deformation.extension,
+            errors: None,
+            seconds: 0.0,
+            note: String::new(),
+        };
+        Ok(arms.map(|arm| solve(&case, arm, blank(arm))).collect())
     }
 }
 
-fn solve(case: &Case, arm: &Arm, cell: Cell, index: usize, amplitude: f64) -> Record {
+/// Fill a record with what a method makes of a case.
+fn solve(case: &Case, arm: &Arm, blank: Record) -> Record {
     let observation = Observation {
         frame: &case.frame,
         camera: &case.camera,
@@ -136,7 +147,7 @@ fn solve(case: &Case, arm: &Arm, cell: Cell, index: usize, amplitude: f64) -> Re
         Ok(surface) => (Some(measure(case, &surface.vertices)), String::new()),
         Err(error) => (None, error.to_string()),
     };
-    Record { cell, case: index, arm: arm.name.clone(), amplitude, errors, seconds, note }
+    Record { errors, seconds, note, ..blank }
 }
 
 #[cfg(test)]

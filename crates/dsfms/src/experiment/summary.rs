@@ -26,6 +26,8 @@ pub struct Row {
     pub lost: usize,
     /// Mean of the largest displacement, mm.
     pub amplitude: f64,
+    /// Mean over the cases of the mean relative edge-length change in the zone, percent.
+    pub mean_extension: f64,
     /// The errors in the order of [`Errors::NAMES`].
     pub errors: [Spread; 6],
     /// Mean errors divided by those of the rigid pose, where it was run.
@@ -60,13 +62,16 @@ fn row(cell: Cell, arm: &str, own: &[&Record], rigid: &[&Record], dsfm: &[&Recor
         Some(std::array::from_fn(|k| errors[k].mean / base_errors[k].mean))
     };
     let count = own.iter().filter(|r| r.errors.is_some()).count();
-    let amplitude = own.iter().map(|r| r.amplitude).sum::<f64>() / own.len().max(1) as f64;
+    let average = |value: fn(&Record) -> f64| {
+        own.iter().map(|r| value(r)).sum::<f64>() / own.len().max(1) as f64
+    };
     Row {
         cell,
         arm: arm.to_owned(),
         count,
         lost: own.len() - count,
-        amplitude,
+        amplitude: average(|r| r.amplitude),
+        mean_extension: average(|r| r.mean_extension),
         errors,
         to_rigid: ratio(rigid),
         to_dsfm: ratio(dsfm),
@@ -109,6 +114,7 @@ mod tests {
             case,
             arm: arm.into(),
             amplitude: 2.0,
+            mean_extension: 4.0,
             errors: zone.map(|z| Errors::from_values([1.0, z, 1.0, 1.0, 1.0, 1.0])),
             seconds: 0.5,
             note: String::new(),

@@ -13,7 +13,7 @@ mod shadow;
 
 pub use case::{Admitted, Case, CaseOptions};
 pub use correspond::{Draw, correspond};
-pub use deform::{Attraction, Deformation, deform};
+pub use deform::{Attraction, Deformation, ExtensionOf, deform, deform_to};
 pub use part::part;
 pub use patch::{Patch, patch, textured};
 pub use protocol::{Cell, LightKind, Protocol};

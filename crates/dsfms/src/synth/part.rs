@@ -18,6 +18,9 @@ const STEEPEST_DEG: f64 = 62.0;
 /// Area of the part after scaling, that of a patch of 50 × 40 mm, mm².
 const AREA: f64 = 2000.0;
 
+/// Times that faces hanging by one edge are dropped from the rim.
+const EAR_ROUNDS: usize = 3;
+
 /// Places that are tried.
 const ATTEMPTS: usize = 60;
 
@@ -89,10 +92,24 @@ fn cut(
     if !inside(face) {
         return None;
     }
-    let faces = grow(organ, face, neighbours, inside);
+    let mut faces = grow(organ, face, neighbours, inside);
+    for _ in 0..EAR_ROUNDS {
+        faces = without_ears(organ, &faces, neighbours);
+    }
     let (piece, _) = organ.subset(&faces);
     let positions = piece.positions.iter().map(|p| Point3::from(place(p))).collect();
     Some(piece.with_positions(positions))
+}
+
+/// Faces of a piece without those that hang on it by one edge only.
+fn without_ears(organ: &Mesh, faces: &[usize], neighbours: &[[u32; 3]]) -> Vec<usize> {
+    let mut kept = vec![false; organ.topology.faces.len()];
+    faces.iter().for_each(|&f| kept[f] = true);
+    let joined = |f: usize| {
+        let across = |&e: &u32| organ.topology.across(e as usize, f as u32);
+        neighbours[f].iter().filter_map(across).filter(|&g| kept[g as usize]).count()
+    };
+    faces.iter().copied().filter(|&f| joined(f) > 1).collect()
 }
 
 /// Faces that are joined to a face by admitted ones.

@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use dsfms::experiment::Organ;
-use dsfms::synth::{LightKind, Protocol};
+use dsfms::synth::{ExtensionOf, LightKind, Protocol};
 
 #[derive(Debug, Args)]
 pub struct SeriesArgs {
@@ -25,6 +25,10 @@ pub struct SeriesArgs {
     /// Vertices of the template.
     #[arg(long, value_name = "N", default_value_t = 334, value_parser = vertices)]
     vertices: usize,
+    /// What an extension states: the largest relative edge-length change in the deformed zone, or the
+    /// mean one.
+    #[arg(long, value_enum, default_value_t = ExtensionName::Largest)]
+    extension_of: ExtensionName,
     /// Attraction points of a case, all pulling or all pushing.
     #[arg(long, value_name = "N", default_value_t = Protocol::default().attractions,
         value_parser = attractions)]
@@ -49,6 +53,12 @@ enum Matches {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
+enum ExtensionName {
+    Largest,
+    Mean,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum LightName {
     Distant,
     Near,
@@ -65,10 +75,24 @@ impl SeriesArgs {
             LightName::Distant => LightKind::Distant,
             LightName::Near => LightKind::Near,
         };
+        let extension_of = match self.extension_of {
+            ExtensionName::Largest => ExtensionOf::Largest,
+            ExtensionName::Mean => ExtensionOf::Mean,
+        };
         let ends = |pick: fn(f64, f64) -> f64| self.height.iter().copied().reduce(pick);
         let height = [ends(f64::min), ends(f64::max)].map(|h| h.unwrap_or(1.0));
         let (vertices, attractions, reach) = (self.vertices, self.attractions, self.reach);
-        Protocol { vertices, light, matches, everywhere, attractions, reach, height, seed }
+        Protocol {
+            vertices,
+            light,
+            matches,
+            everywhere,
+            extension_of,
+            attractions,
+            reach,
+            height,
+            seed,
+        }
     }
 
     /// The organ.
