@@ -116,8 +116,7 @@ impl Axes {
         let (cx, cy) = (0.5 * (x0 + x1), 0.5 * (self.y(0.0) + self.y(self.top)));
         let _ = write!(
             svg,
-            "<text x=\"{cx:.1}\" y=\"{:.1}\" text-anchor=\"middle\">extension, % \
-             <tspan fill=\"#666\">(solid: mean, dashed: 90th percentile)</tspan></text>\
+            "<text x=\"{cx:.1}\" y=\"{:.1}\" text-anchor=\"middle\">extension, % (solid: mean, dashed: 90th percentile)</text>\
              <text transform=\"translate(18 {cy:.1}) rotate(-90)\" text-anchor=\"middle\">error, {}</text>\n",
             h - 14.0,
             metric.unit

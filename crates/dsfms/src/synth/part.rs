@@ -21,12 +21,18 @@ const AREA: f64 = 2000.0;
 /// Times that faces hanging by one edge are dropped from the rim.
 const EAR_ROUNDS: usize = 3;
 
+/// Rounds of averaging along the rim.
+const RIM_ROUNDS: usize = 6;
+
+/// Largest `perimeter² / (4π area)`; 1 for a flat disc, 1.3 for a rectangle of 5 × 4.
+const LEAST_COMPACT: f64 = 1.8;
+
 /// Places that are tried.
 const ATTEMPTS: usize = 60;
 
 /// A random part of a closed or open surface (outward normals; any unit), turned so that it faces
 /// −z with its centre at the origin, scaled to an area of 2,000 mm², remeshed to about `vertices`
-/// vertices and given a seeded albedo. The part is a disc: one boundary, no handle.
+/// vertices and given a seeded albedo. The part is a compact disc: one boundary, no handle.
 ///
 /// `None` where no place gave such a part with at least half of the area of its frame.
 pub fn part(organ: &Mesh, vertices: usize, seed: u64) -> Option<Patch> {
@@ -98,7 +104,23 @@ fn cut(
     }
     let (piece, _) = organ.subset(&faces);
     let positions = piece.positions.iter().map(|p| Point3::from(place(p))).collect();
-    Some(piece.with_positions(positions))
+    Some(smooth_rim(piece.with_positions(positions)))
+}
+
+/// Even out the teeth that cutting along faces leaves: the boundary is averaged along itself.
+fn smooth_rim(mut piece: Mesh) -> Mesh {
+    for rim in boundary_loops(&piece.topology) {
+        let n = rim.len();
+        for _ in 0..RIM_ROUNDS {
+            let at = |k: usize| piece.positions[rim[k % n] as usize].coords;
+            let even = |k: usize| 0.5 * at(k) + 0.25 * (at(k + 1) + at(k + n - 1));
+            let moved: Vec<Vector3> = (0..n).map(even).collect();
+            for (&v, p) in rim.iter().zip(moved) {
+                piece.positions[v as usize] = Point3::from(p);
+            }
+        }
+    }
+    piece
 }
 
 /// Faces of a piece without those that hang on it by one edge only.
@@ -147,6 +169,9 @@ fn finish(piece: Mesh, diagonal: f64, vertices: usize) -> Option<Mesh> {
     }
     let meshed = remesh(&piece, vertices, &RemeshOptions::default()).ok()?;
     let total: f64 = meshed.face_areas().iter().sum();
+    if perimeter(&meshed).powi(2) > LEAST_COMPACT * 4.0 * std::f64::consts::PI * total {
+        return None;
+    }
     let scale = (AREA / total).sqrt();
     let count = meshed.positions.len() as f64;
     let middle = meshed.positions.iter().map(|p| p.coords).sum::<Vector3>() / count;
@@ -158,6 +183,14 @@ fn finish(piece: Mesh, diagonal: f64, vertices: usize) -> Option<Mesh> {
         (b - a).cross(&(c - a)).z < 0.0 && area(a, b, c) > 0.0
     };
     (0..mesh.topology.faces.len()).all(upright).then_some(mesh)
+}
+
+fn perimeter(mesh: &Mesh) -> f64 {
+    let length = |rim: &Vec<u32>| {
+        let at = |k: usize| mesh.positions[rim[k % rim.len()] as usize];
+        (0..rim.len()).map(|k| (at(k + 1) - at(k)).norm()).sum::<f64>()
+    };
+    boundary_loops(&mesh.topology).iter().map(length).sum()
 }
 
 #[cfg(test)]

@@ -15,8 +15,7 @@ use dsfms::geometry::Point3;
 use dsfms::image::ToneCurve;
 use dsfms::pipeline::{Method, Observation, Progress, ReconstructOptions, reconstruct};
 use dsfms::raster::{Raster, rasterize};
-use dsfms::synth::render::encoder;
-use dsfms::synth::{Case, Cell};
+use dsfms::synth::{Case, Cell, RenderOptions, render};
 use image::{Rgb, RgbImage, imageops};
 
 #[derive(Debug, Args)]
@@ -64,7 +63,7 @@ pub fn run(args: &Table1Args, global: &Global, reporter: &Reporter) -> anyhow::R
     reporter.finish();
     let text = format!(
         "Extension {} %, organ {}, {} cases of seed {}: pull and push. Columns: SfS, DSfM, DSfMS, joint, \
-         truth. Rows: as the laparoscope sees it with its albedo; from the side; error from 0 (blue) to \
+         truth. Rows: as the laparoscope would see the shape; from the side; error from 0 (blue) to \
          the largest displacement (yellow).\n\n{text}",
         args.ext,
         organ.name(),
@@ -118,7 +117,7 @@ fn grid(case: &Case, shapes: &[Option<Vec<Point3>>; 4]) -> RgbImage {
     let matches: Vec<_> = case.matches.iter().map(|m| (*m, true)).collect();
     let shown = overlay(&case.frame, &case.camera, topology, &case.truth, &case.visible, &matches);
     put(0, 1, "truth mesh", &half(&shown));
-    let side = SideView::of(&case.truth, [w as usize, h as usize]);
+    let side = SideView::of(&case.truth, TILE.map(|s| s as usize * 5 / 4));
     let rest = &case.template.mesh.positions;
     let moved = case.deformation.vertices.iter().zip(rest).map(|(a, b)| (a - b).norm());
     let full = moved.fold(1e-3, f64::max);
@@ -128,8 +127,8 @@ fn grid(case: &Case, shapes: &[Option<Vec<Point3>>; 4]) -> RgbImage {
         let Some(shape) = shape else { continue };
         let column = k as u32 + 1;
         let front = rasterize(&halved(&case.camera), topology, shape);
-        put(column, 0, name, &textured(case, &front));
-        put(column, 1, &format!("{name} side"), &side.render(topology, shape, None));
+        put(column, 0, name, &textured(case, shape));
+        put(column, 1, &format!("{name} side"), &side_view(case, &side, shape));
         let zone = measure(case, shape).zone;
         put(column, 2, &format!("{name} {zone:.2} mm"), &errors(case, shape, &front, full));
     }
@@ -151,12 +150,21 @@ fn paint(raster: &Raster, colour: impl Fn(usize, [f64; 3]) -> [u8; 3] + Sync) ->
     RgbImage::from_fn(w, h, |x, y| Rgb(pixels[(y * w + x) as usize]))
 }
 
-fn textured(case: &Case, raster: &Raster) -> RgbImage {
-    let encode = encoder(&ToneCurve::Srgb);
-    paint(raster, |face, b| {
-        let albedo = case.template.albedo.as_ref().map_or([0.5; 3], |a| a.at(face, b));
-        albedo.map(|v| encode(f64::from(v)).round() as u8)
-    })
+/// As the laparoscope would see the shape, without highlights.
+fn textured(case: &Case, shape: &[Point3]) -> RgbImage {
+    let template = &case.template;
+    let mesh = template.mesh.with_positions(shape.to_vec());
+    let look = RenderOptions { noise: 0.0, ..Default::default() };
+    let (light, albedo) = (template.light.clone(), template.albedo.clone());
+    let (light, albedo) = (light.unwrap_or_default(), albedo.unwrap_or_default());
+    picture(&render(&halved(&case.camera), &light, &mesh, &albedo, &look))
+}
+
+/// A view from the side, a little enlarged.
+fn side_view(case: &Case, view: &SideView, shape: &[Point3]) -> RgbImage {
+    let large = view.render(&case.template.mesh.topology, shape, None);
+    let [w, h] = TILE;
+    imageops::crop_imm(&large, (large.width() - w) / 2, (large.height() - h) / 2, w, h).to_image()
 }
 
 fn errors(case: &Case, shape: &[Point3], raster: &Raster, full: f64) -> RgbImage {
