@@ -33,7 +33,7 @@ const CHANGES: [Change; 27] = {
             o.register.robust_px[0] = o.register.robust_px[1]
         }),
         change("dsfms: as printed", Dsfms, |o| o.literal = true),
-        change("dsfms: gain and ambient held", Dsfms, |o| {
+        change("dsfms: gain at its first estimate and no ambient", Dsfms, |o| {
             (o.refine.gain_sigma, o.refine.ambient_sigma) = (FAST, FAST);
         }),
         change("dsfms: reprojection held tightly", Dsfms, |o| o.refine.reprojection = 1.0),
@@ -48,7 +48,7 @@ const CHANGES: [Change; 27] = {
         change("joint: no conformal prior", Joint, |o| o.joint.conformal = 0.0),
         change("joint: no stretch prior", Joint, |o| o.joint.stretch = 0.0),
         change("joint: no smoothing", Joint, |o| o.joint.smoothing = 0.0),
-        change("joint: gain and ambient held", Joint, |o| {
+        change("joint: gain at its first estimate and no ambient", Joint, |o| {
             (o.joint.gain_sigma, o.joint.ambient_sigma) = (FAST, FAST);
         }),
         change("joint: least squares", Joint, |o| o.joint.robust = LOOSE),
