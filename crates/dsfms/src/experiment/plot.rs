@@ -97,10 +97,10 @@ impl Axes {
         for k in 0..=(self.top / self.step).round() as usize {
             let value = k as f64 * self.step;
             let (y, digits) = (self.y(value), decimals(self.step));
-            let _ = write!(
+            let _ = writeln!(
                 svg,
                 "<line x1=\"{x0:.1}\" x2=\"{x1:.1}\" y1=\"{y:.1}\" y2=\"{y:.1}\" stroke=\"#ddd\"/>\
-                 <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\" fill=\"#333\">{value:.digits$}</text>\n",
+                 <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\" fill=\"#333\">{value:.digits$}</text>",
                 x0 - 8.0,
                 y + 4.0,
             );
@@ -114,10 +114,10 @@ impl Axes {
             );
         }
         let (cx, cy) = (0.5 * (x0 + x1), 0.5 * (self.y(0.0) + self.y(self.top)));
-        let _ = write!(
+        let _ = writeln!(
             svg,
             "<text x=\"{cx:.1}\" y=\"{:.1}\" text-anchor=\"middle\">extension, % (solid: mean, dashed: 90th percentile)</text>\
-             <text transform=\"translate(18 {cy:.1}) rotate(-90)\" text-anchor=\"middle\">error, {}</text>\n",
+             <text transform=\"translate(18 {cy:.1}) rotate(-90)\" text-anchor=\"middle\">error, {}</text>",
             h - 14.0,
             metric.unit
         );

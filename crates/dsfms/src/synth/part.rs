@@ -175,7 +175,7 @@ fn finish(piece: Mesh, diagonal: f64, vertices: usize) -> Option<Mesh> {
     let scale = (AREA / total).sqrt();
     let count = meshed.positions.len() as f64;
     let middle = meshed.positions.iter().map(|p| p.coords).sum::<Vector3>() / count;
-    let positions = meshed.positions.iter().map(|p| (p - middle) * scale).map(Point3::from);
+    let positions = meshed.positions.iter().map(|p| (p - middle) * scale);
     let mesh = meshed.with_positions(positions.collect());
     // A face that remeshing turned over would be black.
     let upright = |f: usize| {

@@ -107,7 +107,7 @@ impl Protocol {
             extension: 0.01 * cell.extension,
             light: self.light.model(),
             draw: Draw { count: self.matches, sigma_px: cell.noise },
-            pull: index % 2 == 0,
+            pull: index.is_multiple_of(2),
         };
         let attractions = self.attractions_on(&organ.mesh, options.pull, &mut random);
         let deformation =
