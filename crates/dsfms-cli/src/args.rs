@@ -1,6 +1,6 @@
 //! The command line as clap reads it.
 
-use crate::commands::{demo, evaluate, inspect, reconstruct, template};
+use crate::commands::{demo, evaluate, experiment, inspect, reconstruct, synth, template};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use dsfms::image::ToneCurve;
 
@@ -60,5 +60,7 @@ pub enum Command {
     Reconstruct(reconstruct::ReconstructArgs),
     Inspect(inspect::InspectArgs),
     Evaluate(evaluate::EvaluateArgs),
+    Synth(synth::SynthArgs),
+    Experiment(experiment::ExperimentArgs),
     Demo(demo::DemoArgs),
 }

@@ -17,6 +17,7 @@ pub mod camera;
 pub mod dense;
 pub mod energy;
 pub mod eval;
+pub mod experiment;
 pub mod geometry;
 pub mod image;
 pub mod io;

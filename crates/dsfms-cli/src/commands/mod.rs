@@ -2,8 +2,10 @@
 
 pub mod demo;
 pub mod evaluate;
+pub mod experiment;
 pub mod inspect;
 pub mod reconstruct;
+pub mod synth;
 pub mod template;
 
 use crate::args::{Arguments, Command};
@@ -26,6 +28,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Command::Reconstruct(args) => reconstruct::run(args, global, &reporter),
         Command::Inspect(args) => inspect::run(args),
         Command::Evaluate(args) => evaluate::run(args),
+        Command::Experiment(args) => experiment::run(args, global, &reporter),
+        Command::Synth(args) => synth::run(args, global, &reporter),
         Command::Demo(args) => demo::run(args, global, &reporter),
     };
     reporter.finish();

@@ -160,19 +160,24 @@ pub(super) enum FormatError {
 /// Read a surface mesh. Vertex order, face order and connectivity are the file's; nothing is
 /// welded, oriented or rescaled. The format is chosen by the extension.
 pub fn read_mesh(path: &Path) -> Result<MeshFile, MeshFileError> {
-    let owned = || path.to_path_buf();
     let bytes =
-        std::fs::read(path).map_err(|source| MeshFileError::Io { path: owned(), source })?;
+        std::fs::read(path).map_err(|source| MeshFileError::Io { path: path.into(), source })?;
+    parse_mesh(&bytes, path)
+}
+
+/// A surface mesh from the content of a file; `path` tells the format and names it in errors.
+pub fn parse_mesh(bytes: &[u8], path: &Path) -> Result<MeshFile, MeshFileError> {
+    let owned = || path.to_path_buf();
     if bytes.is_empty() {
         return Err(MeshFileError::Empty { path: owned() });
     }
     let extension =
         path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let raw = match extension.as_str() {
-        "ply" => ply_read::read(&bytes),
-        "obj" => obj::read(&bytes),
-        "stl" => stl::read(&bytes),
-        "glb" | "gltf" => gltf_mesh::read(&bytes, path),
+        "ply" => ply_read::read(bytes),
+        "obj" => obj::read(bytes),
+        "stl" => stl::read(bytes),
+        "glb" | "gltf" => gltf_mesh::read(bytes, path),
         _ => return Err(MeshFileError::UnknownFormat { path: owned(), extension }),
     };
     let raw = raw.map_err(|error| match error {

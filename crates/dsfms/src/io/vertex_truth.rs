@@ -2,9 +2,11 @@
 //! units) in a NumPy `.npz`.
 
 use super::InputError;
+use super::atomic::{WriteError, write_atomic};
 use ndarray::Array1;
-use ndarray_npy::{NpzReader, ReadNpzError};
+use ndarray_npy::{NpzReader, NpzWriter, ReadNpzError};
 use std::fs::File;
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 /// One entry per vertex.
@@ -39,11 +41,22 @@ pub fn read_vertex_truth(path: &Path) -> Result<VertexTruth, InputError> {
     })
 }
 
+/// Write `visible` and `displacement` as [`read_vertex_truth`] reads them.
+pub fn write_vertex_truth(path: &Path, truth: &VertexTruth) -> Result<(), WriteError> {
+    let displacement = truth.displacement.iter().map(|&d| d as f32);
+    let mut buffer = Cursor::new(Vec::new());
+    let mut npz = NpzWriter::new(&mut buffer);
+    npz.add_array("visible", &Array1::from(truth.visible.clone()))
+        .and_then(|()| npz.add_array("displacement", &displacement.collect::<Array1<f32>>()))
+        .and_then(|()| npz.finish().map(|_| ()))
+        .map_err(|error| WriteError::new(path, std::io::Error::other(error.to_string())))?;
+    write_atomic(path, |w| w.write_all(buffer.get_ref()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use ndarray::array;
-    use ndarray_npy::NpzWriter;
 
     #[test]
     fn reads_what_numpy_writes_and_names_what_is_missing() {
@@ -63,5 +76,15 @@ mod tests {
         assert_eq!((truth.visible, truth.displacement), (vec![true, false], vec![0.5, 2.0]));
         write(false);
         assert!(read_vertex_truth(&path).unwrap_err().to_string().contains("displacement"));
+    }
+
+    #[test]
+    fn written_truth_reads_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("frame_000_vertices.npz");
+        let truth =
+            VertexTruth { visible: vec![true, false, true], displacement: vec![0.0, 1.5, 2.25] };
+        write_vertex_truth(&path, &truth).unwrap();
+        assert_eq!(read_vertex_truth(&path).unwrap(), truth);
     }
 }

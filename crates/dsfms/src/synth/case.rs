@@ -2,7 +2,7 @@
 
 use super::random::{Random, normal, uniform};
 use super::{
-    Attraction, Deformation, Draw, Gloss, RenderOptions, correspond, deform, patch, render,
+    Attraction, Deformation, Draw, Gloss, Patch, RenderOptions, correspond, deform, patch, render,
 };
 use crate::camera::{CameraModel, Lens};
 use crate::geometry::{Isometry, Point3, Vector3};
@@ -27,6 +27,15 @@ pub struct CaseOptions {
     pub pull: bool,
 }
 
+/// Where matches may lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Admitted {
+    /// Outside the deformed zone (paper §8.1: tools and highlights hide it).
+    Calm,
+    /// Anywhere that is seen.
+    Everywhere,
+}
+
 /// A deformed organ in front of a laparoscope, with its exact truth.
 #[derive(Clone, Debug)]
 pub struct Case {
@@ -47,13 +56,27 @@ pub struct Case {
 }
 
 impl Case {
-    /// The case of a seed: 75 mm in front of a camera of 750 px, one attraction point 18 to 22 mm
-    /// off the surface within 8 × 6 mm of its centre, reach 0.5 rad.
+    /// The case of a seed: a patch 75 mm in front of a camera of 750 px, one attraction point 18 to
+    /// 22 mm off the surface within 8 × 6 mm of its centre, reach 0.5 rad.
     pub fn new(options: &CaseOptions, seed: u64) -> Self {
         let mut random = Random::new(seed, 0xCA5E);
         let organ = patch(options.vertices, seed);
         let deformation = deformation(&organ.mesh, options, &mut random);
-        let pose = pose(&mut random);
+        Self::of(organ, deformation, options, Admitted::Calm, seed, &mut random)
+    }
+
+    /// A deformed organ (rest shape about the origin, outward normals along −z) posed 75 mm before
+    /// the camera, rendered and matched. `options` tells light and matches, `seed` the exposure and
+    /// the noise of the image, `random` pose and matches.
+    pub fn of(
+        organ: Patch,
+        deformation: Deformation,
+        options: &CaseOptions,
+        admitted: Admitted,
+        seed: u64,
+        random: &mut Random,
+    ) -> Self {
+        let pose = pose(random);
         let truth: Vec<Point3> = deformation.vertices.iter().map(|v| pose * v).collect();
         let camera = CameraModel {
             size: [720, 576],
@@ -62,8 +85,8 @@ impl Case {
             lens: Lens::Pinhole,
         };
         let look = RenderOptions {
-            gain: (0.2 * normal(&mut random)).exp(),
-            ambient: 0.02 * uniform(&mut random),
+            gain: (0.2 * normal(random)).exp(),
+            ambient: 0.02 * uniform(random),
             gloss: Some(Gloss { strength: 1.5, width: 0.06 }),
             noise: 1.5,
             seed,
@@ -72,9 +95,9 @@ impl Case {
         let shape = organ.mesh.with_positions(truth.clone());
         let frame = render(&camera, &options.light, &shape, &organ.albedo, &look);
         let visible = visibility(&camera, &organ.mesh, &truth);
-        let calm: Vec<bool> =
-            visible.iter().zip(&deformation.zone).map(|(seen, zone)| *seen && !zone).collect();
-        let matches = correspond(&camera, &organ.mesh, &truth, &calm, options.draw, &mut random);
+        let admit = |(seen, zone): (&bool, &bool)| *seen && !(admitted == Admitted::Calm && *zone);
+        let admit: Vec<bool> = visible.iter().zip(&deformation.zone).map(admit).collect();
+        let matches = correspond(&camera, &organ.mesh, &truth, &admit, options.draw, random);
         let template = Template {
             unit: LengthUnit::Millimetre,
             mesh: organ.mesh,

@@ -3,6 +3,7 @@
 use crate::geometry::{Point3, Vector3};
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
+use serde::{Deserialize, Serialize};
 
 /// A pair `(F, g)`: the main direction of deformation and the point that attracts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,6 +25,18 @@ pub struct Deformation {
     pub zone: Vec<bool>,
     /// Mean relative edge-length change within the zone.
     pub extension: f64,
+    /// Largest relative edge-length change within the zone.
+    pub largest_extension: f64,
+}
+
+/// What an extension states about the edges of the zone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ExtensionOf {
+    /// The mean relative length change.
+    Mean,
+    /// The largest relative length change.
+    Largest,
 }
 
 /// Fraction of the largest displacement from which a vertex belongs to the zone.
@@ -33,6 +46,17 @@ const ZONE: f64 = 0.1;
 /// outside, where κ is found so that the mean absolute edge-length change in the zone is `extension` (0.1 for the paper's 10 %),
 /// and `ε` is `lift` times the local displacement.
 pub fn deform(mesh: &Mesh, attractions: &[Attraction], extension: f64, lift: f64) -> Deformation {
+    deform_to(mesh, attractions, extension, ExtensionOf::Mean, lift)
+}
+
+/// [`deform`] with a choice of what the extension states.
+pub fn deform_to(
+    mesh: &Mesh,
+    attractions: &[Attraction],
+    extension: f64,
+    of: ExtensionOf,
+    lift: f64,
+) -> Deformation {
     let normals = vertex_normals(&mesh.topology, &mesh.positions);
     let field: Vec<Vector3> =
         mesh.positions.iter().zip(&normals).map(|(v, n)| pull(v, n, attractions, lift)).collect();
@@ -45,15 +69,17 @@ pub fn deform(mesh: &Mesh, attractions: &[Attraction], extension: f64, lift: f64
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
-        if zone_extension(mesh, &at(middle), &zone) < extension {
+        let [mean, largest] = zone_extension(mesh, &at(middle), &zone);
+        let reached = if of == ExtensionOf::Mean { mean } else { largest };
+        if reached < extension {
             low = middle;
         } else {
             high = middle;
         }
     }
     let vertices = at(if extension > 0.0 { high } else { 0.0 });
-    let reached = zone_extension(mesh, &vertices, &zone);
-    Deformation { vertices, zone, extension: reached }
+    let [extension, largest_extension] = zone_extension(mesh, &vertices, &zone);
+    Deformation { vertices, zone, extension, largest_extension }
 }
 
 fn pull(v: &Point3, normal: &Vector3, attractions: &[Attraction], lift: f64) -> Vector3 {
@@ -68,8 +94,8 @@ fn pull(v: &Point3, normal: &Vector3, attractions: &[Attraction], lift: f64) -> 
     towards + normal * (lift * towards.norm())
 }
 
-/// Mean `|‖e′‖/‖e‖ − 1|` over the edges with both ends in the zone.
-fn zone_extension(mesh: &Mesh, shape: &[Point3], zone: &[bool]) -> f64 {
+/// Mean and largest `|‖e′‖/‖e‖ − 1|` over the edges with both ends in the zone.
+fn zone_extension(mesh: &Mesh, shape: &[Point3], zone: &[bool]) -> [f64; 2] {
     let changes: Vec<f64> = mesh
         .topology
         .edges
@@ -80,7 +106,8 @@ fn zone_extension(mesh: &Mesh, shape: &[Point3], zone: &[bool]) -> f64 {
             (length(shape) / length(&mesh.positions) - 1.0).abs()
         })
         .collect();
-    changes.iter().sum::<f64>() / changes.len().max(1) as f64
+    let mean = changes.iter().sum::<f64>() / changes.len().max(1) as f64;
+    [mean, changes.into_iter().fold(0.0, f64::max)]
 }
 
 #[cfg(test)]
@@ -100,6 +127,9 @@ mod tests {
             let deformed = deform(&mesh, &[pull], extension, 0.0);
             assert!((deformed.extension - extension).abs() < 1e-6, "{}", deformed.extension);
             let affected = deformed.zone.iter().filter(|z| **z).count();
+            let largest = deform_to(&mesh, &[pull], extension, ExtensionOf::Largest, 0.0);
+            assert!((largest.largest_extension - extension).abs() < 1e-6);
+            assert!(largest.extension <= deformed.extension + 1e-6);
             assert!((10..200).contains(&affected), "{affected}");
         }
     }

@@ -4,13 +4,18 @@
 pub mod case;
 pub mod correspond;
 pub mod deform;
+pub mod part;
 pub mod patch;
+pub mod protocol;
 pub mod random;
 pub mod render;
+mod shadow;
 
-pub use case::{Case, CaseOptions};
+pub use case::{Admitted, Case, CaseOptions};
 pub use correspond::{Draw, correspond};
-pub use deform::{Attraction, Deformation, deform};
-pub use patch::{Patch, patch};
+pub use deform::{Attraction, Deformation, ExtensionOf, deform, deform_to};
+pub use part::part;
+pub use patch::{Patch, patch, textured};
+pub use protocol::{Cell, LightKind, Protocol};
 pub use random::Random;
 pub use render::{Gloss, RenderOptions, render};

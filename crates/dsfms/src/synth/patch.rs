@@ -26,6 +26,12 @@ pub fn patch(vertices: usize, seed: u64) -> Patch {
     Patch { mesh, albedo }
 }
 
+/// A surface about the origin that faces −z, mm, with a tissue-like albedo.
+pub fn textured(mesh: Mesh, seed: u64) -> Patch {
+    let albedo = vessels(&mesh, &mut Random::new(seed, 0x7E87));
+    Patch { mesh, albedo }
+}
+
 fn grid(columns: usize, rows: usize, random: &mut Random) -> Mesh {
     let mut positions = Vec::new();
     for row in 0..rows {

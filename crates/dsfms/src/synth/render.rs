@@ -2,6 +2,7 @@
 //! the same [`Light`] as the energies.
 
 use super::random::{Random, normal};
+use super::shadow::Shadows;
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point3, Vector3, point_at};
 use crate::image::{Frame, ToneCurve};
@@ -33,13 +34,23 @@ pub struct RenderOptions {
     pub noise: f64,
     /// Tone curve of the written frame.
     pub tone: ToneCurve,
+    /// Cast the shadows of the surface on itself.
+    pub shadows: bool,
     /// Seed of the noise.
     pub seed: u64,
 }
 
 impl Default for RenderOptions {
     fn default() -> Self {
-        Self { gain: 1.0, ambient: 0.0, gloss: None, noise: 1.0, tone: ToneCurve::Srgb, seed: 0 }
+        Self {
+            gain: 1.0,
+            ambient: 0.0,
+            gloss: None,
+            noise: 1.0,
+            tone: ToneCurve::Srgb,
+            shadows: true,
+            seed: 0,
+        }
     }
 }
 
@@ -53,11 +64,13 @@ pub fn render(
 ) -> Frame {
     let raster = rasterize(camera, &mesh.topology, &mesh.positions);
     let normals = vertex_normals(&mesh.topology, &mesh.positions);
+    let shadows = options.shadows.then(|| Shadows::cast(light, mesh));
     let linear = raster.render([0.0; 3], |face, b| {
         let corners = mesh.topology.faces[face].map(|v| v as usize);
         let point = point_at(corners.map(|v| &mesh.positions[v]), b);
         let sum: Vector3 = corners.iter().zip(b).map(|(&v, w)| normals[v] * w).sum();
-        brightness(light, albedo.at(face, b), &point, &sum.normalize(), options)
+        let lit = shadows.as_ref().map_or(1.0, |s| s.lit(&point));
+        brightness(light, albedo.at(face, b), &point, &sum.normalize(), lit, options)
     });
     let encode = encoder(&options.tone);
     let mut random = Random::new(options.seed, 0x401);
@@ -79,17 +92,18 @@ fn brightness(
     albedo: [f32; 3],
     point: &Point3,
     normal: &Vector3,
+    lit: f64,
     options: &RenderOptions,
 ) -> [f64; 3] {
-    let shade = light.shade(point, normal).value;
+    let shade = lit * light.shade(point, normal).value;
     let glint = options.gloss.map_or(0.0, |g| {
-        g.strength * (-0.5 * (specular_angle(light, point, normal) / g.width).powi(2)).exp()
+        lit * g.strength * (-0.5 * (specular_angle(light, point, normal) / g.width).powi(2)).exp()
     });
     albedo.map(|a| options.gain * (a as f64 * shade + glint) + options.ambient)
 }
 
 /// Encoded value (of 255, not rounded) of linear light, by inverting the decoder's table.
-fn encoder(tone: &ToneCurve) -> impl Fn(f64) -> f64 {
+pub fn encoder(tone: &ToneCurve) -> impl Fn(f64) -> f64 {
     let table = tone.table();
     move |light: f64| {
         let above = table.partition_point(|&t| (t as f64) < light);

@@ -1,0 +1,210 @@
+//! `dsfms experiment`: the paper's experiment on synthetic cases (§8.1).
+
+mod font;
+pub mod pace;
+pub mod series;
+mod table1;
+
+use crate::args::Global;
+use crate::exit::{Outcome, Usage};
+use crate::outputs::{prepare_folder, write_text};
+use crate::progress::Reporter;
+use anyhow::Context;
+use clap::{Args, Subcommand};
+use dsfms::experiment::{
+    Arm, Metric, Plan, Row, ablation, arms_of, markdown, plot, run as run_plan, summarise,
+    table_csv, times_csv,
+};
+use dsfms::pipeline::{Method, Progress, ReconstructOptions};
+use pace::Paced;
+use series::SeriesArgs;
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "\
+Examples:
+  # Error against extension (Fig. 5): 100 cases for each of five extensions, all methods
+  dsfms experiment ext --count 100 --seed 1 -o results
+  # Under a near light, with noisier matches
+  dsfms experiment ext --light near --noise 1,4 --methods rigid,dsfm,joint -o near
+  # The methods side by side, on a part of the liver
+  dsfms experiment table1 --organ liver -o table1
+  # What each ingredient is worth
+  dsfms experiment ablation --count 40 -o ablation
+
+Every finished case is appended to OUT/cases.csv. A run that was stopped goes on where it was; the
+same folder is refused for other parameters or another build of dsfms, unless --restart drops it.
+Errors are absolute, in mm and px; nothing is aligned.";
+
+/// Run the methods on synthetic deformations of known truth.
+#[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub struct ExperimentArgs {
+    #[command(subcommand)]
+    which: Which,
+}
+
+#[derive(Debug, Subcommand)]
+enum Which {
+    /// Error against extension: CSV and Markdown tables, SVG plots.
+    Ext(ExtArgs),
+    /// The methods side by side as pictures.
+    Table1(table1::Table1Args),
+    /// The effect of leaving out one ingredient of a method at a time.
+    Ablation(AblationArgs),
+}
+
+#[derive(Debug, Args)]
+struct ExtArgs {
+    #[command(flatten)]
+    series: SeriesArgs,
+    /// Methods, in the order of the columns.
+    #[arg(long, value_delimiter = ',', default_value = "rigid,sfs,dsfm,dsfms,joint")]
+    methods: Vec<super::reconstruct::MethodName>,
+    /// Extensions, percent.
+    #[arg(long, value_delimiter = ',', default_value = "0,5,10,15,20", value_parser = series::percent)]
+    ext: Vec<f64>,
+    #[command(flatten)]
+    place: PlaceArgs,
+}
+
+#[derive(Debug, Args)]
+struct AblationArgs {
+    #[command(flatten)]
+    series: SeriesArgs,
+    /// Extensions, percent.
+    #[arg(long, value_delimiter = ',', default_value = "10", value_parser = series::percent)]
+    ext: Vec<f64>,
+    #[command(flatten)]
+    place: PlaceArgs,
+}
+
+/// Where results go, and with which options the methods run.
+#[derive(Debug, Args)]
+struct PlaceArgs {
+    /// Weights and thresholds of the methods, as `dsfms reconstruct --options` takes them.
+    #[arg(long, value_name = "FILE")]
+    options: Option<PathBuf>,
+    /// Folder for the results.
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    /// Drop the results that are already there.
+    #[arg(long)]
+    restart: bool,
+}
+
+impl PlaceArgs {
+    fn options(&self) -> anyhow::Result<ReconstructOptions> {
+        let Some(path) = &self.options else { return Ok(ReconstructOptions::default()) };
+        let name = || format!("--options {}", path.display());
+        let text = std::fs::read_to_string(path).with_context(name)?;
+        ReconstructOptions::from_toml(&text).with_context(name)
+    }
+}
+
+/// Run the command.
+pub fn run(args: &ExperimentArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
+    match &args.which {
+        Which::Ext(args) => ext(args, global, reporter),
+        Which::Table1(args) => table1::run(args, global, reporter),
+        Which::Ablation(args) => ablate(args, global, reporter),
+    }
+}
+
+fn ext(args: &ExtArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
+    let mut methods: Vec<Method> = Vec::new();
+    for &name in &args.methods {
+        let method = Method::from(name);
+        if methods.contains(&method) {
+            return Err(Usage(format!("--methods names {name:?} twice").to_lowercase()).into());
+        }
+        methods.push(method);
+    }
+    let arms = arms_of(&methods, &args.place.options()?);
+    let (plan, rows) = work(&args.series, &args.ext, arms, &args.place, global, reporter)?;
+    let out = &args.place.output;
+    let text = markdown(&plan, &rows);
+    write_text(&out.join("table.md"), &text)?;
+    write_text(&out.join("table.csv"), &table_csv(&rows))?;
+    write_text(&out.join("times.csv"), &times_csv(&rows))?;
+    write_plots(out, &plan, &rows)?;
+    reporter.finish();
+    super::to_stdout(&text)?;
+    super::to_stdout(&format!("\nTime on one thread:\n{}", times_csv(&rows)))?;
+    Ok(outcome(&rows))
+}
+
+fn ablate(args: &AblationArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
+    let arms = ablation::arms(&args.place.options()?);
+    let (plan, rows) = work(&args.series, &args.ext, arms, &args.place, global, reporter)?;
+    let out = &args.place.output;
+    let text = ablation::markdown(&plan, &rows);
+    write_text(&out.join("ablation.md"), &text)?;
+    write_text(&out.join("ablation.csv"), &table_csv(&rows))?;
+    reporter.finish();
+    super::to_stdout(&text)?;
+    Ok(outcome(&rows))
+}
+
+/// Plan, run and sum up.
+fn work(
+    series: &SeriesArgs,
+    extensions: &[f64],
+    arms: Vec<Arm>,
+    place: &PlaceArgs,
+    global: &Global,
+    reporter: &Reporter,
+) -> anyhow::Result<(Plan, Vec<Row>)> {
+    prepare_folder(&place.output)?;
+    let organ = series.organ()?;
+    let plan = Plan {
+        organ: organ.name().to_owned(),
+        protocol: series.protocol(global.seed),
+        extensions: extensions.to_vec(),
+        noises: series.noise.clone(),
+        count: series.count,
+        arms,
+        build: build()?,
+    };
+    let results = place.output.join("cases.csv");
+    if place.restart && results.exists() {
+        std::fs::remove_file(&results).with_context(|| results.display().to_string())?;
+    }
+    let records = run_plan(&plan, &organ, &results, &Paced::new(reporter))?;
+    for lost in records.iter().filter(|r| r.errors.is_none()).take(5) {
+        let (case, extension) = (lost.case, lost.cell.extension);
+        reporter.warn(&format!("{} on case {case} at {extension} %: {}", lost.arm, lost.note));
+    }
+    let rows = summarise(&records, &plan);
+    Ok((plan, rows))
+}
+
+/// A number that differs between builds of this program: results of two are never mixed.
+fn build() -> anyhow::Result<String> {
+    let bytes = std::env::current_exe()
+        .and_then(std::fs::read)
+        .context("cannot read the program's own file")?;
+    let fnv = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+    let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325, fnv);
+    Ok(format!("{} {hash:016x}", env!("CARGO_PKG_VERSION")))
+}
+
+/// `zone.svg` and so on; with the noise in the name where there are several.
+fn write_plots(out: &Path, plan: &Plan, rows: &[Row]) -> anyhow::Result<()> {
+    for &noise in &plan.noises {
+        let of_noise: Vec<&Row> = rows.iter().filter(|r| r.cell.noise == noise).collect();
+        let suffix = if plan.noises.len() > 1 { format!("_noise{noise}") } else { String::new() };
+        for metric in Metric::ALL {
+            let name = format!("{}{suffix}.svg", metric.name());
+            write_text(&out.join(name), &plot(metric, &of_noise))?;
+        }
+    }
+    Ok(())
+}
+
+fn outcome(rows: &[Row]) -> Outcome {
+    match (rows.iter().any(|r| r.count > 0), rows.iter().any(|r| r.lost > 0)) {
+        (false, _) => Outcome::Nothing,
+        (true, false) => Outcome::Ok,
+        (true, true) => Outcome::Degraded,
+    }
+}

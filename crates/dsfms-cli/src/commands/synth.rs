@@ -1,0 +1,167 @@
+//! `dsfms synth`: synthetic cases as files that the other commands read.
+
+use super::experiment::pace::Paced;
+use super::experiment::series::{SeriesArgs, percent};
+use crate::args::Global;
+use crate::draw::picture;
+use crate::exit::Outcome;
+use crate::outputs::{prepare_folder, write_json, write_png, write_text};
+use crate::progress::Reporter;
+use clap::Args;
+use dsfms::geometry::Point2;
+use dsfms::image::{ColorImage, ToneCurve};
+use dsfms::io::camera::{CameraFile, write_camera};
+use dsfms::io::matches::write_matches;
+use dsfms::io::obj::write_obj;
+use dsfms::io::ply::{PlyExtras, Precision, write_ply};
+use dsfms::io::vertex_truth::{VertexTruth, write_vertex_truth};
+use dsfms::mesh::Mesh;
+use dsfms::pipeline::Progress;
+use dsfms::synth::render::encoder;
+use dsfms::synth::{Case, Cell};
+use dsfms::template::bake::bake;
+use dsfms::template::{Flattening, LengthUnit, SurfaceTexels};
+use image::RgbImage;
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+const EXAMPLES: &str = "\
+Examples:
+  dsfms synth --organ uterus --ext 0,10,20 --count 5 --seed 1 -o cases
+  cd cases/ext10/case_0000
+  dsfms template --mesh rest.obj --albedo albedo.png -o organ.template
+  dsfms reconstruct organ.template frame_000.png --camera camera.json --matches matches.csv \\
+      --method joint -o out
+  dsfms evaluate out truth --camera camera.json
+
+Written for every case: frame_000.png, camera.json (with the light), matches.csv, rest.obj (mm, with
+UV) and albedo.png, truth/frame_000.ply (camera axes, the order of rest.obj) with
+truth/frame_000_vertices.npz, vertices.csv (vertex,zone,visible,displacement; the zone is what moved by
+more than a tenth of the largest displacement) and case.json.";
+
+/// Write synthetic cases: deformed organs with image, matches and truth (paper, section 8.1).
+#[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub struct SynthArgs {
+    #[command(flatten)]
+    series: SeriesArgs,
+    /// Extensions, percent.
+    #[arg(long, value_delimiter = ',', default_value = "0,5,10,15,20", value_parser = percent)]
+    ext: Vec<f64>,
+    /// Folder for the cases.
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+}
+
+/// Side of the albedo picture, px.
+const ALBEDO_SIDE: usize = 1024;
+
+/// Run the command.
+pub fn run(args: &SynthArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
+    prepare_folder(&args.output)?;
+    let organ = args.series.organ()?;
+    let protocol = args.series.protocol(global.seed);
+    let cells = args.ext.iter().flat_map(|&extension| {
+        args.series.noise.iter().map(move |&noise| Cell { extension, noise })
+    });
+    let jobs: Vec<(Cell, usize)> =
+        cells.flat_map(|cell| (0..args.series.count).map(move |i| (cell, i))).collect();
+    let progress = Paced::new(reporter);
+    let done = AtomicUsize::new(0);
+    progress.step("cases", 0, jobs.len());
+    jobs.par_iter().try_for_each(|&(cell, index)| {
+        let case = organ.case(&protocol, cell, index)?;
+        let several = args.series.noise.len() > 1;
+        let noise = if several { format!("_noise{}", cell.noise) } else { String::new() };
+        let folder = format!("ext{:02}{noise}/case_{index:04}", cell.extension);
+        let folder = args.output.join(folder);
+        write(&folder, &case)?;
+        write_json(
+            &folder.join("case.json"),
+            &serde_json::json!({
+                "organ": organ.name(),
+                "case": index,
+                "extension_percent": cell.extension,
+                "mean_extension_percent": 100.0 * case.deformation.extension,
+                "largest_extension_percent": 100.0 * case.deformation.largest_extension,
+                "amplitude_mm": amplitude(&case),
+                "match_noise_px": cell.noise,
+                "protocol": protocol,
+            }),
+        )?;
+        progress.step("cases", done.fetch_add(1, Ordering::Relaxed) + 1, jobs.len());
+        anyhow::Ok(())
+    })?;
+    Ok(Outcome::Ok)
+}
+
+fn displacements(case: &Case) -> Vec<f64> {
+    let rest = &case.template.mesh.positions;
+    case.deformation.vertices.iter().zip(rest).map(|(a, b)| (a - b).norm()).collect()
+}
+
+fn amplitude(case: &Case) -> f64 {
+    displacements(case).into_iter().fold(0.0, f64::max)
+}
+
+fn write(folder: &Path, case: &Case) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder.join("truth"))?;
+    let at = |name: &str| folder.join(name);
+    let (mesh, unit) = (&case.template.mesh, LengthUnit::Millimetre);
+    write_png(&at("frame_000.png"), &picture(&case.frame))?;
+    let (camera, tone) = (case.camera.clone(), Some(ToneCurve::Srgb));
+    write_camera(
+        &at("camera.json"),
+        &CameraFile { camera, tone, light: case.template.light.clone() },
+    )?;
+    write_matches(&at("matches.csv"), &case.matches)?;
+    let uv = planar_uv(mesh);
+    write_obj(&at("rest.obj"), mesh, Some(&uv), unit, &[])?;
+    if let Some(albedo) = &case.template.albedo {
+        write_png(&at("albedo.png"), &albedo_picture(albedo, uv)?)?;
+    }
+    let extras = PlyExtras {
+        precision: Precision::Double,
+        visible: Some(&case.visible),
+        ..Default::default()
+    };
+    write_ply(&at("truth/frame_000.ply"), &mesh.topology, &case.truth, unit, &extras)?;
+    let displacement = displacements(case);
+    let mut csv = "vertex,zone,visible,displacement\n".to_owned();
+    for (v, d) in displacement.iter().enumerate() {
+        let [zone, seen] = [case.deformation.zone[v], case.visible[v]].map(u8::from);
+        csv += &format!("{v},{zone},{seen},{d}\n");
+    }
+    write_text(&at("vertices.csv"), &csv)?;
+    let known = VertexTruth { visible: case.visible.clone(), displacement };
+    write_vertex_truth(&at("truth/frame_000_vertices.npz"), &known)?;
+    Ok(())
+}
+
+/// UV along x and against y: the rest shape faces −z, so this is how the camera sees it.
+fn planar_uv(mesh: &Mesh) -> Vec<[Point2; 3]> {
+    let [low, high] = mesh.bounding_box();
+    let side = 1.04 * (high - low).xy().max();
+    let middle = 0.5 * (low.coords + high.coords);
+    let corner = |v: u32| {
+        let p = &mesh.positions[v as usize];
+        Point2::new(0.5 + (p.x - middle.x) / side, 0.5 - (p.y - middle.y) / side)
+    };
+    mesh.topology.faces.iter().map(|face| face.map(corner)).collect()
+}
+
+fn albedo_picture(albedo: &SurfaceTexels, corners: Vec<[Point2; 3]>) -> anyhow::Result<RgbImage> {
+    let faces = corners.len();
+    let flat = Flattening {
+        corners,
+        seam: Vec::new(),
+        quasi_conformal: vec![1.0; faces],
+        log_area: vec![0.0; faces],
+    };
+    let ColorImage { size: [w, h], data } = bake(albedo, &flat, ALBEDO_SIDE, 4)?.image;
+    let encode = encoder(&ToneCurve::Srgb);
+    Ok(RgbImage::from_fn(w as u32, h as u32, |x, y| {
+        image::Rgb(data[y as usize * w + x as usize].map(|v| encode(f64::from(v)).round() as u8))
+    }))
+}

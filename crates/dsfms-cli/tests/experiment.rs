@@ -1,0 +1,79 @@
+//! synth and experiment through the binary: tiny runs, going on after a kill, wrong arguments.
+
+use assert_cmd::Command;
+use std::fs;
+use std::path::Path;
+
+fn dsfms(folder: &Path, arguments: &str) -> Command {
+    let mut command = Command::cargo_bin("dsfms").unwrap();
+    command.current_dir(folder).args(arguments.split(' '));
+    command
+}
+
+#[test]
+fn a_synthetic_case_goes_through_the_other_commands() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let synth = "synth --organ uterus --vertices 100 --ext 10 --count 1 --seed 3 -q -o cases";
+    dsfms(at, synth).assert().success();
+    let case = at.join("cases/ext10/case_0000");
+    let known = fs::read_to_string(case.join("case.json")).unwrap();
+    let known: serde_json::Value = serde_json::from_str(&known).unwrap();
+    let largest = known["largest_extension_percent"].as_f64().unwrap();
+    assert!((largest - 10.0).abs() < 1e-3, "{known}");
+    dsfms(&case, "template --mesh rest.obj --albedo albedo.png -q -o organ.template")
+        .assert()
+        .success();
+    let reconstruct = "reconstruct organ.template frame_000.png --camera camera.json --matches \
+                       matches.csv --method dsfm -q -o out";
+    dsfms(&case, reconstruct).assert().success();
+    dsfms(&case, "evaluate out truth --camera camera.json --json errors.json").assert().success();
+    let errors = fs::read_to_string(case.join("errors.json")).unwrap();
+    let errors: serde_json::Value = serde_json::from_str(&errors).unwrap();
+    let all = errors["frame_000.ply"]["vertices"]["all"]["rms"].as_f64().unwrap();
+    assert!(all < 2.0, "{all} mm");
+}
+
+#[test]
+fn an_experiment_goes_on_after_a_kill_and_keeps_its_tables() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let run = "experiment ext --vertices 100 --ext 0,10 --count 2 --methods rigid,dsfm -q -o out";
+    dsfms(at, run).assert().success();
+    let read = |name: &str| fs::read_to_string(at.join("out").join(name)).unwrap();
+    let whole = (read("table.md"), read("table.csv"), read("zone.svg"));
+    assert!(whole.0.contains("| 10 % |") && whole.1.lines().count() == 5, "{}", whole.1);
+    assert!(whole.2.contains(">dsfm</text>"));
+    // A kill leaves fewer cases and a last line that is cut short.
+    let cases = read("cases.csv");
+    let kept = cases.lines().take(5).map(str::len).sum::<usize>() + 5 + 20;
+    fs::write(at.join("out/cases.csv"), &cases[..kept]).unwrap();
+    let again = format!("--threads 1 {run}");
+    dsfms(at, &again).assert().success();
+    assert_eq!((read("table.md"), read("table.csv"), read("zone.svg")), whole);
+
+    let other = run.replace("--count 2", "--count 3");
+    let refused = dsfms(at, &other).assert().failure();
+    let message = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
+    assert!(message.contains("another count") && message.contains("--restart"), "{message}");
+    dsfms(at, &format!("{other} --restart")).assert().success();
+}
+
+#[test]
+fn wrong_arguments_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    for (arguments, code, words) in [
+        ("experiment ext --methods rigid,rigid -o out", 64, "twice"),
+        ("experiment ext --methods rigid,magic -o out", 64, "magic"),
+        ("experiment ext --ext 5,80 -o out", 64, "0 to 40"),
+        ("experiment ext --count 0 -o out", 64, "1 to 100000"),
+        ("experiment ext --matches 100 -o out", 64, "25"),
+        ("experiment ext --organ kidney -o out", 1, "uterus"),
+        ("synth --ext x -o out", 64, "percentage"),
+        ("experiment ablation", 64, "--output"),
+    ] {
+        let done = dsfms(folder.path(), arguments).assert().code(code);
+        let message = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+        assert!(message.contains(words), "{arguments}: {message}");
+    }
+}

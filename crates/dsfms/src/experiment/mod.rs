@@ -1,0 +1,26 @@
+//! The paper's experiment (§8.1): many synthetic cases, every method on each, tables and plots.
+//!
+//! A [`Plan`] says what is run; [`run`] works through its cases on all cores, appends every
+//! finished case to a file and goes on from that file after an interruption; [`summarise`] turns
+//! the records into the rows of a table. Errors are absolute: nothing is aligned.
+
+pub mod ablation;
+mod error;
+mod measure;
+mod organ;
+mod plan;
+mod plot;
+mod record;
+mod report;
+mod run;
+mod summary;
+
+pub use error::ExperimentError;
+pub use measure::{Errors, measure};
+pub use organ::Organ;
+pub use plan::{Arm, Plan, arms_of};
+pub use plot::plot;
+pub use record::Record;
+pub use report::{Metric, markdown, table_csv, times_csv};
+pub use run::run;
+pub use summary::{Row, Spread, summarise};
