@@ -1,6 +1,6 @@
 //! The command line as clap reads it.
 
-use crate::commands::{demo, evaluate, inspect, reconstruct, template};
+use crate::commands::{calibrate, demo, evaluate, export, inspect, reconstruct, template};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use dsfms::image::ToneCurve;
 
@@ -56,9 +56,11 @@ impl From<Tone> for ToneCurve {
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    Calibrate(calibrate::CalibrateArgs),
     Template(template::TemplateArgs),
     Reconstruct(reconstruct::ReconstructArgs),
     Inspect(inspect::InspectArgs),
     Evaluate(evaluate::EvaluateArgs),
+    Export(export::ExportArgs),
     Demo(demo::DemoArgs),
 }

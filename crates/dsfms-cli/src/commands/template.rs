@@ -1,12 +1,14 @@
 //! `dsfms template`: frames, or a mesh, to a template.
 
+use super::scale::ScaleArgs;
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
 use crate::inputs::{self, CameraInput, Source};
 use crate::outputs::prepare_folder;
+use crate::pictures::template::write_pictures;
 use crate::progress::Reporter;
 use anyhow::Context;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use dsfms::image::{Frame, Mask};
 use dsfms::io::InputError;
 use dsfms::io::images::read_frame;
@@ -21,6 +23,7 @@ use dsfms::pipeline::{
 };
 use dsfms::sfm::RefineIntrinsics;
 use dsfms::template::bake::choose_resolution;
+use dsfms::template::flatten::FlattenMethod;
 use dsfms::template::{LengthUnit, SurfaceTexels};
 use std::path::{Path, PathBuf};
 
@@ -32,6 +35,8 @@ Examples:
   dsfms template exploration/ --camera camera.json --organ-masks masks/ -o organ.template
   # From a video; the intrinsics are a guess to be refined
   dsfms template endo.mp4 --camera guess.json --self-calibrate -o organ.template
+  # In mm: two points of the tissue, picked in the frames, are 35 mm apart
+  dsfms template exploration/ --camera camera.json --scale-reference frame_003:812,440 frame_003:1020,610 35mm -o organ.template
   # On a mesh of your own, in the world of known camera poses
   dsfms template exploration/ --camera camera.json --mesh organ.ply --poses poses.json -o organ.template
   # A mesh whose albedo is known: an image in its UV, or a CSV with one value (or r,g,b) a vertex
@@ -41,7 +46,8 @@ Masks: white (above 127) = valid for --masks, = organ for --organ-masks. A mask 
 of the same name or number. A mask that covers nearly all or nothing draws a warning.
 
 The result is a folder: template.toml, template.glb, template.ply and more. Without --mesh its
-lengths are in template units, similar to the truth at an unknown scale.";
+lengths are in template units, similar to the truth at an unknown scale; a known distance
+(--scale-reference, --camera-step) makes them mm. pictures/ shows the flattening and the albedo.";
 
 /// Build a template (rest shape, albedo, descriptors) from exploration frames or a mesh.
 #[derive(Debug, Args)]
@@ -50,7 +56,8 @@ pub struct TemplateArgs {
     /// Folder of frames, image files, or one video.
     #[arg(value_name = "FRAMES_DIR_OR_VIDEO")]
     frames: Vec<PathBuf>,
-    /// Intrinsics: camera.json, OpenCV YAML or JSON, or COLMAP cameras.txt.
+    /// Intrinsics: camera.json, OpenCV YAML or JSON, or COLMAP's cameras.txt, cameras.bin
+    /// or model folder.
     #[arg(long, value_name = "FILE")]
     camera: Option<PathBuf>,
     /// Masks of the frames, white = valid image content (no instrument, inside the viewport).
@@ -65,7 +72,8 @@ pub struct TemplateArgs {
     /// Surface to use: PLY, OBJ, STL or glTF; its vertex order and faces are kept.
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
-    /// Camera poses of the frames in the mesh's frame: poses.json or COLMAP images.txt.
+    /// Camera poses of the frames in the mesh's frame: poses.json, or COLMAP's images.txt,
+    /// images.bin or model folder.
     #[arg(long, value_name = "FILE", requires = "mesh")]
     poses: Option<PathBuf>,
     /// Albedo of the mesh: an image in its UV, or a CSV with one value (or r,g,b) per vertex.
@@ -74,9 +82,35 @@ pub struct TemplateArgs {
     /// Refine focal length, principal point and radial distortion along with the poses.
     #[arg(long, conflicts_with = "mesh")]
     self_calibrate: bool,
+    #[command(flatten)]
+    scale: ScaleArgs,
+    /// How charts are flattened.
+    #[arg(long, value_enum, default_value_t)]
+    flatten: Flatten,
     /// Template folder to write.
     #[arg(short, long, value_name = "TEMPLATE")]
     output: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum Flatten {
+    /// Conformal with constant boundary scale: the least area distortion.
+    #[default]
+    Bff,
+    /// Least-squares conformal map, two vertices held.
+    Lscm,
+    /// Spectral conformal map.
+    Spectral,
+}
+
+impl From<Flatten> for FlattenMethod {
+    fn from(method: Flatten) -> Self {
+        match method {
+            Flatten::Bff => Self::Bff,
+            Flatten::Lscm => Self::Lscm,
+            Flatten::Spectral => Self::Spectral,
+        }
+    }
 }
 
 /// Run the command.
@@ -84,7 +118,7 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
     check(args)?;
     let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty());
     prepare_folder(parent.unwrap_or(Path::new(".")))?;
-    let options = options(args, global);
+    let options = options(args, global)?;
     let (template, complete) = match (args.frames.is_empty(), &args.mesh) {
         (true, Some(mesh)) => {
             let mesh = open_mesh(mesh, reporter)?;
@@ -96,6 +130,7 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
         _ => from_frames(args, global, &options, reporter)?,
     };
     write_template(&args.output, &template)?;
+    write_pictures(&template, &args.output.join("pictures"))?;
     reporter.finish();
     if !global.quiet {
         super::inspect::print(&template)?;
@@ -123,8 +158,10 @@ fn check(args: &TemplateArgs) -> anyhow::Result<()> {
     }
 }
 
-fn options(args: &TemplateArgs, global: &Global) -> TemplateOptions {
+fn options(args: &TemplateArgs, global: &Global) -> anyhow::Result<TemplateOptions> {
     let mut options = TemplateOptions { vertices: args.vertices, ..Default::default() };
+    options.scale = args.scale.references()?;
+    options.flatten.method = args.flatten.into();
     options.sfm.seed = global.seed;
     options.dense.seed = global.seed;
     if args.self_calibrate {
@@ -135,7 +172,7 @@ fn options(args: &TemplateArgs, global: &Global) -> TemplateOptions {
             second_distortion: false,
         };
     }
-    options
+    Ok(options)
 }
 
 fn from_frames(
@@ -168,7 +205,10 @@ fn from_frames(
         }
         _ => template_from_frames(&exploration, options, reporter)?,
     };
-    let BuiltTemplate { template, rejected, .. } = built;
+    let BuiltTemplate { template, rejected, scale, .. } = built;
+    if let Some(scale) = &scale {
+        super::scale::report(scale, reporter);
+    }
     for (name, why) in &rejected {
         reporter.warn(&format!("frame {name} is left out: {why}"));
     }
