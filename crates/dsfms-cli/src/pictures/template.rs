@@ -5,7 +5,9 @@ use super::text::text;
 use crate::draw::{error_colour, line};
 use crate::outputs::{prepare_folder, write_png};
 use dsfms::geometry::{Point2, Vector2, barycentric};
-use dsfms::template::{Flattening, SurfaceTexels, Template};
+use dsfms::image::{Frame, Mask, viewport};
+use dsfms::template::texture::{Texture, TextureView};
+use dsfms::template::{Flattening, SurfaceTexels, Template, View};
 use image::{Rgb, RgbImage};
 use std::path::{Path, PathBuf};
 
@@ -39,6 +41,44 @@ pub fn write_pictures(template: &Template, folder: &Path) -> anyhow::Result<Vec<
         written.push(path);
     }
     Ok(written)
+}
+
+/// Write the look of the surface in its frames: `texture.png`, every face from its best view, and
+/// `texture_blended.png`, all views. `valid` holds one mask a frame, or nothing.
+pub fn write_textures(
+    template: &Template,
+    frames: &[Frame],
+    valid: &[Option<Mask>],
+    folder: &Path,
+) -> anyhow::Result<()> {
+    let (Some(map), Some(camera)) = (&template.flattening, &template.camera) else {
+        return Ok(());
+    };
+    let lit = viewport(frames);
+    let masks: Vec<Option<Mask>> = (0..frames.len())
+        .map(|i| match (valid.get(i).and_then(Option::as_ref), &lit) {
+            (Some(own), Some(lit)) => Some(own.and(lit)),
+            (own, lit) => own.or(lit.as_ref()).cloned(),
+        })
+        .collect();
+    let view = |v: &View| {
+        let i = frames.iter().position(|f| f.name == v.name)?;
+        let (pose, valid) = (v.camera_from_template, masks[i].as_ref());
+        Some(TextureView { frame: &frames[i], camera, pose, valid })
+    };
+    let views: Vec<TextureView> = template.views.iter().filter_map(view).collect();
+    let texture = Texture::new(&template.mesh, &views);
+    let draw = |name: &str, title: &str, colour: &dyn Fn(usize, [f64; 3]) -> Option<[u8; 3]>| {
+        let mut canvas = Charts::canvas(map, 1);
+        let charts = Charts::new(map, 0);
+        charts.fill(&mut canvas, |f, w| colour(f, w).unwrap_or(UNSEEN));
+        charts.title(&mut canvas, title);
+        write_png(&folder.join(name), &canvas)
+    };
+    let title = "texture: each face from its best view; grey: not seen without glare";
+    draw("texture.png", title, &|f, w| texture.best(f, w))?;
+    let title = "texture: all views, blended by resolution; grey: not seen without glare";
+    draw("texture_blended.png", title, &|f, w| texture.blended(f, w))
 }
 
 /// Charts coloured by a value per place, above the empty part of `[0, 1]²`; several stand side by

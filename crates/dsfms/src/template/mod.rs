@@ -16,6 +16,7 @@ pub mod statistics;
 mod test_scene;
 pub mod texel_fill;
 pub mod texels;
+pub mod texture;
 
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point2, Point3};
