@@ -14,13 +14,13 @@ use clap::{Args, ValueEnum};
 use dsfms::io::poses::{PoseList, match_poses, read_poses};
 use dsfms::io::template::write_template;
 use dsfms::pipeline::{
-    BuiltTemplate, Exploration, Progress, TemplateOptions, template_from_frames,
+    BuiltTemplate, Exploration, OrganOutline, Progress, TemplateOptions, template_from_frames,
     template_from_mesh, template_from_posed_frames,
 };
 use dsfms::sfm::RefineIntrinsics;
 use dsfms::template::Template;
 use dsfms::template::flatten::FlattenMethod;
-use load::{Loaded, Outline, load, parse_outline};
+use load::{Loaded, load, parse_outline};
 use mesh::{open_mesh, read_albedo, unit};
 use std::path::{Path, PathBuf};
 
@@ -65,10 +65,10 @@ pub struct TemplateArgs {
     /// Outlines of the organ in the frames, white = organ.
     #[arg(long, value_name = "DIR")]
     organ_masks: Option<PathBuf>,
-    /// Outline of the organ on one frame, as FRAME:x,y,x,y,...; what the frame shows outside it is
-    /// left out. May be given for several frames.
+    /// Outline of the organ on one frame, as FRAME:x,y,x,y,...; only the surface inside it stays. May
+    /// be given for several frames.
     #[arg(long, value_name = "FRAME:X,Y,...", value_parser = parse_outline, conflicts_with_all = ["organ_masks", "mesh"])]
-    organ_polygon: Vec<Outline>,
+    organ_polygon: Vec<OrganOutline>,
     /// Vertices of the template mesh, 100 to 50000.
     #[arg(long, value_name = "N", default_value_t = 1000)]
     vertices: usize,
@@ -170,6 +170,7 @@ fn check(args: &TemplateArgs) -> anyhow::Result<()> {
 
 fn options(args: &TemplateArgs, global: &Global) -> anyhow::Result<TemplateOptions> {
     let mut options = TemplateOptions { vertices: args.vertices, ..Default::default() };
+    options.outlines = args.organ_polygon.clone();
     options.scale = args.scale.references()?;
     options.flatten.method = args.flatten.into();
     options.sfm.seed = global.seed;

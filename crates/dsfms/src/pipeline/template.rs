@@ -5,7 +5,10 @@
 //! frames, mesh, poses ──────────────┴► flatten ─► light, gains, albedo ─► features ─► Template
 //! ```
 
+mod outline;
 mod views;
+
+pub use outline::OrganOutline;
 
 use super::Progress;
 use crate::camera::CameraModel;
@@ -56,6 +59,8 @@ pub struct TemplateOptions {
     pub remesh: RemeshOptions,
     /// Conformal flattening.
     pub flatten: FlattenOptions,
+    /// The organ as outlined on frames; empty = masks alone say what is organ.
+    pub outlines: Vec<OrganOutline>,
     /// Known distances; without any the unit of a template from frames is not metric.
     pub scale: Vec<ScaleReference>,
     /// Light estimation.
@@ -74,6 +79,7 @@ impl Default for TemplateOptions {
             dense: DenseOptions::default(),
             remesh: RemeshOptions::default(),
             flatten: FlattenOptions::default(),
+            outlines: Vec::new(),
             scale: Vec::new(),
             light: LightFitOptions::default(),
             albedo: AlbedoOptions::default(),
@@ -128,6 +134,19 @@ pub enum TemplateError {
     /// The stereo surface could not be remeshed.
     #[error("remeshing: {0}")]
     Remesh(#[from] RemeshError),
+    /// The outlined frame has no pose.
+    #[error(
+        "the organ is outlined on frame {frame:?}, which is not registered; outline another frame"
+    )]
+    OutlineFrame {
+        /// Name of the frame.
+        frame: String,
+    },
+    /// Nothing of the surface lies inside the outlines.
+    #[error(
+        "nothing of the reconstructed surface lies inside the outline of the organ; draw it wider, in px of the frame"
+    )]
+    EmptyOutline,
     /// A known distance could not be measured.
     #[error("scale: {0}")]
     Scale(#[from] ScaleError),
@@ -184,9 +203,13 @@ fn measure(
     mesh: &Mesh,
     options: &TemplateOptions,
 ) -> Result<Option<Scale>, ScaleError> {
-    let named = frames.iter().zip(poses);
-    let poses: Vec<_> = named.filter_map(|(f, p)| Some((f.name.as_str(), (*p)?))).collect();
+    let poses = named(frames, poses);
     find_scale(&ScaleScene { mesh, camera, poses: &poses }, &options.scale)
+}
+
+/// Name and pose of every registered frame.
+fn named<'a>(frames: &'a [Frame], poses: &[Option<Isometry>]) -> Vec<(&'a str, Isometry)> {
+    frames.iter().zip(poses).filter_map(|(f, p)| Some((f.name.as_str(), (*p)?))).collect()
 }
 
 /// Everything in a new unit. Light and albedo are measured later, so that a light whose place is
@@ -347,7 +370,9 @@ fn dense_mesh(
     progress.step("surface", 0, 2);
     let fine = surface(&posed, &maps, &options.dense)?;
     progress.step("surface", 1, 2);
-    let mesh = remesh(&fine.mesh, options.vertices, &options.remesh)?;
+    let named = named(exploration.frames, poses);
+    let fine = outline::trim(fine.mesh, camera, &named, &options.outlines)?;
+    let mesh = remesh(&fine, options.vertices, &options.remesh)?;
     progress.step("surface", 2, 2);
     Ok(mesh)
 }

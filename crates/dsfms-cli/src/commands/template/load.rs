@@ -9,19 +9,11 @@ use dsfms::geometry::Point2;
 use dsfms::image::{Frame, Mask};
 use dsfms::io::InputError;
 use dsfms::io::masks::MaskKind;
-use dsfms::pipeline::Progress;
+use dsfms::pipeline::{OrganOutline, Progress};
 use std::path::{Path, PathBuf};
 
-/// An outline of the organ, drawn on one frame.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Outline {
-    /// Name of the frame.
-    frame: String,
-    corners: Vec<Point2>,
-}
-
 /// `FRAME:x,y,x,y,x,y…`
-pub fn parse_outline(text: &str) -> Result<Outline, String> {
+pub fn parse_outline(text: &str) -> Result<OrganOutline, String> {
     let expected = || format!("{text:?}; expected FRAME:x,y,x,y,x,y with three corners or more");
     let (frame, list) = text.rsplit_once(':').ok_or_else(expected)?;
     let numbers: Result<Vec<f64>, _> = list.split(',').map(|w| w.trim().parse::<f64>()).collect();
@@ -31,13 +23,14 @@ pub fn parse_outline(text: &str) -> Result<Outline, String> {
         return Err(expected());
     }
     let corners = numbers.chunks(2).map(|p| Point2::new(p[0], p[1])).collect();
-    Ok(Outline { frame: frame.into(), corners })
+    Ok(OrganOutline { frame: frame.into(), corners })
 }
 
 /// The organ as outlined on a frame, which is taken from the list.
-fn outline(outlines: &mut Vec<Outline>, frame: &Frame) -> Option<Mask> {
+fn outline(outlines: &mut Vec<OrganOutline>, frame: &Frame) -> Option<Mask> {
     let stem = |name: &str| name.rsplit_once('.').map(|(stem, _)| stem.to_string());
-    let own = |o: &Outline| o.frame == frame.name || stem(&o.frame).as_ref() == Some(&frame.name);
+    let own =
+        |o: &OrganOutline| o.frame == frame.name || stem(&o.frame).as_ref() == Some(&frame.name);
     let found = outlines.iter().position(own)?;
     Some(Mask::polygon(frame.size, &outlines.remove(found).corners))
 }
@@ -122,7 +115,8 @@ mod tests {
 
     #[test]
     fn an_outline_belongs_to_its_frame() {
-        let mut outlines = vec![parse_outline("a:b.png: 0,0, 3,0, 3,3,0,3").unwrap()];
+        let mut outlines =
+            vec![parse_outline("a:b.png: -0.5,-0.5, 2.5,-0.5, 2.5,2.5,-0.5,2.5").unwrap()];
         let frame = |name: &str| Frame { name: name.into(), size: [4, 4], rgb: vec![[0; 3]; 16] };
         assert!(outline(&mut outlines, &frame("c")).is_none());
         assert_eq!(outline(&mut outlines, &frame("a:b")).unwrap().coverage(), 9.0 / 16.0);
