@@ -223,6 +223,7 @@ fn from_frames(
     for (name, why) in &rejected {
         reporter.warn(&format!("frame {name} is left out: {why}"));
     }
-    let complete = rejected.is_empty() && loaded.complete;
+    let scaled = scale.is_some() || options.scale.is_empty();
+    let complete = rejected.is_empty() && loaded.complete && scaled;
     Ok((template, loaded, complete))
 }

@@ -97,7 +97,7 @@ pub struct BuiltTemplate {
     pub rejected: Vec<(String, String)>,
     /// The light and what else was tried; `None` where nothing could be measured.
     pub light: Option<LightFit>,
-    /// The scale that was applied, where distances were known.
+    /// The scale that was applied; `None` without known distances, or where none could be measured.
     pub scale: Option<Scale>,
     /// Sparse points of structure from motion, template frame; empty for given poses.
     pub points: Vec<Point3>,
@@ -142,14 +142,14 @@ pub enum TemplateError {
         /// Name of the frame.
         frame: String,
     },
-    /// Nothing of the surface lies inside the outlines.
+    /// The surface fills too little of the outlines: the organ was not reconstructed.
     #[error(
-        "nothing of the reconstructed surface lies inside the outline of the organ; draw it wider, in px of the frame"
+        "one connected surface fills only {percent:.0} % of the organ's outline; outline a frame that shows the organ whole, or give organ masks of all frames (--organ-masks)"
     )]
-    EmptyOutline,
-    /// A known distance could not be measured.
-    #[error("scale: {0}")]
-    Scale(#[from] ScaleError),
+    EmptyOutline {
+        /// Share of the outlines that it fills, per cent.
+        percent: f64,
+    },
     /// Nothing to measure the albedo in.
     #[error("albedo: {0}")]
     Albedo(#[from] AlbedoError),
@@ -172,7 +172,12 @@ pub fn template_from_frames(
     let points: Vec<Point3> = sparse.points.iter().map(|p| p.position).collect();
     let mut mesh =
         dense_mesh(exploration, &sparse.camera, &sparse.poses, &points, options, progress)?;
-    let scale = measure(exploration.frames, &sparse.camera, &sparse.poses, &mesh, options)?;
+    // Reconstruction took long: a mark beside the surface costs the unit, not the template.
+    let scale = measure(exploration.frames, &sparse.camera, &sparse.poses, &mesh, options)
+        .unwrap_or_else(|error| {
+            progress.warn(&format!("scale: {error}; lengths stay in template units"));
+            None
+        });
     let unit = match &scale {
         Some(scale) => {
             apply(scale.factor, &mut mesh, &mut sparse);

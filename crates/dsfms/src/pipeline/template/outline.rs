@@ -19,6 +19,9 @@ pub struct OrganOutline {
     pub corners: Vec<Point2>,
 }
 
+/// Least share of the outlines that the organ's surface fills.
+const MIN_COVERED: f64 = 0.5;
+
 /// Faces that project inside every outline, and of their connected pieces the one that the outlined
 /// frames see most of: what lies behind the organ, or where no outlined frame looks, is left out.
 /// `poses`: name and `camera_from_world` of the registered frames.
@@ -29,7 +32,7 @@ pub(super) fn trim(
     outlines: &[OrganOutline],
 ) -> Result<Mesh, TemplateError> {
     let faces = mesh.topology.faces.len();
-    let (mut inside, mut seen) = (vec![true; faces], vec![0u32; faces]);
+    let (mut inside, mut seen, mut outlined) = (vec![true; faces], vec![0u32; faces], 0);
     for outline in outlines {
         let stem = outline.frame.rsplit_once('.').map_or(outline.frame.as_str(), |(s, _)| s);
         let pose = poses.iter().find(|(name, _)| *name == outline.frame || *name == stem);
@@ -37,6 +40,7 @@ pub(super) fn trim(
             return Err(TemplateError::OutlineFrame { frame: outline.frame.clone() });
         };
         let polygon = Mask::polygon(camera.size, &outline.corners);
+        outlined += polygon.data.iter().filter(|&&p| p).count();
         let positions: Vec<Point3> = mesh.positions.iter().map(|p| pose * p).collect();
         let within = |&v: &u32| {
             camera.project(&positions[v as usize]).is_some_and(|q| polygon.at_pixel(&q.pixel))
@@ -62,8 +66,10 @@ pub(super) fn trim(
     }
     // Of equal pieces the first.
     let most = (0..pieces.count).max_by_key(|&p| (pixels[p], std::cmp::Reverse(p)));
-    let Some(most) = most.filter(|&p| pixels[p] > 0) else {
-        return Err(TemplateError::EmptyOutline);
+    // Another surface must not pass for the organ where that was not reconstructed.
+    let covered = most.map_or(0.0, |p| f64::from(pixels[p]) / outlined.max(1) as f64);
+    let Some(most) = most.filter(|_| covered >= MIN_COVERED) else {
+        return Err(TemplateError::EmptyOutline { percent: 100.0 * covered });
     };
     let own = |f: &usize| pieces.of_face[*f] as usize == most;
     Ok(part.subset(&(0..kept.len()).filter(own).collect::<Vec<_>>()).0)
@@ -101,13 +107,13 @@ mod tests {
                 .map(Point2::from)
                 .to_vec(),
         };
-        let kept = trim(plates(), &camera, &poses, &[square(20.0, 80.0)]).unwrap();
+        let kept = trim(plates(), &camera, &poses, &[square(25.0, 75.0)]).unwrap();
         assert_eq!(kept.topology.faces.len(), 2);
         assert!(kept.positions.iter().all(|p| p.z == 10.0));
         assert_eq!(trim(plates(), &camera, &poses, &[]).unwrap().topology.faces.len(), 6);
         let nothing = trim(plates(), &camera, &poses, &[square(1.0, 5.0)]);
-        assert!(matches!(nothing, Err(TemplateError::EmptyOutline)));
-        let other = OrganOutline { frame: "b".into(), ..square(20.0, 80.0) };
+        assert!(matches!(nothing, Err(TemplateError::EmptyOutline { .. })));
+        let other = OrganOutline { frame: "b".into(), ..square(25.0, 75.0) };
         let missing = trim(plates(), &camera, &poses, &[other]);
         assert!(missing.unwrap_err().to_string().contains("\"b\""));
     }
