@@ -1,6 +1,6 @@
 //! The command line as clap reads it.
 
-use crate::commands::{demo, evaluate, experiment, inspect, reconstruct, synth, template};
+use crate::commands::{calibrate, demo, evaluate, experiment, export, inspect, reconstruct, synth, template};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use dsfms::image::ToneCurve;
 
@@ -56,11 +56,13 @@ impl From<Tone> for ToneCurve {
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    Calibrate(calibrate::CalibrateArgs),
     Template(template::TemplateArgs),
     Reconstruct(reconstruct::ReconstructArgs),
     Inspect(inspect::InspectArgs),
     Evaluate(evaluate::EvaluateArgs),
     Synth(synth::SynthArgs),
     Experiment(experiment::ExperimentArgs),
+    Export(export::ExportArgs),
     Demo(demo::DemoArgs),
 }

@@ -128,7 +128,7 @@ pub fn error_colour(error: f64, full: f64) -> [u8; 3] {
     std::array::from_fn(|c| ((1.0 - u) * RAMP[k][c] + u * RAMP[k + 1][c]) as u8)
 }
 
-fn blend(canvas: &mut RgbImage, x: i64, y: i64, colour: [u8; 3], alpha: f64) {
+pub fn blend(canvas: &mut RgbImage, x: i64, y: i64, colour: [u8; 3], alpha: f64) {
     if x < 0 || y < 0 || x >= i64::from(canvas.width()) || y >= i64::from(canvas.height()) {
         return;
     }
@@ -140,7 +140,7 @@ fn blend(canvas: &mut RgbImage, x: i64, y: i64, colour: [u8; 3], alpha: f64) {
 
 /// An anti-aliased line one pixel wide: along its longer axis, the two pixels across it share the
 /// opacity by their distance.
-fn line(canvas: &mut RgbImage, from: Point2, to: Point2, colour: [u8; 3], opacity: f64) {
+pub fn line(canvas: &mut RgbImage, from: Point2, to: Point2, colour: [u8; 3], opacity: f64) {
     let reach = 4.0 * f64::from(canvas.width().max(canvas.height()));
     if [from, to].iter().any(|p| !(p.x.abs() < reach && p.y.abs() < reach)) {
         return;
@@ -164,7 +164,7 @@ fn line(canvas: &mut RgbImage, from: Point2, to: Point2, colour: [u8; 3], opacit
 }
 
 /// A filled disc with a soft rim.
-fn dot(canvas: &mut RgbImage, at: Point2, radius: f64, colour: [u8; 3], opacity: f64) {
+pub fn dot(canvas: &mut RgbImage, at: Point2, radius: f64, colour: [u8; 3], opacity: f64) {
     if !(at.x.is_finite() && at.y.is_finite()) {
         return;
     }

@@ -7,6 +7,7 @@ mod draw;
 mod exit;
 mod inputs;
 mod outputs;
+mod pictures;
 mod progress;
 
 use clap::Parser;

@@ -13,6 +13,7 @@
 //! integers, lengths in mm where the scale is known (else template units), linear light in
 //! `[0, 1]`, `f64` in every solver.
 
+pub mod calibrate;
 pub mod camera;
 pub mod dense;
 pub mod energy;

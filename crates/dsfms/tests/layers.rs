@@ -4,10 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A module may use itself and what stands left of it.
-const ORDER: [&str; 20] = [
-    "geometry", "image", "mesh", "camera", "light", "raster", "solver", "energy", "video", "sfm",
-    "dense", "template", "register", "refine", "sfs", "synth", "eval", "io", "pipeline",
-    "experiment",
+const ORDER: [&str; 21] = [
+    "geometry", "image", "mesh", "camera", "light", "raster", "solver", "energy", "video",
+    "calibrate", "sfm", "dense", "template", "register", "refine", "sfs", "synth", "eval", "io",
+    "pipeline", "experiment",
 ];
 
 #[test]

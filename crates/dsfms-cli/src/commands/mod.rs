@@ -1,10 +1,13 @@
 //! One file per subcommand.
 
+pub mod calibrate;
 pub mod demo;
 pub mod evaluate;
 pub mod experiment;
+pub mod export;
 pub mod inspect;
 pub mod reconstruct;
+mod scale;
 pub mod synth;
 pub mod template;
 
@@ -24,12 +27,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     let reporter = Reporter::new(global.quiet);
     let result = match &arguments.command {
+        Command::Calibrate(args) => calibrate::run(args, global, &reporter),
         Command::Template(args) => template::run(args, global, &reporter),
         Command::Reconstruct(args) => reconstruct::run(args, global, &reporter),
         Command::Inspect(args) => inspect::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Experiment(args) => experiment::run(args, global, &reporter),
         Command::Synth(args) => synth::run(args, global, &reporter),
+        Command::Export(args) => export::run(args, global, &reporter),
         Command::Demo(args) => demo::run(args, global, &reporter),
     };
     reporter.finish();

@@ -5,6 +5,7 @@ pub mod exposure;
 pub mod filter;
 pub mod mask;
 pub mod plane;
+mod polygon;
 pub mod tone;
 pub mod viewport;
 

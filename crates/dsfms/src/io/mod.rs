@@ -4,6 +4,7 @@
 pub mod albedo;
 pub mod atomic;
 pub mod camera;
+pub mod colmap;
 pub mod error;
 pub mod gltf_mesh;
 pub mod images;
@@ -20,7 +21,7 @@ pub mod template;
 mod template_arrays;
 mod template_glb;
 mod template_manifest;
-mod template_sparse;
+pub mod template_sparse;
 pub mod vertex_truth;
 mod yaml;
 

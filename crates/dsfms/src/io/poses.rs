@@ -1,9 +1,10 @@
-//! Camera poses: our JSON, and COLMAP's `images.txt`.
+//! Camera poses: our JSON, and COLMAP's `images.txt` or `images.bin`.
 //!
 //! The JSON is a list of `{"image": "frame_000.png", "R": [[…]×3], "t": [x, y, z]}` (also `name`,
 //! or a number `frame`), with `X_camera = R X_world + t`, alone or in an object under
 //! `exploration` or `deformed`.
 
+use super::colmap::{ColmapImage, file_in, is_binary, read_images};
 use super::error::{InputError, parse_json, read_text};
 use super::names::frame_number;
 use crate::geometry::{Isometry, Vector3};
@@ -18,6 +19,12 @@ pub struct NamedPose {
     pub name: String,
     /// `camera_from_world`.
     pub camera_from_world: Isometry,
+}
+
+impl From<ColmapImage> for NamedPose {
+    fn from(image: ColmapImage) -> Self {
+        Self { name: image.name, camera_from_world: image.pose }
+    }
 }
 
 /// Which list of a JSON file that holds several.
@@ -39,13 +46,17 @@ impl PoseList {
     }
 }
 
-/// Read the poses of a file; the format is told from its content.
+/// Read the poses of a file; the format is told from its content. A folder is taken for a COLMAP
+/// model.
 pub fn read_poses(path: &Path, list: PoseList) -> Result<Vec<NamedPose>, InputError> {
-    let text = read_text(path)?;
-    let poses = if text.trim_start().starts_with(['{', '[']) {
-        from_json(path, &parse_json(path, &text)?, list)?
-    } else {
-        from_colmap(path, &text)?
+    if path.is_dir() {
+        return read_poses(&file_in(path, "images")?, list);
+    }
+    let json = |text: &String| text.trim_start().starts_with(['{', '[']);
+    let text = if is_binary(path) { None } else { Some(read_text(path)?) };
+    let poses = match text.filter(json) {
+        Some(text) => from_json(path, &parse_json(path, &text)?, list)?,
+        None => read_images(path)?.into_iter().map(NamedPose::from).collect(),
     };
     if poses.is_empty() {
         return Err(InputError::format(path, "holds no pose; expected one per frame"));
@@ -160,47 +171,6 @@ fn isometry(matrix: &Matrix3<f64>, translation: &Vector3) -> Result<Isometry, St
     };
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * v_t));
     Ok(Isometry::from_parts(Translation3::from(*translation), rotation))
-}
-
-/// `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME` lines, each followed by a line of 2D points.
-fn from_colmap(path: &Path, text: &str) -> Result<Vec<NamedPose>, InputError> {
-    let mut poses = Vec::new();
-    for (i, line) in text.lines().enumerate() {
-        let words: Vec<&str> = line.split_whitespace().collect();
-        let comment = line.trim_start().starts_with('#');
-        // Lines of points are triples of numbers: x y point_id.
-        let points =
-            words.len().is_multiple_of(3) && words.iter().all(|w| w.parse::<f64>().is_ok());
-        if comment || points {
-            continue;
-        }
-        let pose =
-            pose_from_line(&words).map_err(|problem| InputError::line(path, i + 1, problem))?;
-        poses.push(pose);
-    }
-    Ok(poses)
-}
-
-fn pose_from_line(words: &[&str]) -> Result<NamedPose, String> {
-    let expected = "expected JSON, or COLMAP's IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME";
-    let [_, numbers @ .., _, name] = words.get(..10).ok_or(expected)? else {
-        return Err(expected.into());
-    };
-    let number = |word: &&str| match word.parse::<f64>() {
-        Ok(value) if value.is_finite() => Ok(value),
-        _ => Err(format!("{word:?} is no finite number; {expected}")),
-    };
-    let values = numbers.iter().map(number).collect::<Result<Vec<_>, _>>()?;
-    let [qw, qx, qy, qz, tx, ty, tz] = values.as_slice() else { return Err(expected.into()) };
-    let quaternion = nalgebra::Quaternion::new(*qw, *qx, *qy, *qz);
-    if (quaternion.norm() - 1.0).abs() > 1e-2 {
-        let norm = quaternion.norm();
-        return Err(format!("the quaternion of {name:?} has norm {norm}, expected 1"));
-    }
-    let name = [&[*name], &words[10..]].concat().join(" ");
-    let rotation = UnitQuaternion::from_quaternion(quaternion);
-    let camera_from_world = Isometry::from_parts(Translation3::new(*tx, *ty, *tz), rotation);
-    Ok(NamedPose { name, camera_from_world })
 }
 
 #[cfg(test)]

@@ -2,7 +2,8 @@
 //!
 //! `template.toml` (manifest), `template.ply` (surface, double precision), `albedo.npz`,
 //! `flattening.npz`, `features.npz` (NumPy), `template.glb` (viewers), `sparse/` (COLMAP text).
-//! Reading uses the manifest, the PLY and the npz files; the other two are for other programs.
+//! Reading uses the manifest, the PLY, the npz files and the points of `sparse/`; the rest is for other
+//! programs.
 
 use super::atomic::{WriteError, parent, share};
 use super::mesh::{MeshFileError, read_mesh};
@@ -18,6 +19,8 @@ pub(super) const SURFACE: &str = "template.ply";
 pub(super) const ALBEDO: &str = "albedo.npz";
 pub(super) const FLATTENING: &str = "flattening.npz";
 pub(super) const FEATURES: &str = "features.npz";
+/// Cameras, poses and sparse points of the exploration.
+const SPARSE: &str = "sparse";
 const SEEN: &str = "seen.npz";
 const VIEWER: &str = "template.glb";
 
@@ -122,6 +125,11 @@ pub fn write_template(path: &Path, template: &Template) -> Result<(), TemplateFi
     Ok(())
 }
 
+/// Write the surface of a template as one `.glb` for viewers: normals, UV, baked albedo.
+pub fn write_viewer(path: &Path, template: &Template) -> Result<(), WriteError> {
+    template_glb::write(path, template)
+}
+
 fn write_files(folder: &Path, template: &Template) -> Result<(), TemplateFileError> {
     let mut files = Vec::new();
     let mut note = |name: &str, content: &str| {
@@ -146,7 +154,7 @@ fn write_files(folder: &Path, template: &Template) -> Result<(), TemplateFileErr
     }
     template_glb::write(&note(VIEWER, "for viewers: UV, baked albedo, normals"), template)?;
     if !template.views.is_empty() {
-        template_sparse::write(&note("sparse", "COLMAP text model of the exploration"), template)?;
+        template_sparse::write(&note(SPARSE, "COLMAP text model of the exploration"), template)?;
     }
     let manifest = Manifest {
         version: VERSION,
@@ -200,6 +208,10 @@ pub fn read_template(path: &Path) -> Result<Template, TemplateFileError> {
     let features = optional(FEATURES, counts.features > 0 || path.join(FEATURES).exists())
         .map(|file| arrays::read_features(&file, faces, counts.features))
         .transpose()?;
+    let points = match manifest.views.is_empty() {
+        true => Vec::new(),
+        false => template_sparse::read(&path.join(SPARSE), manifest.views.len())?,
+    };
     Ok(Template {
         unit: manifest.unit,
         mesh,
@@ -208,6 +220,7 @@ pub fn read_template(path: &Path) -> Result<Template, TemplateFileError> {
         albedo,
         features,
         views: manifest.views,
+        points,
         camera: manifest.camera,
         tone: manifest.tone,
         light: manifest.light,

@@ -1,49 +1,82 @@
-//! The exploration as a COLMAP text model (pixel centres at half integers there, hence + 0.5).
+//! The exploration as a COLMAP model.
 
-use super::atomic::{WriteError, write_atomic};
-use crate::camera::{CameraModel, Lens};
-use crate::template::Template;
+use super::atomic::WriteError;
+use super::colmap::{
+    ColmapCamera, ColmapImage, ColmapModel, ColmapPoint, Format, read_images, read_points,
+    write_model,
+};
+use super::error::InputError;
+use super::template::TemplateFileError;
+use crate::geometry::Point2;
+use crate::template::{SparsePoint, Template};
 use std::path::Path;
 
 pub(super) fn write(folder: &Path, template: &Template) -> Result<(), WriteError> {
-    if let Some(camera) = &template.camera {
-        write_atomic(&folder.join("cameras.txt"), |w| {
-            writeln!(w, "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]")?;
-            writeln!(w, "1 {}", camera_line(camera))
-        })?;
-    }
-    write_atomic(&folder.join("images.txt"), |w| {
-        writeln!(w, "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME")?;
-        writeln!(w, "# POINTS2D[] as (X, Y, POINT3D_ID)")?;
-        for (k, view) in template.views.iter().enumerate() {
-            let (q, t) = (
-                view.camera_from_template.rotation.quaternion(),
-                view.camera_from_template.translation.vector,
-            );
-            write!(w, "{} {} {} {} {} ", k + 1, q.w, q.i, q.j, q.k)?;
-            writeln!(w, "{} {} {} 1 {}\n", t.x, t.y, t.z, view.name)?;
-        }
-        Ok(())
-    })?;
-    write_atomic(&folder.join("points3D.txt"), |w| {
-        writeln!(w, "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)")
-    })
+    write_model(folder, &colmap_model(template), Format::Text)
 }
 
-fn camera_line(camera: &CameraModel) -> String {
-    let [w, h] = camera.size;
-    let ([fx, fy], [cx, cy]) = (camera.focal, camera.centre.map(|c| c + 0.5));
-    let pinhole = format!("{w} {h} {fx} {fy} {cx} {cy}");
-    match camera.lens {
-        Lens::Pinhole => format!("PINHOLE {pinhole}"),
-        Lens::BrownConrady { k: [k1, k2, 0.0], p: [p1, p2] } => {
-            format!("OPENCV {pinhole} {k1} {k2} {p1} {p2}")
+/// Camera, registered frames and sparse points of a template as a COLMAP model: images and points
+/// count from 1, in the template's order. Without a camera it has none.
+pub fn colmap_model(template: &Template) -> ColmapModel {
+    let mut seen: Vec<Vec<(Point2, Option<u64>)>> = vec![Vec::new(); template.views.len()];
+    let mut points = Vec::new();
+    for (k, point) in template.points.iter().enumerate() {
+        let id = k as u64 + 1;
+        let mut track = Vec::new();
+        for &(view, pixel) in &point.sightings {
+            if let Some(own) = seen.get_mut(view as usize) {
+                track.push((view + 1, own.len() as u32));
+                own.push((pixel, Some(id)));
+            }
         }
-        Lens::BrownConrady { k: [k1, k2, k3], p: [p1, p2] } => {
-            format!("FULL_OPENCV {pinhole} {k1} {k2} {p1} {p2} {k3} 0 0 0")
-        }
-        Lens::KannalaBrandt { k: [k1, k2, k3, k4] } => {
-            format!("OPENCV_FISHEYE {pinhole} {k1} {k2} {k3} {k4}")
-        }
+        let SparsePoint { position, rgb, error_px, .. } = *point;
+        points.push(ColmapPoint { id, position, rgb, error_px, track });
     }
+    let image = |(k, points): (usize, Vec<(Point2, Option<u64>)>)| ColmapImage {
+        id: k as u32 + 1,
+        camera: 1,
+        name: template.views[k].name.clone(),
+        pose: template.views[k].camera_from_template,
+        points,
+    };
+    let cameras = template.camera.iter().map(|c| ColmapCamera { id: 1, camera: c.clone() });
+    ColmapModel {
+        cameras: cameras.collect(),
+        images: seen.into_iter().enumerate().map(image).collect(),
+        points,
+    }
+}
+
+/// The sparse points of a template's own model; none where the folder has been removed.
+pub(super) fn read(folder: &Path, views: usize) -> Result<Vec<SparsePoint>, TemplateFileError> {
+    let (images, points) = (folder.join("images.txt"), folder.join("points3D.txt"));
+    if !images.is_file() || !points.is_file() {
+        return Ok(Vec::new());
+    }
+    let damaged =
+        |path: &Path, reason: String| TemplateFileError::Damaged { path: path.into(), reason };
+    let read = |error: InputError| damaged(folder, error.to_string());
+    let seen = read_images(&images).map_err(read)?;
+    if seen.len() != views {
+        let path = images;
+        return Err(TemplateFileError::Count {
+            path,
+            what: "images",
+            expected: views,
+            found: seen.len(),
+        });
+    }
+    let sighting = |&(image, index): &(u32, u32)| {
+        let view = image.checked_sub(1)?;
+        let (pixel, _) = seen.get(view as usize)?.points.get(index as usize)?;
+        Some((view, *pixel))
+    };
+    let of = |p: ColmapPoint| {
+        let sightings: Option<Vec<_>> = p.track.iter().map(sighting).collect();
+        let (position, rgb, error_px) = (p.position, p.rgb, p.error_px);
+        sightings.map(|sightings| SparsePoint { position, rgb, error_px, sightings }).ok_or_else(
+            || damaged(&points, format!("point {} names an image point that does not exist", p.id)),
+        )
+    };
+    read_points(&points).map_err(read)?.into_iter().map(of).collect()
 }

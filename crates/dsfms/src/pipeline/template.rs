@@ -5,24 +5,28 @@
 //! frames, mesh, poses ──────────────┴► flatten ─► light, gains, albedo ─► features ─► Template
 //! ```
 
+mod outline;
+mod views;
+
+pub use outline::OrganOutline;
+
 use super::Progress;
-use crate::camera::{Camera, CameraModel};
+use crate::camera::CameraModel;
 use crate::dense::{DenseError, DenseOptions, PosedFrame, depth_maps, surface};
 use crate::geometry::{Isometry, Point3};
-use crate::image::{ColorImage, Frame, Mask, ToneCurve, saturation, viewport};
+use crate::image::{Frame, Mask, ToneCurve, viewport};
 use crate::light::LightModel;
+use crate::mesh::Mesh;
 use crate::mesh::remesh::{RemeshError, RemeshOptions, remesh};
-use crate::mesh::{Mesh, Topology};
-use crate::raster::{rasterize, visible_vertices};
 use crate::sfm::{self, Features2d, SfmError, SfmOptions, SfmStage};
-use crate::template::albedo::{AlbedoError, AlbedoOptions, estimate_albedo};
-use crate::template::anchor::{AnchorOptions, FeatureView, anchor_features};
+use crate::template::albedo::{AlbedoError, AlbedoOptions};
+use crate::template::anchor::AnchorOptions;
 use crate::template::flatten::{FlattenOptions, flatten};
-use crate::template::light_fit::{LightFit, LightFitOptions, fit_light};
-use crate::template::photometric::AlbedoView;
-use crate::template::{Flattening, LengthUnit, SurfaceTexels, Template, View};
-use rayon::prelude::*;
+use crate::template::light_fit::{LightFit, LightFitOptions};
+use crate::template::scale::{Scale, ScaleError, ScaleReference, ScaleScene, find_scale};
+use crate::template::{Flattening, LengthUnit, SparsePoint, SurfaceTexels, Template};
 use serde::{Deserialize, Serialize};
+use views::Views;
 
 /// The exploration: frames of the organ at rest, one camera.
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +59,10 @@ pub struct TemplateOptions {
     pub remesh: RemeshOptions,
     /// Conformal flattening.
     pub flatten: FlattenOptions,
+    /// The organ as outlined on frames; empty = masks alone say what is organ.
+    pub outlines: Vec<OrganOutline>,
+    /// Known distances; without any the unit of a template from frames is not metric.
+    pub scale: Vec<ScaleReference>,
     /// Light estimation.
     pub light: LightFitOptions,
     /// Albedo (eqs. 1, 2).
@@ -71,6 +79,8 @@ impl Default for TemplateOptions {
             dense: DenseOptions::default(),
             remesh: RemeshOptions::default(),
             flatten: FlattenOptions::default(),
+            outlines: Vec::new(),
+            scale: Vec::new(),
             light: LightFitOptions::default(),
             albedo: AlbedoOptions::default(),
             anchor: AnchorOptions::default(),
@@ -87,6 +97,8 @@ pub struct BuiltTemplate {
     pub rejected: Vec<(String, String)>,
     /// The light and what else was tried; `None` where nothing could be measured.
     pub light: Option<LightFit>,
+    /// The scale that was applied; `None` without known distances, or where none could be measured.
+    pub scale: Option<Scale>,
     /// Sparse points of structure from motion, template frame; empty for given poses.
     pub points: Vec<Point3>,
 }
@@ -122,12 +134,29 @@ pub enum TemplateError {
     /// The stereo surface could not be remeshed.
     #[error("remeshing: {0}")]
     Remesh(#[from] RemeshError),
+    /// The outlined frame has no pose.
+    #[error(
+        "the organ is outlined on frame {frame:?}, which is not registered; outline another frame"
+    )]
+    OutlineFrame {
+        /// Name of the frame.
+        frame: String,
+    },
+    /// The surface fills too little of the outlines: the organ was not reconstructed.
+    #[error(
+        "one connected surface fills only {percent:.0} % of the organ's outline; outline a frame that shows the organ whole, or give organ masks of all frames (--organ-masks)"
+    )]
+    EmptyOutline {
+        /// Share of the outlines that it fills, per cent.
+        percent: f64,
+    },
     /// Nothing to measure the albedo in.
     #[error("albedo: {0}")]
     Albedo(#[from] AlbedoError),
 }
 
-/// Build a template from frames alone. Its unit is [`LengthUnit::TemplateUnit`].
+/// Build a template from frames alone. Its unit is [`LengthUnit::TemplateUnit`], or mm where the
+/// options hold known distances.
 pub fn template_from_frames(
     exploration: &Exploration,
     options: &TemplateOptions,
@@ -138,10 +167,24 @@ pub fn template_from_frames(
     let exploration = &Exploration { valid: &valid, ..*exploration };
     let usable = usable_masks(exploration);
     let report = |stage, done, total| progress.step(sfm_stage(stage), done, total);
-    let sparse =
+    let mut sparse =
         sfm::reconstruct(exploration.frames, &usable, exploration.camera, &options.sfm, &report)?;
     let points: Vec<Point3> = sparse.points.iter().map(|p| p.position).collect();
-    let mesh = dense_mesh(exploration, &sparse.camera, &sparse.poses, &points, options, progress)?;
+    let mut mesh =
+        dense_mesh(exploration, &sparse.camera, &sparse.poses, &points, options, progress)?;
+    // Reconstruction took long: a mark beside the surface costs the unit, not the template.
+    let scale = measure(exploration.frames, &sparse.camera, &sparse.poses, &mesh, options)
+        .unwrap_or_else(|error| {
+            progress.warn(&format!("scale: {error}; lengths stay in template units"));
+            None
+        });
+    let unit = match &scale {
+        Some(scale) => {
+            apply(scale.factor, &mut mesh, &mut sparse);
+            LengthUnit::Millimetre
+        }
+        None => LengthUnit::TemplateUnit,
+    };
     let views = Views {
         exploration: &Exploration { camera: &sparse.camera, ..*exploration },
         usable: &usable,
@@ -149,10 +192,39 @@ pub fn template_from_frames(
         reprojection_px: &sparse.reprojection_px,
         features: &sparse.features,
     };
-    let (template, light) = views.dress(mesh, LengthUnit::TemplateUnit, options, progress)?;
+    let (mut template, light) = views.dress(mesh, unit, options, progress)?;
+    template.points = sparse_points(&sparse);
     let name = |(i, why): &(usize, String)| (exploration.frames[*i].name.clone(), why.clone());
     let rejected = sparse.rejected.iter().map(name).collect();
-    Ok(BuiltTemplate { template, rejected, light, points })
+    let points = sparse.points.iter().map(|p| p.position).collect();
+    Ok(BuiltTemplate { template, rejected, light, scale, points })
+}
+
+/// The scale that the known distances ask for.
+fn measure(
+    frames: &[Frame],
+    camera: &CameraModel,
+    poses: &[Option<Isometry>],
+    mesh: &Mesh,
+    options: &TemplateOptions,
+) -> Result<Option<Scale>, ScaleError> {
+    let poses = named(frames, poses);
+    find_scale(&ScaleScene { mesh, camera, poses: &poses }, &options.scale)
+}
+
+/// Name and pose of every registered frame.
+fn named<'a>(frames: &'a [Frame], poses: &[Option<Isometry>]) -> Vec<(&'a str, Isometry)> {
+    frames.iter().zip(poses).filter_map(|(f, p)| Some((f.name.as_str(), (*p)?))).collect()
+}
+
+/// Everything in a new unit. Light and albedo are measured later, so that a light whose place is
+/// known in mm meets a surface in mm.
+fn apply(factor: f64, mesh: &mut Mesh, sparse: &mut sfm::Reconstruction) {
+    mesh.positions.iter_mut().for_each(|p| *p *= factor);
+    sparse.points.iter_mut().for_each(|p| p.position *= factor);
+    for pose in sparse.poses.iter_mut().flatten() {
+        pose.translation.vector *= factor;
+    }
 }
 
 /// Build a template on a given mesh, whose frame is the world of the given poses
@@ -192,7 +264,7 @@ pub fn template_from_posed_frames(
         .filter(|&i| poses[i].is_none())
         .map(|i| (exploration.frames[i].name.clone(), "the pose file has no pose for it".into()))
         .collect();
-    Ok(BuiltTemplate { template, rejected, light, points: Vec::new() })
+    Ok(BuiltTemplate { template, rejected, light, scale: None, points: Vec::new() })
 }
 
 /// A template of a mesh and, where it is known, its albedo: no frames, no descriptors.
@@ -212,10 +284,28 @@ pub fn template_from_mesh(
         albedo,
         features: None,
         views: Vec::new(),
+        points: Vec::new(),
         camera: None,
         tone: ToneCurve::default(),
         light: None,
     }
+}
+
+/// Points with their sightings counted in registered frames, as [`Template::views`] are.
+fn sparse_points(sparse: &sfm::Reconstruction) -> Vec<SparsePoint> {
+    let mut view = vec![0; sparse.poses.len()];
+    let mut next = 0;
+    for (view, _) in view.iter_mut().zip(&sparse.poses).filter(|(_, pose)| pose.is_some()) {
+        *view = next;
+        next += 1;
+    }
+    let point = |p: &sfm::ScenePoint| SparsePoint {
+        position: p.position,
+        rgb: p.rgb,
+        error_px: p.error_px,
+        sightings: p.track.iter().map(|t| (view[t.frame], t.pixel)).collect(),
+    };
+    sparse.points.iter().map(point).collect()
 }
 
 fn check(options: &TemplateOptions) -> Result<(), TemplateError> {
@@ -285,7 +375,9 @@ fn dense_mesh(
     progress.step("surface", 0, 2);
     let fine = surface(&posed, &maps, &options.dense)?;
     progress.step("surface", 1, 2);
-    let mesh = remesh(&fine.mesh, options.vertices, &options.remesh)?;
+    let named = named(exploration.frames, poses);
+    let fine = outline::trim(fine.mesh, camera, &named, &options.outlines)?;
+    let mesh = remesh(&fine, options.vertices, &options.remesh)?;
     progress.step("surface", 2, 2);
     Ok(mesh)
 }
@@ -299,126 +391,4 @@ fn try_flatten(
     let result = flatten(mesh, &options.flatten);
     progress.step("flattening", 1, 1);
     result.map_err(|error| progress.warn(&format!("the template has no flattening: {error}"))).ok()
-}
-
-/// Registered frames, with all that is measured in them. One entry per frame in every list.
-struct Views<'a> {
-    exploration: &'a Exploration<'a>,
-    usable: &'a [Option<Mask>],
-    poses: &'a [Option<Isometry>],
-    reprojection_px: &'a [f64],
-    features: &'a [Features2d],
-}
-
-/// A registered frame prepared for measuring.
-struct Prepared {
-    frame: usize,
-    pose: Isometry,
-    image: ColorImage,
-    saturated: Mask,
-}
-
-impl Views<'_> {
-    /// Everything on the surface that comes from the frames.
-    fn dress(
-        &self,
-        mesh: Mesh,
-        unit: LengthUnit,
-        options: &TemplateOptions,
-        progress: &dyn Progress,
-    ) -> Result<(Template, Option<LightFit>), TemplateError> {
-        let flattening = try_flatten(&mesh, options, progress);
-        let prepared = self.prepare();
-        progress.step("light and albedo", 0, 2);
-        let views: Vec<AlbedoView> = prepared.iter().map(|p| self.albedo_view(p)).collect();
-        let light = fit_light(&mesh, &views, self.exploration.light, &options.light)?;
-        progress.step("light and albedo", 1, 2);
-        let shading = AlbedoOptions { ambient: light.ambient, ..options.albedo.clone() };
-        let albedo = estimate_albedo(&mesh, &views, &light.light, &shading)?;
-        progress.step("light and albedo", 2, 2);
-        let features = anchor_features(&mesh, &self.feature_views(&prepared), &options.anchor);
-        let visible: Vec<Vec<bool>> = prepared.par_iter().map(|p| self.visible(p, &mesh)).collect();
-        let template = Template {
-            unit,
-            seen: seen_counts(&mesh.topology, &visible),
-            flattening,
-            albedo: Some(albedo.texels),
-            features: Some(features),
-            views: self.registered(&prepared, &albedo.gains),
-            camera: Some(self.exploration.camera.clone()),
-            tone: self.exploration.tone.clone(),
-            light: Some(light.light.clone()),
-            mesh,
-        };
-        Ok((template, Some(light)))
-    }
-
-    fn prepare(&self) -> Vec<Prepared> {
-        let one = |(i, pose): (usize, &Option<Isometry>)| {
-            let frame = &self.exploration.frames[i];
-            Some(Prepared {
-                frame: i,
-                pose: (*pose)?,
-                image: frame.linear(self.exploration.tone),
-                saturated: saturation(frame),
-            })
-        };
-        self.poses.iter().enumerate().filter_map(one).collect()
-    }
-
-    fn albedo_view<'p>(&'p self, prepared: &'p Prepared) -> AlbedoView<'p> {
-        AlbedoView {
-            image: &prepared.image,
-            saturation: &prepared.saturated,
-            valid: self.usable[prepared.frame].as_ref(),
-            camera: self.exploration.camera,
-            pose: prepared.pose,
-            gain: 1.0,
-        }
-    }
-
-    fn registered(&self, prepared: &[Prepared], gains: &[f64]) -> Vec<View> {
-        let view = |(p, &gain): (&Prepared, &f64)| View {
-            name: self.exploration.frames[p.frame].name.clone(),
-            camera_from_template: p.pose,
-            gain,
-            reprojection_px: self.reprojection_px[p.frame],
-        };
-        prepared.iter().zip(gains).map(view).collect()
-    }
-
-    fn feature_views<'p>(&'p self, prepared: &'p [Prepared]) -> Vec<FeatureView<'p>> {
-        let view = |p: &'p Prepared| FeatureView {
-            camera: self.exploration.camera,
-            pose: p.pose,
-            valid: self.usable[p.frame].as_ref(),
-            points: &self.features[p.frame].points,
-            descriptors: &self.features[p.frame].descriptors,
-        };
-        prepared.iter().map(view).collect()
-    }
-
-    /// The vertices that one view sees, inside its mask.
-    fn visible(&self, prepared: &Prepared, mesh: &Mesh) -> Vec<bool> {
-        let camera = self.exploration.camera;
-        let positions: Vec<Point3> = mesh.positions.iter().map(|p| prepared.pose * p).collect();
-        let raster = rasterize(camera, &mesh.topology, &positions);
-        let nearest = raster.depth.iter().copied().fold(f64::INFINITY, f64::min);
-        let tolerance = OCCLUSION_TOLERANCE * nearest;
-        let mut visible = visible_vertices(camera, &mesh.topology, &positions, &raster, tolerance);
-        if let Some(mask) = &self.usable[prepared.frame] {
-            for (seen, p) in visible.iter_mut().zip(&positions) {
-                *seen &= camera.project(p).is_some_and(|q| mask.at_pixel(&q.pixel));
-            }
-        }
-        visible
-    }
-}
-
-/// A vertex counts as seen when it lies within this of the z-buffer, relative to the depth.
-const OCCLUSION_TOLERANCE: f64 = 0.01;
-
-fn seen_counts(topology: &Topology, visible: &[Vec<bool>]) -> Vec<u32> {
-    let count = |v: usize| visible.iter().filter(|view| view[v]).count() as u32;
-    (0..topology.vertex_count).map(count).collect()
 }

@@ -106,6 +106,7 @@ impl Case {
             albedo: Some(organ.albedo),
             features: None,
             views: Vec::new(),
+            points: Vec::new(),
             camera: Some(camera.clone()),
             tone: ToneCurve::Srgb,
             light: Some(options.light.clone()),

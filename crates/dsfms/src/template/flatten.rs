@@ -3,7 +3,10 @@
 mod cholesky;
 mod conformal;
 mod cut;
+mod energy;
+mod lscm;
 mod pack;
+mod spectral;
 
 use super::Flattening;
 use crate::geometry::{Point2, Vector2, area};
@@ -14,10 +17,25 @@ use cut::Cut;
 use nalgebra::Matrix2;
 use serde::{Deserialize, Serialize};
 
-/// How far a surface may be cut open.
+/// Which conformal map of a disc.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FlattenMethod {
+    /// Constant scale along the boundary: the least area distortion.
+    #[default]
+    Bff,
+    /// Least squares, two vertices held.
+    Lscm,
+    /// Least squares with a boundary of given size, nothing held.
+    Spectral,
+}
+
+/// Which map, and how far a surface may be cut open for it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FlattenOptions {
+    /// The map of each disc.
+    pub method: FlattenMethod,
     /// Largest area ratio between the most and the least magnified face of one component (the
     /// extreme per cent left out) before its cut is lengthened to the most shrunken place; above 1.
     /// 8: two or three arms of the seam on a closed organ, after which more gains little.
@@ -28,7 +46,7 @@ pub struct FlattenOptions {
 
 impl Default for FlattenOptions {
     fn default() -> Self {
-        Self { max_area_ratio: 8.0, max_extra_cuts: 6 }
+        Self { method: FlattenMethod::default(), max_area_ratio: 8.0, max_extra_cuts: 6 }
     }
 }
 
@@ -110,7 +128,7 @@ fn flatten_component(
     let mut cut = Cut::to_disc(mesh);
     let mut best: Option<(f64, Chart)> = None;
     for round in 0..=options.max_extra_cuts {
-        let (corners, shrunken, ratio) = flatten_cut(&cut, component)?;
+        let (corners, shrunken, ratio) = flatten_cut(&cut, component, options.method)?;
         if best.as_ref().is_none_or(|(known, _)| ratio < *known) {
             let edges = mesh.topology.edges.iter().zip(&cut.open);
             let seam = edges.filter(|(_, open)| **open).map(|(e, _)| *e).collect();
@@ -126,15 +144,24 @@ fn flatten_component(
 }
 
 /// UV per corner, the most shrunken vertex, and the area ratio between extreme faces.
-fn flatten_cut(cut: &Cut, component: usize) -> Result<(Vec<[Point2; 3]>, u32, f64), FlattenError> {
+fn flatten_cut(
+    cut: &Cut,
+    component: usize,
+    method: FlattenMethod,
+) -> Result<(Vec<[Point2; 3]>, u32, f64), FlattenError> {
     let (disc, old) = cut.opened();
     let euler = disc.topology.euler_characteristic();
     let boundaries = boundary_loops(&disc.topology).len();
     if (euler, boundaries) != (1, 1) {
         return Err(FlattenError::NotADisc { component, euler, boundaries });
     }
-    let uv = conformal::flatten_disc(&disc)
-        .ok_or(FlattenError::Singular { component, faces: disc.topology.faces.len() })?;
+    let map = match method {
+        FlattenMethod::Bff => conformal::flatten_disc,
+        FlattenMethod::Lscm => lscm::flatten_disc,
+        FlattenMethod::Spectral => spectral::flatten_disc,
+    };
+    let uv =
+        map(&disc).ok_or(FlattenError::Singular { component, faces: disc.topology.faces.len() })?;
     let corners: Vec<_> =
         disc.topology.faces.iter().map(|face| face.map(|v| uv[v as usize])).collect();
     let (_, log_area) = distortion(&disc, &corners);

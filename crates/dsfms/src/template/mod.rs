@@ -10,14 +10,16 @@ mod log_linear;
 pub mod photometric;
 mod robust;
 mod spots;
+pub mod scale;
 pub mod statistics;
 #[cfg(test)]
 mod test_scene;
 pub mod texel_fill;
 pub mod texels;
+pub mod texture;
 
 use crate::camera::CameraModel;
-use crate::geometry::{Isometry, Point2};
+use crate::geometry::{Isometry, Point2, Point3};
 use crate::image::ToneCurve;
 use crate::light::LightModel;
 use crate::mesh::Mesh;
@@ -62,12 +64,27 @@ pub struct Template {
     pub features: Option<Features>,
     /// Registered exploration frames.
     pub views: Vec<View>,
+    /// Sparse points of structure from motion, by sightings in `views`; empty for given poses.
+    pub points: Vec<SparsePoint>,
     /// Camera of the exploration.
     pub camera: Option<CameraModel>,
     /// Tone curve of the exploration frames.
     pub tone: ToneCurve,
     /// Light as calibrated on the exploration frames (or as given).
     pub light: Option<LightModel>,
+}
+
+/// A sparse point of the exploration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SparsePoint {
+    /// Position in the template frame.
+    pub position: Point3,
+    /// Mean encoded colour.
+    pub rgb: [u8; 3],
+    /// Mean distance of the sightings from the projection, px.
+    pub error_px: f64,
+    /// Index into [`Template::views`] and pixel of every sighting.
+    pub sightings: Vec<(u32, Point2)>,
 }
 
 /// One registered exploration frame.

@@ -1,4 +1,4 @@
-//! Camera files: our JSON, OpenCV's YAML or JSON, COLMAP's `cameras.txt`.
+//! Camera files: our JSON, OpenCV's YAML or JSON, COLMAP's `cameras.txt` or `cameras.bin`.
 //!
 //! The JSON holds `width`, `height`, `fx`, `fy`, `cx`, `cy` (a complete file), and optionally
 //! `distortion` (`k1 k2 p1 p2 k3`, or `k1` to `k4` with a `distortion_model` that says fisheye),
@@ -11,6 +11,7 @@ mod light;
 mod opencv;
 mod tone;
 
+use super::colmap::{file_in, is_binary};
 use super::error::{InputError, parse_json, read_text, write_text};
 use crate::camera::{CameraModel, Lens};
 use crate::image::ToneCurve;
@@ -34,8 +35,15 @@ pub struct CameraFile {
     pub light: Option<LightModel>,
 }
 
-/// Read a camera file; the format is told from its content. Everything is validated.
+/// Read a camera file; the format is told from its content. A folder is taken for a COLMAP model.
+/// Everything is validated.
 pub fn read_camera(path: &Path) -> Result<CameraFile, InputError> {
+    if path.is_dir() {
+        return read_camera(&file_in(path, "cameras")?);
+    }
+    if is_binary(path) {
+        return checked(path, colmap::read(path)?);
+    }
     let text = read_text(path)?;
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let file = if text.trim_start().starts_with('{') || extension == "json" {
@@ -54,8 +62,12 @@ pub fn read_camera(path: &Path) -> Result<CameraFile, InputError> {
             json::read(path, &value)?
         }
     } else {
-        colmap::read(path, &text)?
+        colmap::read(path)?
     };
+    checked(path, file)
+}
+
+fn checked(path: &Path, file: CameraFile) -> Result<CameraFile, InputError> {
     let camera = |source| InputError::Camera { path: path.into(), source };
     file.camera.validate().map_err(camera)?;
     if let Some(light) = &file.light {

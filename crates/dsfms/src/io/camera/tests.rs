@@ -193,7 +193,10 @@ fn colmap_cameras() {
         ("1 FOV 640 480 1 2 3 4 5\n", "not supported"),
         ("1 PINHOLE 640 480 500 320 240\n", "line 1: 3 parameters"),
         ("1 PINHOLE 640 480 nan 500 320 240\n", "no finite number"),
-        ("1 SIMPLE_PINHOLE 640 480 500 320 240\n2 SIMPLE_PINHOLE 640 480 501 320 240\n", "line 2"),
+        (
+            "1 SIMPLE_PINHOLE 640 480 500 320 240\n2 SIMPLE_PINHOLE 640 480 501 320 240\n",
+            "1 and 2 differ",
+        ),
         ("# nothing\n", "no camera"),
         ("hello\n", "line 1"),
     ] {

@@ -7,7 +7,7 @@ use crate::mesh::shapes;
 use crate::template::bake::choose_resolution;
 use crate::template::flatten::{FlattenOptions, flatten};
 use crate::template::statistics::template_statistics;
-use crate::template::{Features, LengthUnit, SurfaceTexels, View};
+use crate::template::{Features, LengthUnit, SparsePoint, SurfaceTexels, View};
 
 fn tiny() -> Template {
     let mesh = shapes::icosphere(1, 7.123456789);
@@ -36,6 +36,12 @@ fn tiny() -> Template {
             gain: 1.0 / 7.0,
             reprojection_px: 0.27,
         }],
+        points: vec![SparsePoint {
+            position: crate::geometry::Point3::new(0.1, 2.0, 1.0 / 3.0),
+            rgb: [1, 2, 255],
+            error_px: 0.7,
+            sightings: vec![(0, crate::geometry::Point2::new(12.25, 300.5))],
+        }],
         camera: Some(CameraModel {
             size: [640, 480],
             focal: [700.1, 699.9],
@@ -56,6 +62,7 @@ fn assert_same(a: &Template, b: &Template) {
     assert_eq!(a.mesh.positions, b.mesh.positions);
     assert_eq!(a.mesh.topology, b.mesh.topology);
     assert_eq!(a.seen, b.seen);
+    assert_eq!(a.points, b.points);
     assert_eq!(a.flattening, b.flattening);
     assert_eq!(a.albedo, b.albedo);
     assert_eq!(a.features, b.features);

@@ -49,12 +49,12 @@ fn unfold_without_interior(mesh: &Mesh, outline: &[u32], defect: &[f64]) -> Opti
 }
 
 /// Rows of `L = −Δ` with plain (unclamped) cotangent weights: only these make the map conformal.
-struct Cotan {
-    rows: Vec<Vec<(u32, f64)>>,
+pub(super) struct Cotan {
+    pub(super) rows: Vec<Vec<(u32, f64)>>,
 }
 
 impl Cotan {
-    fn new(mesh: &Mesh) -> Self {
+    pub(super) fn new(mesh: &Mesh) -> Self {
         let t = &mesh.topology;
         let mut weights = vec![0.0; t.edges.len()];
         for (f, face) in t.faces.iter().enumerate() {

@@ -44,6 +44,31 @@ fn a_hemisphere_becomes_the_stereographic_disc() {
 }
 
 #[test]
+fn every_method_agrees_where_there_is_one_answer() {
+    let median = |values: &[f64]| {
+        let mut sorted = values.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        sorted[sorted.len() / 2]
+    };
+    for method in [FlattenMethod::Bff, FlattenMethod::Lscm, FlattenMethod::Spectral] {
+        let options = FlattenOptions { method, max_extra_cuts: 0, ..FlattenOptions::default() };
+        let flat = flatten(&shapes::irregular_sheet(9), &options).unwrap();
+        assert_eq!(flat.flipped(), 0);
+        assert!(worst(&flat.quasi_conformal) < 1.0 + 1e-5, "{method:?}");
+        assert!(worst(&flat.log_area) < 1e-5, "{method:?}: {}", worst(&flat.log_area));
+        let tube = flatten(&shapes::tube(24, 9, 3.0), &options).unwrap();
+        assert!(worst(&tube.log_area) < 1e-5, "{method:?}: {}", worst(&tube.log_area));
+        let cap = flatten(&shapes::hemisphere(4, 1.0), &options).unwrap();
+        assert_eq!(cap.flipped(), 0);
+        assert!(
+            median(&cap.quasi_conformal) < 1.05,
+            "{method:?}: {}",
+            median(&cap.quasi_conformal)
+        );
+    }
+}
+
+#[test]
 fn closed_and_handled_surfaces_are_cut() {
     for mesh in [shapes::icosphere(3, 2.0), shapes::torus(24, 14)] {
         let map = check(&mesh);

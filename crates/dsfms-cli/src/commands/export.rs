@@ -1,0 +1,128 @@
+//! `dsfms export`: a template for other programs.
+
+use crate::args::Global;
+use crate::exit::{Outcome, Usage};
+use crate::pictures::template::write_pictures;
+use crate::progress::Reporter;
+use clap::Args;
+use dsfms::io::colmap::{Format, write_model};
+use dsfms::io::obj::write_obj;
+use dsfms::io::ply::{PlyExtras, write_ply};
+use dsfms::io::stl::write_stl;
+use dsfms::io::template::{read_template, write_viewer};
+use dsfms::io::template_sparse::colmap_model;
+use dsfms::template::Template;
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "\
+Examples:
+  # Cameras, poses and sparse points for COLMAP, as binary files
+  dsfms export organ.template --colmap sparse/0 --binary
+  # The surface for MeshLab and for a web viewer
+  dsfms export organ.template --mesh organ.obj --mesh organ.glb
+  # Pictures of flattening and albedo
+  dsfms export organ.template --pictures pictures/";
+
+/// Write a template for other programs: COLMAP model, mesh files, pictures.
+#[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub struct ExportArgs {
+    /// Template folder.
+    #[arg(value_name = "TEMPLATE")]
+    template: PathBuf,
+    /// Folder for a COLMAP model of the exploration: cameras, images, points3D.
+    #[arg(long, value_name = "DIR")]
+    colmap: Option<PathBuf>,
+    /// Write the COLMAP model as .bin instead of .txt.
+    #[arg(long, requires = "colmap")]
+    binary: bool,
+    /// Surface as PLY, OBJ (with UV), STL or GLB (with UV and albedo), by the file's extension; may
+    /// be given several times.
+    #[arg(long, value_name = "FILE")]
+    mesh: Vec<PathBuf>,
+    /// Folder for pictures: flattening.png, albedo.png, albedo_spread.png.
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+}
+
+/// Run the command.
+pub fn run(args: &ExportArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
+    if args.colmap.is_none() && args.mesh.is_empty() && args.pictures.is_none() {
+        return Err(Usage("nothing to export; give --colmap, --mesh or --pictures".into()).into());
+    }
+    if let Some(path) = args.mesh.iter().find(|p| kind(p).is_none()) {
+        let problem = format!("--mesh {}: expected .ply, .obj, .stl or .glb", path.display());
+        return Err(Usage(problem).into());
+    }
+    let template = read_template(&args.template)?;
+    let mut lines = Vec::new();
+    if let Some(folder) = &args.colmap {
+        lines.push(colmap(&template, folder, args.binary)?);
+    }
+    for path in &args.mesh {
+        mesh(&template, path)?;
+        lines.push(format!("{}: surface, {}", path.display(), template.unit.label()));
+    }
+    if let Some(folder) = &args.pictures {
+        for path in write_pictures(&template, folder)? {
+            lines.push(path.display().to_string());
+        }
+    }
+    reporter.finish();
+    if !global.quiet {
+        super::to_stdout(&(lines.join("\n") + "\n"))?;
+    }
+    Ok(Outcome::Ok)
+}
+
+fn colmap(template: &Template, folder: &Path, binary: bool) -> anyhow::Result<String> {
+    let model = colmap_model(template);
+    if model.cameras.is_empty() || model.images.is_empty() {
+        return Err(Usage(
+            "the template has no exploration frames, so there is no COLMAP model of it".into(),
+        )
+        .into());
+    }
+    write_model(folder, &model, if binary { Format::Binary } else { Format::Text })?;
+    let sightings: usize = model.points.iter().map(|p| p.track.len()).sum();
+    Ok(format!(
+        "{}: {} images, {} points, {sightings} observations, lengths in {}",
+        folder.display(),
+        model.images.len(),
+        model.points.len(),
+        template.unit.label()
+    ))
+}
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Ply,
+    Obj,
+    Stl,
+    Glb,
+}
+
+fn kind(path: &Path) -> Option<Kind> {
+    let extension = path.extension()?.to_string_lossy().to_lowercase();
+    match extension.as_str() {
+        "ply" => Some(Kind::Ply),
+        "obj" => Some(Kind::Obj),
+        "stl" => Some(Kind::Stl),
+        "glb" => Some(Kind::Glb),
+        _ => None,
+    }
+}
+
+fn mesh(template: &Template, path: &Path) -> anyhow::Result<()> {
+    let (mesh, unit) = (&template.mesh, template.unit);
+    let uv = template.flattening.as_ref().map(|f| f.corners.as_slice());
+    match kind(path) {
+        Some(Kind::Ply) => {
+            write_ply(path, &mesh.topology, &mesh.positions, unit, &PlyExtras::default())?;
+        }
+        Some(Kind::Obj) => write_obj(path, mesh, uv, unit, &[])?,
+        Some(Kind::Stl) => write_stl(path, mesh)?,
+        Some(Kind::Glb) | None => write_viewer(path, template)?,
+    }
+    Ok(())
+}

@@ -1,0 +1,128 @@
+//! Frames and masks of an exploration.
+
+use super::TemplateArgs;
+use crate::exit::Usage;
+use crate::inputs::{self, CameraInput, Source};
+use crate::progress::Reporter;
+use anyhow::Context;
+use dsfms::geometry::Point2;
+use dsfms::image::{Frame, Mask};
+use dsfms::io::InputError;
+use dsfms::io::masks::MaskKind;
+use dsfms::pipeline::{OrganOutline, Progress};
+use std::path::{Path, PathBuf};
+
+/// `FRAME:x,y,x,y,x,y…`
+pub fn parse_outline(text: &str) -> Result<OrganOutline, String> {
+    let expected = || format!("{text:?}; expected FRAME:x,y,x,y,x,y with three corners or more");
+    let (frame, list) = text.rsplit_once(':').ok_or_else(expected)?;
+    let numbers: Result<Vec<f64>, _> = list.split(',').map(|w| w.trim().parse::<f64>()).collect();
+    let numbers = numbers.map_err(|_| expected())?;
+    let whole = numbers.len() >= 6 && numbers.len().is_multiple_of(2);
+    if !whole || numbers.iter().any(|v| !v.is_finite()) {
+        return Err(expected());
+    }
+    let corners = numbers.chunks(2).map(|p| Point2::new(p[0], p[1])).collect();
+    Ok(OrganOutline { frame: frame.into(), corners })
+}
+
+/// The organ as outlined on a frame, which is taken from the list.
+fn outline(outlines: &mut Vec<OrganOutline>, frame: &Frame) -> Option<Mask> {
+    let stem = |name: &str| name.rsplit_once('.').map(|(stem, _)| stem.to_string());
+    let own =
+        |o: &OrganOutline| o.frame == frame.name || stem(&o.frame).as_ref() == Some(&frame.name);
+    let found = outlines.iter().position(own)?;
+    Some(Mask::polygon(frame.size, &outlines.remove(found).corners))
+}
+
+/// Frames and their masks; a list of masks is empty where none were given.
+pub struct Loaded {
+    pub frames: Vec<Frame>,
+    pub valid: Vec<Option<Mask>>,
+    pub organ: Vec<Option<Mask>>,
+    /// No frame had to be left out.
+    pub complete: bool,
+}
+
+/// Decode frames and masks. A frame that cannot be read or has another size than the camera is left
+/// out with a warning; it is an error if that leaves fewer than two.
+pub fn load(
+    args: &TemplateArgs,
+    camera: &CameraInput,
+    camera_path: &Path,
+    reporter: &Reporter,
+) -> anyhow::Result<Loaded> {
+    let options = [(&args.masks, "--masks"), (&args.organ_masks, "--organ-masks")];
+    for (path, option) in options.iter().filter_map(|(p, o)| Some((p.as_ref()?, o))) {
+        inputs::must_exist(path, option)?;
+    }
+    let sources = inputs::sources(&args.frames, inputs::Purpose::Template, reporter)?;
+    let mut loaded =
+        Loaded { frames: Vec::new(), valid: Vec::new(), organ: Vec::new(), complete: true };
+    let mut outlines = args.organ_polygon.clone();
+    let mut first_error = None;
+    for source in &sources {
+        match load_frame(source, camera, camera_path) {
+            Ok(frame) => {
+                let masks = masks(args, source, &frame, reporter)?;
+                loaded.valid.push(masks.0);
+                loaded.organ.push(masks.1.or(outline(&mut outlines, &frame)));
+                loaded.frames.push(frame);
+            }
+            Err(error) => {
+                reporter.warn(&format!("{error}; the frame is left out"));
+                loaded.complete = false;
+                first_error.get_or_insert(error);
+            }
+        }
+    }
+    if let Some(left) = outlines.first() {
+        let problem = format!("--organ-polygon: no frame is called {:?}", left.frame);
+        return Err(Usage(problem).into());
+    }
+    match first_error {
+        Some(error) if loaded.frames.len() < 2 => Err(error).with_context(|| {
+            format!("{} of {} frames can be used", loaded.frames.len(), sources.len())
+        }),
+        _ => Ok(loaded),
+    }
+}
+
+fn load_frame(source: &Source, camera: &CameraInput, path: &Path) -> Result<Frame, InputError> {
+    let frame = source.frame()?;
+    inputs::check_size(&frame, &camera.file.camera, path)?;
+    Ok(frame)
+}
+
+fn masks(
+    args: &TemplateArgs,
+    source: &Source,
+    frame: &Frame,
+    reporter: &Reporter,
+) -> Result<(Option<Mask>, Option<Mask>), InputError> {
+    let read = |option: &Option<PathBuf>, kind| {
+        option
+            .as_deref()
+            .map(|path| inputs::mask_of(frame, source.path(), path, kind, reporter))
+            .transpose()
+    };
+    Ok((read(&args.masks, MaskKind::Valid)?, read(&args.organ_masks, MaskKind::Organ)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_outline_belongs_to_its_frame() {
+        let mut outlines =
+            vec![parse_outline("a:b.png: -0.5,-0.5, 2.5,-0.5, 2.5,2.5,-0.5,2.5").unwrap()];
+        let frame = |name: &str| Frame { name: name.into(), size: [4, 4], rgb: vec![[0; 3]; 16] };
+        assert!(outline(&mut outlines, &frame("c")).is_none());
+        assert_eq!(outline(&mut outlines, &frame("a:b")).unwrap().coverage(), 9.0 / 16.0);
+        assert!(outlines.is_empty());
+        for bad in ["frame", "f:1,2,3,4", "f:1,2,3,4,5", "f:1,2,3,4,5,x"] {
+            assert!(parse_outline(bad).unwrap_err().contains("x,y"), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,6 @@
+//! Pictures beside the results: calibration, flattening, texture, albedo.
+
+pub mod calibration;
+pub mod plot;
+pub mod template;
+pub mod text;

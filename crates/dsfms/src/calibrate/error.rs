@@ -1,0 +1,88 @@
+//! Why there is no calibration.
+
+use super::board::Rejection;
+use super::{Board, MIN_VIEWS};
+use crate::image::Frame;
+
+/// Why the camera could not be calibrated.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CalibrateError {
+    /// A board without a grid.
+    #[error(
+        "a board of {}x{} inner corners is too small; expected at least 3x3 corners where four squares meet",
+        corners[0], corners[1]
+    )]
+    Board {
+        /// The corners asked for.
+        corners: [usize; 2],
+    },
+    /// A square without a size.
+    #[error("the side of a square is {0} mm; it must be a positive number")]
+    Square(f64),
+    /// Frames of different sizes.
+    #[error(
+        "frame {other:?} is {}x{} px but {first:?} is {}x{} px; calibrate one resolution at a time",
+        other_size[0], other_size[1], first_size[0], first_size[1]
+    )]
+    Sizes {
+        /// The first frame.
+        first: String,
+        /// Its size.
+        first_size: [usize; 2],
+        /// The frame that differs.
+        other: String,
+        /// Its size.
+        other_size: [usize; 2],
+    },
+    /// The images show another board.
+    #[error(
+        "{images} image(s) show a board of {}x{} inner corners, but {}x{} was asked for; the board size counts the corners where four squares meet, not the squares",
+        found[0], found[1], asked[0], asked[1]
+    )]
+    OtherBoard {
+        /// Images that show it.
+        images: usize,
+        /// The grid that was found.
+        found: [usize; 2],
+        /// The grid that was asked for.
+        asked: [usize; 2],
+    },
+    /// Not enough images with a board.
+    #[error(
+        "the board was found in {found} of {frames} images, at least {MIN_VIEWS} are needed (10 or more are advised): {reasons}"
+    )]
+    TooFewViews {
+        /// Images with the board.
+        found: usize,
+        /// All images.
+        frames: usize,
+        /// Names of the others with their reasons.
+        reasons: String,
+    },
+    /// The board positions do not fix the intrinsics.
+    #[error(
+        "the images do not determine the focal length: the board has the same tilt in all of them; tilt it by 20 to 45 degrees in different directions"
+    )]
+    Degenerate,
+}
+
+impl CalibrateError {
+    /// Too few boards; another board in the images is said instead of a list of reasons.
+    pub(super) fn too_few(
+        found: usize,
+        frames: &[Frame],
+        rejected: &[(usize, Rejection)],
+        board: &Board,
+    ) -> Self {
+        let mut others: Vec<[usize; 2]> = rejected.iter().filter_map(|(_, r)| r.grid()).collect();
+        others.sort_unstable();
+        let common = others.chunk_by(|a, b| a == b).max_by_key(|run| run.len());
+        if let Some(run) = common.filter(|run| 2 * run.len() > frames.len()) {
+            return Self::OtherBoard { images: run.len(), found: run[0], asked: board.corners };
+        }
+        let reason = |(i, why): &(usize, Rejection)| format!("{}: {why}", frames[*i].name);
+        let reasons: Vec<String> = rejected.iter().map(reason).collect();
+        Self::TooFewViews { found, frames: frames.len(), reasons: reasons.join("; ") }
+    }
+}

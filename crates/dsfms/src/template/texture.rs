@@ -1,0 +1,181 @@
+//! The look of the surface in the frames themselves: from the best view of each face, and blended
+//! over all views.
+
+use crate::camera::{Camera, CameraModel};
+use crate::geometry::{Isometry, Point2, Point3, area_normal, point_at};
+use crate::image::{Frame, Mask, saturation};
+use crate::mesh::Mesh;
+use crate::raster::{Raster, rasterize};
+use rayon::prelude::*;
+
+/// One registered frame.
+#[derive(Clone, Copy, Debug)]
+pub struct TextureView<'a> {
+    /// The image.
+    pub frame: &'a Frame,
+    /// Its camera.
+    pub camera: &'a CameraModel,
+    /// `camera_from_template`.
+    pub pose: Isometry,
+    /// `true` where the image may be used.
+    pub valid: Option<&'a Mask>,
+}
+
+/// Colours of surface points.
+pub struct Texture<'a> {
+    mesh: &'a Mesh,
+    views: Vec<Prepared<'a>>,
+    /// Best view of every face.
+    best: Vec<Option<u32>>,
+}
+
+struct Prepared<'a> {
+    view: TextureView<'a>,
+    positions: Vec<Point3>,
+    raster: Raster,
+    saturated: Mask,
+}
+
+/// A point counts as seen within this of the z-buffer, relative to its depth.
+const OCCLUSION_TOLERANCE: f64 = 0.01;
+/// Least cosine between the normal and the sightline.
+const MIN_COSINE: f64 = 0.2;
+/// Sharpness of blending: the power of a view's resolution on the surface.
+const BLEND_POWER: i32 = 2;
+
+impl<'a> Texture<'a> {
+    /// Prepare all views of a surface.
+    pub fn new(mesh: &'a Mesh, views: &[TextureView<'a>]) -> Self {
+        let views: Vec<Prepared> = views.par_iter().map(|v| Prepared::new(mesh, *v)).collect();
+        let best = (0..mesh.topology.faces.len()).into_par_iter().map(|f| best(&views, mesh, f));
+        let best = best.collect();
+        Self { mesh, views, best }
+    }
+
+    /// Encoded colour in the face's best view: the one of the highest resolution among those that
+    /// see the whole face without glare. `None` where there is none.
+    pub fn best(&self, face: usize, barycentric: [f64; 3]) -> Option<[u8; 3]> {
+        let view = &self.views[self.best[face]? as usize];
+        let colour = view.sample(self.mesh, face, barycentric)?.1;
+        Some(colour.map(|v| v.round() as u8))
+    }
+
+    /// Encoded colour over all views that see the point without glare, by resolution; `None` where
+    /// there is none.
+    pub fn blended(&self, face: usize, barycentric: [f64; 3]) -> Option<[u8; 3]> {
+        let (mut sum, mut total) = ([0.0; 3], 0.0);
+        for (resolution, colour) in
+            self.views.iter().filter_map(|v| v.sample(self.mesh, face, barycentric))
+        {
+            let weight = resolution.powi(BLEND_POWER);
+            total += weight;
+            (0..3).for_each(|c| sum[c] += weight * colour[c]);
+        }
+        (total > 0.0).then(|| sum.map(|v| (v / total).round() as u8))
+    }
+}
+
+fn best(views: &[Prepared], mesh: &Mesh, face: usize) -> Option<u32> {
+    let inside = [[0.9, 0.05, 0.05], [0.05, 0.9, 0.05], [0.05, 0.05, 0.9], [1.0 / 3.0; 3]];
+    let score = |view: &Prepared| -> Option<f64> {
+        let all: Option<Vec<f64>> =
+            inside.iter().map(|&b| Some(view.sample(mesh, face, b)?.0)).collect();
+        all.map(|all| all.iter().sum())
+    };
+    let scores = views.iter().enumerate().filter_map(|(i, v)| Some((score(v)?, i as u32)));
+    // Of equal scores the first.
+    scores.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))).map(|s| s.1)
+}
+
+impl<'a> Prepared<'a> {
+    fn new(mesh: &Mesh, view: TextureView<'a>) -> Self {
+        let positions: Vec<Point3> = mesh.positions.iter().map(|p| view.pose * p).collect();
+        let raster = rasterize(view.camera, &mesh.topology, &positions);
+        Self { view, positions, raster, saturated: saturation(view.frame) }
+    }
+
+    /// Resolution (px² per area of the surface, up to the focal lengths) and encoded colour of a
+    /// point, where this view sees it.
+    fn sample(&self, mesh: &Mesh, face: usize, barycentric: [f64; 3]) -> Option<(f64, [f64; 3])> {
+        let corners = mesh.topology.faces[face].map(|v| &self.positions[v as usize]);
+        let point = point_at(corners, barycentric);
+        let [a, b, c] = corners;
+        let cosine = -area_normal(a, b, c).try_normalize(0.0)?.dot(&point.coords.normalize());
+        let pixel = self.view.camera.project(&point)?.pixel;
+        let [w, h] = self.raster.size;
+        let inside = pixel.x >= 0.0
+            && pixel.y >= 0.0
+            && pixel.x <= w as f64 - 1.0
+            && pixel.y <= h as f64 - 1.0;
+        if cosine < MIN_COSINE || !inside {
+            return None;
+        }
+        let nearest = pixel.y.round() as usize * w + pixel.x.round() as usize;
+        let seen = point.z <= self.raster.depth[nearest] * (1.0 + OCCLUSION_TOLERANCE);
+        let usable =
+            self.view.valid.is_none_or(|m| m.data[nearest]) && !self.saturated.data[nearest];
+        (seen && usable).then(|| (cosine / (point.z * point.z), bilinear(self.view.frame, &pixel)))
+    }
+}
+
+/// Encoded colour at a position inside the rectangle of pixel centres.
+fn bilinear(frame: &Frame, p: &Point2) -> [f64; 3] {
+    let [w, h] = frame.size;
+    let (x0, y0) = (p.x as usize, p.y as usize);
+    let (x1, y1) = ((x0 + 1).min(w - 1), (y0 + 1).min(h - 1));
+    let (u, v) = (p.x - x0 as f64, p.y - y0 as f64);
+    let at = |x: usize, y: usize, c: usize| f64::from(frame.rgb[y * w + x][c]);
+    std::array::from_fn(|c| {
+        (1.0 - v) * ((1.0 - u) * at(x0, y0, c) + u * at(x1, y0, c))
+            + v * ((1.0 - u) * at(x0, y1, c) + u * at(x1, y1, c))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Lens;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn the_nearer_view_wins_and_glare_is_left_out() {
+        let p = |x: f64, y: f64| Point3::new(x, y, 10.0);
+        let mesh = shapes::mesh(
+            vec![p(-1., -1.), p(1., -1.), p(1., 1.), p(-1., 1.)],
+            vec![[0, 2, 1], [0, 3, 2]],
+        );
+        let camera = CameraModel {
+            size: [41, 41],
+            focal: [100.0; 2],
+            centre: [20.0; 2],
+            lens: Lens::Pinhole,
+        };
+        let plain = |value: u8| Frame {
+            name: String::new(),
+            size: [41, 41],
+            rgb: vec![[value, 100, 100]; 41 * 41],
+        };
+        let (far, near) = (plain(50), plain(200));
+        let mut glare = plain(200);
+        glare.rgb.fill([255; 3]);
+        let view = |frame, z| TextureView {
+            frame,
+            camera: &camera,
+            pose: Isometry::translation(0.0, 0.0, z),
+            valid: None,
+        };
+        let both = [view(&far, 10.0), view(&near, 0.0)];
+        let centre = [1.0 / 3.0; 3];
+        let texture = Texture::new(&mesh, &both);
+        assert_eq!(texture.best(0, centre), Some([200, 100, 100]));
+        // Weights 1 and 1/16 after squaring (10/20)².
+        let mean = (200.0 + 50.0 / 16.0) / (1.0 + 1.0 / 16.0);
+        assert_eq!(texture.blended(1, centre).unwrap()[0], f64::round(mean) as u8);
+        let bright = [view(&far, 10.0), view(&glare, 0.0)];
+        let texture = Texture::new(&mesh, &bright);
+        assert_eq!(texture.best(0, centre), Some([50, 100, 100]));
+        let none = [both[0]]
+            .map(|v| TextureView { pose: Isometry::rotation(nalgebra::Vector3::x() * 3.0), ..v });
+        assert_eq!(Texture::new(&mesh, &none).best(0, centre), None);
+    }
+}
