@@ -8,6 +8,7 @@ mod exit;
 mod inputs;
 mod outputs;
 mod progress;
+mod report;
 
 use clap::Parser;
 use std::process::ExitCode;

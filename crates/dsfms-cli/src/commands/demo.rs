@@ -2,7 +2,7 @@
 
 use super::reconstruct::method_name;
 use crate::args::Global;
-use crate::demo::report::{FrameResult, Report, write_report};
+use crate::demo::report::{FrameResult, Report, page};
 use crate::demo::scene::{DeformedFrame, Scene, unpack};
 use crate::demo::truth::{FrameTruth, Tie};
 use crate::exit::Outcome;
@@ -64,7 +64,7 @@ pub fn run(args: &DemoArgs, global: &Global, reporter: &Reporter) -> anyhow::Res
         seconds: start.elapsed().as_secs_f64(),
     };
     let path = args.output.join("report.html");
-    write_report(&path, &report)?;
+    page(&report)?.write(&path)?;
     reporter.finish();
     super::to_stdout(&report.text())?;
     let shown = path.canonicalize().unwrap_or(path);

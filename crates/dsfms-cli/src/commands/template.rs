@@ -5,6 +5,7 @@ use crate::exit::{Outcome, Usage};
 use crate::inputs::{self, CameraInput, Source};
 use crate::outputs::prepare_folder;
 use crate::progress::Reporter;
+use crate::report::template::template_page;
 use anyhow::Context;
 use clap::Args;
 use dsfms::image::{Frame, Mask};
@@ -74,6 +75,9 @@ pub struct TemplateArgs {
     /// Refine focal length, principal point and radial distortion along with the poses.
     #[arg(long, conflicts_with = "mesh")]
     self_calibrate: bool,
+    /// Leave out TEMPLATE/report.html.
+    #[arg(long)]
+    no_report: bool,
     /// Template folder to write.
     #[arg(short, long, value_name = "TEMPLATE")]
     output: PathBuf,
@@ -85,20 +89,29 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
     let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty());
     prepare_folder(parent.unwrap_or(Path::new(".")))?;
     let options = options(args, global);
-    let (template, complete) = match (args.frames.is_empty(), &args.mesh) {
+    let (built, frames, complete) = match (args.frames.is_empty(), &args.mesh) {
         (true, Some(mesh)) => {
             let mesh = open_mesh(mesh, reporter)?;
             let albedo =
                 args.albedo.as_deref().map(|p| read_albedo(p, &mesh, global)).transpose()?;
             let unit = unit(&mesh);
-            (template_from_mesh(mesh.mesh, unit, albedo, &options, reporter), true)
+            let template = template_from_mesh(mesh.mesh, unit, albedo, &options, reporter);
+            let built =
+                BuiltTemplate { template, rejected: vec![], light: None, points: vec![] };
+            (built, Vec::new(), true)
         }
         _ => from_frames(args, global, &options, reporter)?,
     };
-    write_template(&args.output, &template)?;
+    let template = &built.template;
+    write_template(&args.output, template)?;
+    if !args.no_report {
+        let name = args.output.file_name().unwrap_or_default().to_string_lossy();
+        template_page(&name, template, &frames, &built.points)?
+            .write(&args.output.join("report.html"))?;
+    }
     reporter.finish();
     if !global.quiet {
-        super::inspect::print(&template)?;
+        super::inspect::print(template)?;
     }
     Ok(if complete { Outcome::Ok } else { Outcome::Degraded })
 }
@@ -143,7 +156,7 @@ fn from_frames(
     global: &Global,
     options: &TemplateOptions,
     reporter: &Reporter,
-) -> anyhow::Result<(dsfms::template::Template, bool)> {
+) -> anyhow::Result<(BuiltTemplate, Vec<Frame>, bool)> {
     let Some(camera_path) = &args.camera else {
         return Err(Usage("frames need --camera".into()).into());
     };
@@ -168,11 +181,11 @@ fn from_frames(
         }
         _ => template_from_frames(&exploration, options, reporter)?,
     };
-    let BuiltTemplate { template, rejected, .. } = built;
-    for (name, why) in &rejected {
+    for (name, why) in &built.rejected {
         reporter.warn(&format!("frame {name} is left out: {why}"));
     }
-    Ok((template, rejected.is_empty() && loaded.complete))
+    let complete = built.rejected.is_empty() && loaded.complete;
+    Ok((built, loaded.frames, complete))
 }
 
 /// Frames and their masks; a list of masks is empty where none were given.
