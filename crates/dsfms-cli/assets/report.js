@@ -1,7 +1,8 @@
 // The viewer of report.html. Plain functions over the packed data of the page; no network, no
 // storage. Lengths are in data.unit; surfaces are in camera axes (x right, y down, z forward).
 "use strict";
-(() => {
+// Text and tables are painted before the viewer is built.
+requestAnimationFrame(() => setTimeout(() => {
 const $ = (id) => document.getElementById(id);
 const data = JSON.parse($("data").textContent);
 if (!data.frames.length || !window.THREE) return;
@@ -92,18 +93,23 @@ const CIVIDIS = ["00224e", "123570", "3b496c", "575d6d", "707173", "8a8678", "a5
 const DIVERGING = ["053061", "2f79b5", "8ec2dd", "f2efee", "f0a582", "c43b3c", "67001f"];
 const rgb = (hex) => [0, 2, 4].map((i) => parseInt(hex.slice(i, i + 2), 16));
 const UNKNOWN = [150, 150, 150], CLAY = [214, 180, 168], HIDDEN = [128, 132, 138], SEEN = [46, 134, 171];
-function ramp(stops, t) {
-  const x = Math.min(Math.max(t, 0), 1) * (stops.length - 1), k = Math.min(Math.floor(x), stops.length - 2);
-  const a = rgb(stops[k]), b = rgb(stops[k + 1]);
-  return a.map((v, i) => v + (b[i] - v) * (x - k));
-}
+/** 256 colours through the stops. */
+const table = (stops) => Array.from({ length: 256 }, (_, i) => {
+  const x = (i / 255) * (stops.length - 1), k = Math.min(Math.floor(x), stops.length - 2), b = rgb(stops[k + 1]);
+  return rgb(stops[k]).map((v, c) => v + (b[c] - v) * (x - k));
+});
+const SEQUENTIAL = table(CIVIDIS), SIGNED = table(DIVERGING);
+const ramp = (colours, t) => colours[Math.round(255 * Math.min(Math.max(t, 0), 1))];
 
 const methods = data.methods.map((_, k) => k);
 const estimated = methods.filter((k) => k !== data.truth);
-const has = (test) => data.frames.some((_, f) => methods.some((k) => { const s = surface(f, k); return s && test(s, data.frames[f]); }));
+// Asked of the packed surfaces, so that nothing is unpacked before it is shown.
+const has = (test) => data.frames.some((frame) => frame.surfaces.some((s) => s && test(s, frame)));
+/** Distance of every vertex from its true place; null where the truth is not known. */
 const errors = (f, k) => {
   const s = surface(f, k), t = data.truth === undefined ? null : surface(f, data.truth);
-  return s && t && Float32Array.from({ length: data.vertices }, (_, v) => apart(point(s.at, v), point(t.at, v)));
+  if (!s || !t) return null;
+  return (s.errors ??= Float32Array.from({ length: data.vertices }, (_, v) => apart(point(s.at, v), point(t.at, v))));
 };
 const layers = [];
 const add = (present, layer) => present && layers.push(layer);
@@ -112,7 +118,7 @@ add(data.albedo && atlas, { id: "albedo", name: "albedo", texture: true });
 add(true, { id: "shape", name: "shape" });
 add(data.truth !== undefined, { id: "error", name: "error", unit, per: "vertex", values: errors });
 add(has((s) => s.confidence), { id: "confidence", name: "expected error", unit, per: "vertex", values: (f, k) => surface(f, k).confidence });
-add(has((s) => s.at !== rest), { id: "strain", name: "strain (largest stretch of each face)", unit: "%", per: "face", signed: true, values: (f, k) => strain(surface(f, k).at) });
+add(has((s) => s.positions), { id: "strain", name: `strain against ${data.reference} (largest stretch of a face)`, unit: "%", per: "face", signed: true, values: (f, k) => strain(surface(f, k).at) });
 add(has((s) => s.visible), { id: "seen", name: "seen or hidden", per: "vertex", flags: true, values: (f, k) => surface(f, k).visible });
 data.scalars.forEach((s) => layers.push({ id: s.name, name: s.name.toLowerCase(), unit: s.unit, per: "vertex", values: () => numbers(s.values) }));
 if (data.flattening) {
@@ -122,17 +128,18 @@ if (data.flattening) {
   layers.push({ id: "area", name: "area distortion of the flattening", unit: "%", per: "face", signed: true, values: () => area });
 }
 
-/** A round number that covers all but the extreme of a layer's values. */
+/** A round number that covers all but the extreme of a layer's values: that of the middle method, so
+ * that one that went astray does not drown the others. */
 function usualLimit(layer) {
-  const all = [];
-  data.frames.forEach((_, f) => estimated.forEach((k) => {
-    if (surface(f, k)) for (const v of layer.values(f, k) || []) if (Number.isFinite(v)) all.push(Math.abs(v));
-  }));
-  if (!all.length) return 1;
-  all.sort((a, b) => a - b);
-  // The flattening's ratios start at 1.
-  const base = layer.low || 0, v = Math.max(all[Math.floor(0.98 * (all.length - 1))] - base, 1e-6);
-  const decade = 10 ** Math.floor(Math.log10(v));
+  const base = layer.low || 0; // the flattening's ratios start at 1
+  const reach = estimated.map((k) => {
+    const all = [];
+    data.frames.forEach((_, f) => {
+      if (surface(f, k)) for (const v of layer.values(f, k) || []) if (Number.isFinite(v)) all.push(Math.abs(v) - base);
+    });
+    return Float64Array.from(all).sort()[Math.floor(0.98 * (all.length - 1))];
+  }).filter(Number.isFinite).sort((a, b) => a - b);
+  const v = Math.max(reach[reach.length >> 1] ?? 1, 1e-6), decade = 10 ** Math.floor(Math.log10(v));
   return base + [1, 1.5, 2, 3, 4, 5, 6, 8, 10].find((s) => s * decade >= v * 0.999) * decade;
 }
 const limitOf = (layer) => (layer.limit ??= usualLimit(layer));
@@ -140,7 +147,7 @@ function colourOf(layer, v) {
   if (layer.flags) return v ? SEEN : HIDDEN;
   if (!Number.isFinite(v)) return UNKNOWN;
   const limit = limitOf(layer), low = layer.low || 0;
-  return layer.signed ? ramp(DIVERGING, 0.5 + (0.5 * v) / limit) : ramp(CIVIDIS, (v - low) / (limit - low));
+  return layer.signed ? ramp(SIGNED, 0.5 + (0.5 * v) / limit) : ramp(SEQUENTIAL, (v - low) / (limit - low));
 }
 const text = (v, digits = 3) => {
   if (!Number.isFinite(v)) return "–";
@@ -166,7 +173,7 @@ scene.add(root, new T.AmbientLight(0xffffff, 1.7));
 const lamp = new T.DirectionalLight(0xffffff, 1.7);
 const eye = new T.PerspectiveCamera(40, 1, 0.1, 1000);
 eye.add(lamp, lamp.target);
-lamp.target.position.set(0.15, -0.25, -1);
+lamp.position.set(-0.35, 0.5, 1); // a little above and left, so that relief shows
 scene.add(eye);
 
 const texture = (image, mipmaps) => {
@@ -186,7 +193,7 @@ const albedoTexture = albedoImage && texture(albedoImage, false);
 const side = T.DoubleSide;
 const painted = new T.MeshLambertMaterial({ vertexColors: true, side, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
 const photographed = new T.MeshBasicMaterial({ side, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
-const bare = new T.MeshLambertMaterial({ side, map: albedoTexture, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
+const bare = new T.MeshLambertMaterial({ side, map: albedoTexture || null, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
 const edgeInk = new T.LineBasicMaterial({ color: 0x101418, transparent: true, opacity: 0.35 });
 const ghostInk = new T.LineBasicMaterial({ color: 0x2b6cb0, transparent: true, opacity: 0.55 });
 const truthInk = new T.LineBasicMaterial({ color: 0x1f8a55, transparent: true, opacity: 0.7 });
@@ -236,17 +243,17 @@ const columns = data.methods.map(() => {
   return column;
 });
 
-const linear = (v) => { const s = v / 255; return s <= 0.04045 ? s / 12.92 : ((s + 0.055) / 1.055) ** 2.4; };
-/** Colour of every corner, 0 to 255, or null where a texture is shown. */
+const linearOf = Float32Array.from({ length: 256 }, (_, v) => { const s = v / 255; return s <= 0.04045 ? s / 12.92 : ((s + 0.055) / 1.055) ** 2.4; });
+/** Colour of every corner, 0 to 255; clay or grey where the layer has no values. */
 function cornerColours(layer, f, k) {
-  const s = surface(f, k), out = new Float32Array(9 * faceCount);
+  const out = new Uint8Array(9 * faceCount);
   const values = layer.values && layer.values(f, k);
   const hidden = layer.id === "image" ? HIDDEN : CLAY;
   for (let c = 0; c < 3 * faceCount; c++) {
     const v = layer.per === "face" ? Math.floor(c / 3) : faces[c];
     out.set(values ? colourOf(layer, values[v]) : hidden, 3 * c);
   }
-  return s && out;
+  return out;
 }
 
 function paint(k) {
@@ -258,7 +265,7 @@ function paint(k) {
   faces.forEach((v, c) => {
     for (let i = 0; i < 3; i++) { position[3 * c + i] = s.at[3 * v + i]; normal[3 * c + i] = normals[3 * v + i]; }
   });
-  g.attributes.color.array.set(cornerColours(layer, state.frame, k).map(linear));
+  cornerColours(layer, state.frame, k).forEach((v, i) => { g.attributes.color.array[i] = linearOf[v]; });
   const photo = layer.id === "image" && s.pixels && s.visible && photoTexture(state.frame);
   const size = data.frames[state.frame].size;
   if (photo) faces.forEach((v, c) => {
@@ -363,9 +370,10 @@ function view(kind) {
   if (!controls) return;
   const own = centre.length();
   // From the camera's place where there is one outside the surface, else from three radii before it.
-  const distance = data.camera && own > 1.15 * radius ? own : 3 * radius;
+  const inCamera = (data.camera || !data.moving_camera) && own > 1.15 * radius;
+  const distance = inCamera ? own : 3 * radius;
   const target = kind === "all" && data.camera ? centre.clone().multiplyScalar(0.5) : centre.clone();
-  const back = data.camera && own > 1.15 * radius ? centre.clone().multiplyScalar(-1 / own) : new T.Vector3(0, 0, 1);
+  const back = inCamera ? centre.clone().multiplyScalar(-1 / own) : new T.Vector3(0, 0, 1);
   const turn = { camera: [0, 0], left: [-65, 0], right: [65, 0], top: [0, 65], all: [-55, 25] }[kind];
   const [yaw, pitch] = turn.map((d) => (d * Math.PI) / 180);
   const level = Math.atan2(back.x, back.z) + yaw, rise = Math.min(Math.asin(back.y) + pitch, 1.5);
@@ -451,12 +459,12 @@ function scaleBar(cell) {
   const wanted = 0.28 * cell.w * perPixel, decade = 10 ** Math.floor(Math.log10(wanted));
   const long = [5, 2, 1].find((s) => s * decade <= wanted) * decade, wide = long / perPixel;
   const x = cell.x + cell.w - wide - 12, y = cell.y + cell.h - 16;
-  return `<b style="left:${x}px;top:${y}px;width:${wide}px"></b><span style="background:none;left:${x}px;top:${y - 20}px;width:${wide}px;padding:0;text-align:center">${text(long, 1)} ${unit}</span>`;
+  return `<b style="left:${x}px;top:${y}px;width:${wide}px"></b><u style="right:${canvas.clientWidth - cell.x - cell.w + 12}px;top:${y - 20}px">${text(long, 1)} ${unit}</u>`;
 }
 const mean = (a) => a.reduce((s, v) => s + v, 0) / a.length;
 function summaryOf(k) {
   if (data.truth === undefined || k === data.truth || state.layer.id !== "error") return "";
-  return `${mean([...errors(state.frame, k)]).toFixed(2)} ${unit} mean`;
+  return `${mean(errors(state.frame, k)).toFixed(2)} ${unit} mean`;
 }
 
 // --- The image -------------------------------------------------------------------------------
@@ -619,9 +627,10 @@ function measured() {
     return s ? [[data.methods[k], measureOn(s.at, s.confidence, list), k]] : [];
   }) : [];
   const table = $("measured"), B = state.picks.length > 1, expected = rows.some((r) => r[1].expected !== undefined);
-  const title = B ? `Between A and B, ${data.frames[state.frame].name}` : "Pick a second point for distances";
+  const against = data.moving_camera ? "" : `; change and strain against ${data.reference}`;
+  const title = `${B ? "Between A and B" : "Around A; pick a second point for distances"}, ${data.frames[state.frame].name}${against}`;
   table.caption.textContent = state.picks.length ? title : "Pick two points to measure";
-  const head = ["", ...(B ? [`straight, ${unit}`, `along the surface, ${unit}`, "change from rest"] : []), ...(expected && B ? [`expected error, ${unit}`] : []), `patch area, ${unit}²`, "change from rest", "mean strain"];
+  const head = ["", ...(B ? [`straight, ${unit}`, `along the surface, ${unit}`, "change"] : []), ...(expected && B ? [`expected error, ${unit}`] : []), `patch area, ${unit}²`, "change", "mean strain"];
   table.tHead.innerHTML = state.picks.length ? `<tr>${head.map((h) => `<th scope="col">${h}</th>`).join("")}</tr>` : "";
   const line = (name, m, change) => {
     const c = (a, b) => (change ? percent(100 * (a / b - 1)) : "");
@@ -629,7 +638,7 @@ function measured() {
     const cellsOf = [...two, list.length ? text(m.area, 4) : "–", list.length ? c(m.area, reference.area) : "", change ? percent(m.strain) : ""];
     return `<tr><th scope="row">${escape(name)}</th>${cellsOf.map((v) => `<td>${v}</td>`).join("")}</tr>`;
   };
-  const resting = state.picks.length && !data.moving_camera ? line("at rest", reference, false) : "";
+  const resting = state.picks.length && !data.moving_camera ? line(data.reference, reference, false) : "";
   table.tBodies[0].innerHTML = resting + rows.map((r) => line(r[0], r[1], !data.moving_camera)).join("");
   $("uncertainty").textContent = expected ? " Expected error: the two points' own, taken as independent." : "";
   columns.forEach((column, k) => placePins(column, surface(state.frame, k), rows.find((r) => r[2] === k)));
@@ -660,7 +669,7 @@ function csv() {
     rows.push([frame, name, status, ...place(A), ...place(B), number(m.straight), number(m.along && m.along.length), number(m.expected), $("radius").value, list.length ? number(m.area) : "", number(m.strain)]);
   };
   if (A) {
-    if (!data.moving_camera) push("", "at rest", "", rest, null);
+    if (!data.moving_camera) push("", data.reference, "", rest, null);
     data.frames.forEach((frame, f) => methods.forEach((k) => {
       const s = surface(f, k);
       if (s) push(frame.name, data.methods[k], frame.status[k], s.at, s.confidence);
@@ -743,7 +752,7 @@ function readout() {
     const e = k !== data.truth && errors(state.frame, k);
     if (e) {
       const seen = surface(state.frame, data.truth).visible, visible = [...e].filter((_, v) => seen[v]);
-      bits.push(`error ${mean([...e]).toFixed(2)} ${unit} mean, ${mean(visible).toFixed(2)} where seen, ${Math.max(...e).toFixed(1)} at most`);
+      bits.push(`error ${mean(e).toFixed(2)} ${unit} mean, ${mean(visible).toFixed(2)} where seen, ${Math.max(...e).toFixed(1)} at most`);
     }
     return `${name}: ${bits.join(", ")}`;
   });
@@ -798,7 +807,7 @@ function wire_up() {
   if (!data.camera) document.querySelector("[data-view=camera]").textContent = "Front";
   document.querySelectorAll(".unit").forEach((e) => { e.textContent = unit; });
   ["vertex-a", "vertex-b"].forEach((id) => { $(id).max = data.vertices - 1; });
-  if (data.frames.every((f) => f.surfaces.every((s) => !s || !s.pixels))) $("overlay-kind").closest("label").hidden = true;
+  if (!has((s) => s.pixels)) document.querySelector("#image-pane figcaption").hidden = true;
 
   $("frame").oninput = (e) => go(+e.target.value);
   $("previous").onclick = () => go(state.frame - 1);
@@ -857,4 +866,4 @@ drawFlattening();
 if (controls) { controls.addEventListener("change", draw); controls.rotateSpeed = 0.9; view("camera"); }
 // For tests: what is shown, and a picture's worth of pixels.
 window.dsfms = { state, data, render, measureOn, surface };
-})();
+}));

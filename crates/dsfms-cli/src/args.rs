@@ -1,6 +1,6 @@
 //! The command line as clap reads it.
 
-use crate::commands::{demo, evaluate, inspect, reconstruct, template};
+use crate::commands::{demo, evaluate, inspect, reconstruct, template, view};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use dsfms::image::ToneCurve;
 
@@ -61,4 +61,5 @@ pub enum Command {
     Inspect(inspect::InspectArgs),
     Evaluate(evaluate::EvaluateArgs),
     Demo(demo::DemoArgs),
+    View(view::ViewArgs),
 }

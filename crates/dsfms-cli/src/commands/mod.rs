@@ -5,6 +5,7 @@ pub mod evaluate;
 pub mod inspect;
 pub mod reconstruct;
 pub mod template;
+pub mod view;
 
 use crate::args::{Arguments, Command};
 use crate::exit::Outcome;
@@ -27,6 +28,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Command::Inspect(args) => inspect::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Demo(args) => demo::run(args, global, &reporter),
+        Command::View(args) => view::run(args),
     };
     reporter.finish();
     result

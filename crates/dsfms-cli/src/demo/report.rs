@@ -202,10 +202,6 @@ fn overview(report: &Report) -> String {
          path-traced scene. Errors are distances between every template vertex and its true place, \
          in mm, without any alignment of the deformed shapes: one similarity, from the camera \
          centres of the exploration to the true ones, gives the template its scale and frame.</p>\
-         <p>The matches are the scene's 25 a frame, given on the true rest surface and moved to the \
-         closest point of the template; those more than 2 mm off it are left out. All of them lie \
-         outside the strongly deformed part. The deformed zone is made of the vertices that moved \
-         by at least half of the largest visible displacement.</p>\
          <nav aria-label=\"Sections\"><a href=\"#viewer\">viewer</a><a href=\"#methods\">methods</a>\
          <a href=\"#template\">template</a>{links}</nav>",
         report.scene.exploration.len()
@@ -222,7 +218,12 @@ fn comparison(report: &Report) -> String {
         })
         .collect();
     format!(
-        "<h2 id=\"methods\">Four methods</h2>{}\
+        "<h2 id=\"methods\">Four methods</h2>\
+         <p>The matches are the scene's 25 a frame, given on the true rest surface and moved to the \
+         closest point of the template; those more than 2 mm off it are left out. All of them lie \
+         outside the strongly deformed part. The deformed zone is made of the vertices that moved \
+         by at least half of the largest visible displacement.</p>\
+         {}\
          <h3>Visible deformed zone, rms, mean over the frames that have one</h3>{}{}\
          <p class=\"dim\">{:.0} s in all, of which {:.0} s for the template.</p>",
         mean_table(report),

@@ -27,6 +27,8 @@ pub struct PageData {
     pub vertices: usize,
     /// Shape at rest: axes of the first camera in a template's report, else any.
     pub rest: Cloud,
+    /// What `rest` is: `the shape at rest`.
+    pub reference: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flattening: Option<Chart>,
     /// The albedo on the flattening.
@@ -155,6 +157,7 @@ impl PageData {
             faces: embed::faces(&mesh.topology.faces),
             vertices: mesh.positions.len(),
             rest: Cloud::of(&mesh.positions),
+            reference: "the shape at rest",
             flattening: None,
             albedo: None,
             methods: Vec::new(),

@@ -4,6 +4,7 @@
 pub mod chart;
 pub mod data;
 pub mod embed;
+pub mod folder;
 pub mod frames;
 pub mod template;
 

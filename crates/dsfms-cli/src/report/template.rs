@@ -59,7 +59,7 @@ fn template_data(
         data.frames.push(shown);
     }
     if data.frames.is_empty() {
-        data.frames.push(still("template"));
+        data.frames.push(still("at rest"));
     }
     Ok(data)
 }
