@@ -118,7 +118,7 @@ add(data.albedo && atlas, { id: "albedo", name: "albedo", texture: true });
 add(true, { id: "shape", name: "shape" });
 add(data.truth !== undefined, { id: "error", name: "error", unit, per: "vertex", values: errors });
 add(has((s) => s.confidence), { id: "confidence", name: "expected error", unit, per: "vertex", values: (f, k) => surface(f, k).confidence });
-add(has((s) => s.positions), { id: "strain", name: `strain against ${data.reference} (largest stretch of a face)`, unit: "%", per: "face", signed: true, values: (f, k) => strain(surface(f, k).at) });
+add(has((s) => s.positions), { id: "strain", name: `strain against ${data.reference} (largest stretch of a face)`, unit: "%", per: "face", signed: true, least: 2, values: (f, k) => strain(surface(f, k).at) });
 add(has((s) => s.visible), { id: "seen", name: "seen or hidden", per: "vertex", flags: true, values: (f, k) => surface(f, k).visible });
 data.scalars.forEach((s) => layers.push({ id: s.name, name: s.name.toLowerCase(), unit: s.unit, per: "vertex", values: () => numbers(s.values) }));
 if (data.flattening) {
@@ -139,7 +139,7 @@ function usualLimit(layer) {
     });
     return Float64Array.from(all).sort()[Math.floor(0.98 * (all.length - 1))];
   }).filter(Number.isFinite).sort((a, b) => a - b);
-  const v = Math.max(reach[reach.length >> 1] ?? 1, 1e-6), decade = 10 ** Math.floor(Math.log10(v));
+  const v = Math.max(reach[reach.length >> 1] ?? 1, layer.least || 1e-6), decade = 10 ** Math.floor(Math.log10(v));
   return base + [1, 1.5, 2, 3, 4, 5, 6, 8, 10].find((s) => s * decade >= v * 0.999) * decade;
 }
 const limitOf = (layer) => (layer.limit ??= usualLimit(layer));
@@ -377,7 +377,7 @@ function view(kind) {
   const turn = { camera: [0, 0], left: [-65, 0], right: [65, 0], top: [0, 65], all: [-55, 25] }[kind];
   const [yaw, pitch] = turn.map((d) => (d * Math.PI) / 180);
   const level = Math.atan2(back.x, back.z) + yaw, rise = Math.min(Math.asin(back.y) + pitch, 1.5);
-  const reach = kind === "all" ? 0.5 * own + radius : radius;
+  const reach = kind === "all" ? 0.5 * (own + radius) : radius;
   const away = kind === "all" ? 3.2 * reach : distance;
   fit = 2 * Math.asin(Math.min(reach / away, 0.9)) * 1.04;
   eye.position.set(Math.sin(level) * Math.cos(rise), Math.sin(rise), Math.cos(level) * Math.cos(rise)).multiplyScalar(away).add(target);
@@ -864,6 +864,7 @@ buildRig();
 refresh();
 drawFlattening();
 if (controls) { controls.addEventListener("change", draw); controls.rotateSpeed = 0.9; view("camera"); }
-// For tests: what is shown, and a picture's worth of pixels.
-window.dsfms = { state, data, render, measureOn, surface };
+$("viewer").dataset.ready = "yes";
+// For tests and the curious.
+window.dsfms = { state, data, render, csv, orbit };
 }));

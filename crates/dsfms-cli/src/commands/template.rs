@@ -96,8 +96,7 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
                 args.albedo.as_deref().map(|p| read_albedo(p, &mesh, global)).transpose()?;
             let unit = unit(&mesh);
             let template = template_from_mesh(mesh.mesh, unit, albedo, &options, reporter);
-            let built =
-                BuiltTemplate { template, rejected: vec![], light: None, points: vec![] };
+            let built = BuiltTemplate { template, rejected: vec![], light: None, points: vec![] };
             (built, Vec::new(), true)
         }
         _ => from_frames(args, global, &options, reporter)?,

@@ -237,8 +237,10 @@ fn comparison(report: &Report) -> String {
 /// Error of the visible part by frame, and against how far the organ is stretched.
 fn plots(report: &Report) -> String {
     let ticks: Vec<String> = report.frames.iter().map(|f| short(&f.name)).collect();
-    let error = |k: usize, f: &FrameResult| Some(Part::Visible.of(&f.methods[k].surface.as_ref()?.1)?.mean);
-    let stretch: Vec<f64> = report.scene.deformed.iter().map(|d| extension(report.scene, d)).collect();
+    let error =
+        |k: usize, f: &FrameResult| Some(Part::Visible.of(&f.methods[k].surface.as_ref()?.1)?.mean);
+    let stretch: Vec<f64> =
+        report.scene.deformed.iter().map(|d| extension(report.scene, d)).collect();
     let series = |place: &dyn Fn(usize) -> f64| -> Vec<Series> {
         let of = |k: usize| {
             let found = report.frames.iter().enumerate();

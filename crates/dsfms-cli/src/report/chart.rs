@@ -126,10 +126,7 @@ fn marker(k: usize, x: f64, y: f64) -> String {
             x - 3.3,
             y - 3.3
         ),
-        2 => format!(
-            "<path class=\"{class}\" d=\"M{x:.1} {:.1}l4.2 7.2h-8.4z\"/>",
-            y - 4.4
-        ),
+        2 => format!("<path class=\"{class}\" d=\"M{x:.1} {:.1}l4.2 7.2h-8.4z\"/>", y - 4.4),
         _ => format!(
             "<path class=\"{class}\" d=\"M{x:.1} {:.1}l4.4 4.4l-4.4 4.4l-4.4 -4.4z\"/>",
             y - 4.4
@@ -159,7 +156,9 @@ mod tests {
 
     #[test]
     fn axes_end_at_round_numbers() {
-        for (v, top) in [(0.7, 0.8), (1.0, 1.0), (1.1, 2.0), (3.2, 4.0), (45.0, 50.0), (81.0, 100.0)] {
+        for (v, top) in
+            [(0.7, 0.8), (1.0, 1.0), (1.1, 2.0), (3.2, 4.0), (45.0, 50.0), (81.0, 100.0)]
+        {
             assert!((nice(v) - top).abs() < 1e-9 * top, "{v}");
         }
         assert_eq!((tick(0.5, 2.0).as_str(), tick(25.0, 100.0).as_str()), ("0.5", "25"));

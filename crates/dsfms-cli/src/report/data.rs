@@ -138,9 +138,7 @@ pub fn unit_name(unit: LengthUnit) -> &'static str {
 /// Rows of a rigid motion.
 pub fn rows(pose: &Isometry, scale: f64) -> [[f64; 4]; 3] {
     let m = pose.to_homogeneous();
-    std::array::from_fn(|r| {
-        std::array::from_fn(|c| m[(r, c)] * if c == 3 { scale } else { 1.0 })
-    })
+    std::array::from_fn(|r| std::array::from_fn(|c| m[(r, c)] * if c == 3 { scale } else { 1.0 }))
 }
 
 impl ShownCamera {

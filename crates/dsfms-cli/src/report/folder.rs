@@ -18,8 +18,15 @@ pub enum Source {
     /// A page that a command left.
     Report(PathBuf),
     Template(PathBuf),
-    /// Reconstructed frames.
-    Meshes(Vec<PathBuf>),
+    /// Reconstructed frames of one or several methods.
+    Meshes(Vec<Column>),
+}
+
+/// A folder of frames.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Column {
+    pub name: String,
+    pub paths: Vec<PathBuf>,
 }
 
 impl Source {
@@ -29,16 +36,15 @@ impl Source {
         if path.is_file() {
             return Ok(match is("html") {
                 true => Self::Report(path.into()),
-                false => Self::Meshes(vec![path.into()]),
+                false => Self::Meshes(vec![Column { name: name(path), paths: vec![path.into()] }]),
             });
         }
         let report = path.join("report.html");
         if path.join("template.toml").is_file() && !report.is_file() {
             return Ok(Self::Template(path.into()));
         }
-        let meshes = frames(path)?;
-        let changed = |p: &PathBuf| p.metadata().and_then(|m| m.modified()).ok();
-        let newest = meshes.iter().filter_map(changed).max();
+        let meshes = columns(path)?;
+        let newest = meshes.iter().flat_map(|c| &c.paths).filter_map(changed).max();
         match changed(&report) {
             Some(written) if newest.is_none_or(|newest| newest <= written) => {
                 Ok(Self::Report(report))
@@ -54,11 +60,10 @@ impl Source {
 
     /// The newest change of what is shown: the page is made again when it moves.
     pub fn changed(&self) -> Option<SystemTime> {
-        let of = |p: &PathBuf| p.metadata().and_then(|m| m.modified()).ok();
         match self {
-            Self::Report(path) => of(path),
-            Self::Template(path) => of(&path.join("template.toml")),
-            Self::Meshes(paths) => paths.iter().filter_map(of).max(),
+            Self::Report(path) => changed(path),
+            Self::Template(path) => changed(&path.join("template.toml")),
+            Self::Meshes(all) => all.iter().flat_map(|c| &c.paths).filter_map(changed).max(),
         }
     }
 
@@ -70,13 +75,35 @@ impl Source {
             Self::Template(path) => {
                 template_page(&name(path), &read_template(path)?, &[], &[])?.html()
             }
-            Self::Meshes(paths) => meshes_page(paths)?.html(),
+            Self::Meshes(columns) => meshes_page(columns)?.html(),
         }
     }
 }
 
 fn name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn changed(path: impl AsRef<Path>) -> Option<SystemTime> {
+    path.as_ref().metadata().and_then(|m| m.modified()).ok()
+}
+
+/// The frames of a folder, or of each folder in it.
+fn columns(folder: &Path) -> anyhow::Result<Vec<Column>> {
+    let own = frames(folder)?;
+    if !own.is_empty() {
+        return Ok(vec![Column { name: name(folder), paths: own }]);
+    }
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder)?.flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            found.push(Column { name: name(&path), paths: frames(&path)? });
+        }
+    }
+    found.retain(|c| !c.paths.is_empty());
+    found.sort_by(|a, b| natural_order(&a.name, &b.name));
+    Ok(found)
 }
 
 /// `frame_*.ply` of a folder, by number.
@@ -93,8 +120,9 @@ fn frames(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-fn meshes_page(paths: &[PathBuf]) -> anyhow::Result<Page> {
-    let first = read_mesh(&paths[0])?;
+fn meshes_page(columns: &[Column]) -> anyhow::Result<Page> {
+    let all = &columns[0].paths;
+    let first = read_mesh(&all[0])?;
     let unit = match first.unit {
         Some(MeshUnit::Millimetre) => "mm",
         Some(MeshUnit::Centimetre) => "cm",
@@ -102,54 +130,55 @@ fn meshes_page(paths: &[PathBuf]) -> anyhow::Result<Page> {
         Some(MeshUnit::TemplateUnit) | None => "units",
     };
     let mut data = PageData::of_mesh(&first.mesh, unit);
-    data.methods = vec!["surface".into()];
-    if let [path] = paths {
+    data.methods = columns.iter().map(|c| c.name.clone()).collect();
+    if let ([_], [path]) = (columns, all.as_slice()) {
         data.frames = vec![still(&name(path))];
         data.moving_camera = true;
     } else {
         data.reference = "the first frame";
-        for i in chosen(paths.len()) {
-            data.frames.push(frame(&paths[i], &first)?);
+        for i in chosen(all.len()) {
+            data.frames.push(frame(columns, &name(&all[i]), &first)?);
         }
     }
-    let facts = [
-        ("Surface", format!("{} vertices", first.mesh.positions.len())),
-        ("Faces", first.mesh.topology.faces.len().to_string()),
-        ("Unit", unit.to_string()),
-    ];
+    let (vertices, faces) = (first.mesh.positions.len(), first.mesh.topology.faces.len());
+    let facts =
+        [("Surface", format!("{vertices} vertices, {faces} faces")), ("Unit", unit.to_string())];
     Ok(Page {
-        title: match paths {
-            [path] => name(path),
-            _ => name(paths[0].parent().unwrap_or(Path::new(""))),
-        },
+        title: data.methods.join(", "),
         summary: definition_list(&facts),
         sections: String::new(),
         data,
     })
 }
 
-/// A reconstructed frame with its overlay as the image.
-fn frame(path: &Path, first: &MeshFile) -> anyhow::Result<ShownFrame> {
+/// A reconstructed frame; the overlay of the first method is its image.
+fn frame(columns: &[Column], file: &str, first: &MeshFile) -> anyhow::Result<ShownFrame> {
+    let stem = file.trim_end_matches(".ply");
+    let overlay = columns[0].paths[0].with_file_name(format!("{stem}_overlay.png"));
+    let mut shown = match overlay.is_file() {
+        true => ShownFrame::new(stem, &read_frame(&overlay)?)?,
+        false => ShownFrame::with(stem, None, [640, 480]),
+    };
+    for column in columns {
+        let path = column.paths.iter().find(|p| name(p) == file);
+        shown.surfaces.push(path.map(|p| surface(p, first)).transpose()?);
+        shown.status.push(if path.is_some() { "ok" } else { "failed" });
+    }
+    Ok(shown)
+}
+
+fn surface(path: &Path, first: &MeshFile) -> anyhow::Result<ShownSurface> {
     let file = read_mesh(path)?;
     if file.mesh.topology.faces != first.mesh.topology.faces {
         anyhow::bail!("{} has other faces than the first frame beside it", path.display());
     }
-    let stem = name(&path.with_extension(""));
-    let overlay = path.with_file_name(format!("{stem}_overlay.png"));
-    let picture = overlay.is_file().then(|| read_frame(&overlay)).transpose()?;
-    let mut shown = match picture {
-        Some(picture) => ShownFrame::new(&stem, &picture)?,
-        None => ShownFrame::with(&stem, None, [640, 480]),
-    };
     let flags = |v: &Vec<f64>| embed::flags(&v.iter().map(|&v| v != 0.0).collect::<Vec<_>>());
-    shown.surfaces.push(Some(ShownSurface {
+    Ok(ShownSurface {
         positions: Some(Cloud::of(&file.mesh.positions)),
         visible: file.attributes.get("visible").map(flags),
         confidence: file.attributes.get("confidence").map(|v| Numbers::of(v)),
         ..Default::default()
-    }));
-    shown.status.push("ok");
-    Ok(shown)
+    })
 }
 
 #[cfg(test)]
@@ -168,7 +197,8 @@ mod tests {
         let later = SystemTime::now() + std::time::Duration::from_secs(5);
         std::fs::File::open(at("frame_9.ply")).unwrap().set_modified(later).unwrap();
         let source = Source::of(folder.path()).unwrap();
-        assert_eq!(source, Source::Meshes(vec![at("frame_9.ply"), at("frame_010.ply")]));
+        let Source::Meshes(columns) = &source else { panic!("{source:?}") };
+        assert_eq!(columns[0].paths, [at("frame_9.ply"), at("frame_010.ply")]);
         assert_eq!(source.changed(), Some(later));
     }
 }

@@ -90,18 +90,24 @@ fn facts(template: &Template) -> String {
     let mut rows = vec![
         (
             "Surface",
-            format!("{} vertices, {} faces, mean edge {:.2} {unit}", s.vertices, s.faces, s.mean_edge),
+            format!(
+                "{} vertices, {} faces, mean edge {:.2} {unit}",
+                s.vertices, s.faces, s.mean_edge
+            ),
         ),
         ("Extent", format!("{x:.1} × {y:.1} × {z:.1} {unit}, area {:.0} {unit}²", s.area)),
         (
             "Pieces",
-            format!("{}; {} boundary loop(s), Euler characteristic {}", s.components, s.boundary_loops, s.euler_characteristic),
+            format!(
+                "{}; {} boundary loop(s), Euler characteristic {}",
+                s.components, s.boundary_loops, s.euler_characteristic
+            ),
         ),
     ];
     if s.frames > 0 {
-        let error = s.median_reprojection_px.map_or(String::new(), |px| {
-            format!(", median reprojection error {px:.2} px")
-        });
+        let error = s
+            .median_reprojection_px
+            .map_or(String::new(), |px| format!(", median reprojection error {px:.2} px"));
         rows.push(("Exploration", format!("{} frames registered{error}", s.frames)));
     }
     if let Some(f) = &s.flattening {
@@ -116,7 +122,12 @@ fn facts(template: &Template) -> String {
     if let Some(a) = &s.albedo {
         rows.push((
             "Albedo",
-            format!("{:.0} % of {} texels observed, mean {:.2}", 100.0 * a.observed, a.texels, a.mean),
+            format!(
+                "{:.0} % of {} texels observed, mean {:.2}",
+                100.0 * a.observed,
+                a.texels,
+                a.mean
+            ),
         ));
     }
     if unit == "units" {
@@ -127,7 +138,8 @@ fn facts(template: &Template) -> String {
 
 /// Names and values.
 pub fn definition_list(rows: &[(&str, String)]) -> String {
-    let item = |(name, value): &(&str, String)| format!("<dt>{name}</dt><dd>{}</dd>", escape(value));
+    let item =
+        |(name, value): &(&str, String)| format!("<dt>{name}</dt><dd>{}</dd>", escape(value));
     format!("<dl class=\"facts\">{}</dl>", rows.iter().map(item).collect::<String>())
 }
 
