@@ -128,8 +128,8 @@ if (data.flattening) {
   layers.push({ id: "area", name: "area distortion of the flattening", unit: "%", per: "face", signed: true, values: () => area });
 }
 
-/** A round number that covers all but the extreme of a layer's values: that of the middle method, so
- * that one that went astray does not drown the others. */
+/** A round number that covers all but the extreme of a layer's values. Of errors: that of the better
+ * half of the methods, so that one that went astray does not drown the others. */
 function usualLimit(layer) {
   const base = layer.low || 0; // the flattening's ratios start at 1
   const reach = estimated.map((k) => {
@@ -137,9 +137,9 @@ function usualLimit(layer) {
     data.frames.forEach((_, f) => {
       if (surface(f, k)) for (const v of layer.values(f, k) || []) if (Number.isFinite(v)) all.push(Math.abs(v) - base);
     });
-    return Float64Array.from(all).sort()[Math.floor(0.98 * (all.length - 1))];
+    return Float64Array.from(all).sort()[Math.floor(0.95 * (all.length - 1))];
   }).filter(Number.isFinite).sort((a, b) => a - b);
-  const v = Math.max(reach[reach.length >> 1] ?? 1, layer.least || 1e-6), decade = 10 ** Math.floor(Math.log10(v));
+  const v = Math.max(reach[layer.signed ? reach.length - 1 : (reach.length - 1) >> 1] ?? 1, layer.least || 1e-6), decade = 10 ** Math.floor(Math.log10(v));
   return base + [1, 1.5, 2, 3, 4, 5, 6, 8, 10].find((s) => s * decade >= v * 0.999) * decade;
 }
 const limitOf = (layer) => (layer.limit ??= usualLimit(layer));
@@ -197,8 +197,9 @@ const bare = new T.MeshLambertMaterial({ side, map: albedoTexture || null, polyg
 const edgeInk = new T.LineBasicMaterial({ color: 0x101418, transparent: true, opacity: 0.35 });
 const ghostInk = new T.LineBasicMaterial({ color: 0x2b6cb0, transparent: true, opacity: 0.55 });
 const truthInk = new T.LineBasicMaterial({ color: 0x1f8a55, transparent: true, opacity: 0.7 });
-const pathInk = new T.LineBasicMaterial({ color: 0xd81b60, depthTest: false });
-const pinInk = new T.MeshBasicMaterial({ color: 0xd81b60, depthTest: false });
+// Transparent, so that they are drawn after all other lines.
+const pathInk = new T.LineBasicMaterial({ color: 0xe91e78, depthTest: false, transparent: true });
+const pinInk = new T.MeshBasicMaterial({ color: 0xe91e78, depthTest: false, transparent: true });
 const buried = ["#f2a900", "#3f7fd0", "#6fbf73", "#c86fc9"].map((c) => new T.MeshLambertMaterial({ color: c, side }));
 
 const edgeList = (() => {
@@ -368,17 +369,17 @@ const controls = renderer && new T.OrbitControls(eye, canvas);
 let fit = 0.7; // full angle that must fit into a cell, rad
 function view(kind) {
   if (!controls) return;
-  const own = centre.length();
   // From the camera's place where there is one outside the surface, else from three radii before it.
+  const pose = data.moving_camera && data.frames[state.frame].pose, [cx, cy, cz] = pose ? inverse(pose, [0, 0, 0]) : [0, 0, 0];
+  const place = new T.Vector3(cx, -cy, -cz), own = place.distanceTo(centre);
   const inCamera = (data.camera || !data.moving_camera) && own > 1.15 * radius;
-  const distance = inCamera ? own : 3 * radius;
-  const target = kind === "all" && data.camera ? centre.clone().multiplyScalar(0.5) : centre.clone();
-  const back = inCamera ? centre.clone().multiplyScalar(-1 / own) : new T.Vector3(0, 0, 1);
-  const turn = { camera: [0, 0], left: [-65, 0], right: [65, 0], top: [0, 65], all: [-55, 25] }[kind];
-  const [yaw, pitch] = turn.map((d) => (d * Math.PI) / 180);
+  const whole = kind === "all" && data.camera;
+  const target = whole ? centre.clone().lerp(place, 0.5) : centre.clone();
+  const back = inCamera ? place.sub(centre).divideScalar(own) : new T.Vector3(0, 0, 1);
+  const [yaw, pitch] = { camera: [0, 0], left: [-65, 0], right: [65, 0], top: [0, 65], all: [-55, 25] }[kind].map((d) => (d * Math.PI) / 180);
   const level = Math.atan2(back.x, back.z) + yaw, rise = Math.min(Math.asin(back.y) + pitch, 1.5);
-  const reach = kind === "all" ? 0.5 * (own + radius) : radius;
-  const away = kind === "all" ? 3.2 * reach : distance;
+  const reach = whole ? (data.moving_camera ? 1 : 0.5) * (own + radius) : radius;
+  const away = whole ? 3.2 * reach : inCamera ? own : 3 * radius;
   fit = 2 * Math.asin(Math.min(reach / away, 0.9)) * 1.04;
   eye.position.set(Math.sin(level) * Math.cos(rise), Math.sin(rise), Math.cos(level) * Math.cos(rise)).multiplyScalar(away).add(target);
   eye.near = radius / 100; eye.far = 40 * (radius + own);
@@ -618,7 +619,11 @@ function measureOn(p, confidence, list) {
 }
 const strainKnown = new WeakMap();
 const strainNow = (p) => { if (!strainKnown.has(p)) strainKnown.set(p, strain(p)); return strainKnown.get(p); };
-const percent = (v) => (Number.isFinite(v) ? `${v > 0 ? "+" : v < 0 ? "−" : ""}${Math.abs(v).toFixed(1)} %` : "–");
+const percent = (v) => {
+  if (!Number.isFinite(v)) return "–";
+  const shown = Math.abs(v).toFixed(1);
+  return `${shown === "0.0" ? "" : v > 0 ? "+" : "−"}${shown} %`;
+};
 
 function measured() {
   const list = patch(), reference = state.picks.length ? measureOn(rest, null, list) : {};
@@ -720,24 +725,30 @@ function legend(layer, bar, ticks) {
   bar.width = 256;
   const ink = bar.getContext("2d"), limit = limitOf(layer), low = layer.signed ? -limit : layer.low || 0;
   for (let x = 0; x < 256; x++) { ink.fillStyle = `rgb(${colourOf(layer, low + ((limit - low) * x) / 255)})`; ink.fillRect(x, 0, 1, 12); }
-  const sign = (v) => (layer.signed && v > 0 ? "+" : "") + text(v, 2);
+  const sign = (v) => (layer.signed && v > 0 ? "+" : "") + text(v, layer.low ? 3 : 2);
   ticks.innerHTML = [0, 0.5, 1].map((t, i) => `<span>${sign(low + t * (limit - low))}${i === 2 && layer.unit ? ` ${layer.unit}` : ""}</span>`).join("");
 }
 function drawFlattening() {
   $("flat").hidden = !atlas;
   if (!atlas) return;
-  const out = $("chart"), ink = out.getContext("2d"), n = out.width;
-  const id = $("flat-layer").value, layer = layers.find((l) => l.id === id), image = id === "albedo" && albedoImage;
-  ink.clearRect(0, 0, n, n);
-  legend(layer || {}, $("flat-ramp"), $("flat-ticks"));
-  if (image) { image.decode().then(() => ink.drawImage(image, 0, 0, n, n)).catch(() => {}); return; }
-  const values = layer.values();
+  const layer = layers.find((l) => l.id === $("flat-layer").value), values = layer.values();
+  // Only the part of the unit square that is used.
+  const low = [1, 1], high = [0, 0];
+  atlas.forEach((v, i) => { low[i % 2] = Math.min(low[i % 2], v); high[i % 2] = Math.max(high[i % 2], v); });
+  const scale = 1000 / Math.max(high[0] - low[0], 1e-6), tall = Math.ceil(scale * (high[1] - low[1]));
+  for (const id of ["chart", "chart-albedo"]) { $(id).width = 1000; $(id).height = tall; }
+  legend(layer, $("flat-ramp"), $("flat-ticks"));
+  const ink = $("chart").getContext("2d");
   for (let f = 0; f < faceCount; f++) {
     ink.fillStyle = ink.strokeStyle = `rgb(${colourOf(layer, values[f]).map(Math.round)})`;
     ink.beginPath();
-    for (let c = 0; c < 3; c++) ink[c ? "lineTo" : "moveTo"](n * atlas[6 * f + 2 * c], n * (1 - atlas[6 * f + 2 * c + 1]));
+    for (let c = 0; c < 3; c++) ink[c ? "lineTo" : "moveTo"](scale * (atlas[6 * f + 2 * c] - low[0]), scale * (high[1] - atlas[6 * f + 2 * c + 1]));
     ink.closePath(); ink.fill(); ink.lineWidth = 0.6; ink.stroke();
   }
+  $("albedo-figure").hidden = !albedoImage;
+  if (albedoImage) albedoImage.decode().then(() => {
+    $("chart-albedo").getContext("2d").drawImage(albedoImage, -scale * low[0], -scale * (1 - high[1]), scale, scale);
+  }).catch(() => {});
 }
 
 // --- Bringing it together --------------------------------------------------------------------
@@ -795,7 +806,6 @@ function wire_up() {
     };
   });
   $("overlay-method").value = data.chosen;
-  if (data.albedo) $("flat-layer").append(option("albedo", "albedo"));
   const single = data.methods.length < 2;
   $("methods-row").hidden = single; document.querySelector(".overlay-method").hidden = single;
   $("time").hidden = data.frames.length < 2;

@@ -1,6 +1,6 @@
 //! The command line as clap reads it.
 
-use crate::commands::{demo, evaluate, inspect, reconstruct, template, view};
+use crate::commands::{demo, evaluate, figure, inspect, reconstruct, template, view};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use dsfms::image::ToneCurve;
 
@@ -62,4 +62,5 @@ pub enum Command {
     Evaluate(evaluate::EvaluateArgs),
     Demo(demo::DemoArgs),
     View(view::ViewArgs),
+    Figure(figure::FigureArgs),
 }

@@ -5,6 +5,7 @@ mod commands;
 mod demo;
 mod draw;
 mod exit;
+mod figure;
 mod inputs;
 mod outputs;
 mod progress;

@@ -2,6 +2,7 @@
 
 pub mod demo;
 pub mod evaluate;
+pub mod figure;
 pub mod inspect;
 pub mod reconstruct;
 pub mod template;
@@ -29,6 +30,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Command::Evaluate(args) => evaluate::run(args),
         Command::Demo(args) => demo::run(args, global, &reporter),
         Command::View(args) => view::run(args),
+        Command::Figure(args) => figure::run(args),
     };
     reporter.finish();
     result

@@ -333,6 +333,7 @@ fn template_section(report: &Report) -> anyhow::Result<String> {
             f.quasi_conformal_median, f.quasi_conformal_p95
         );
     }
+    html += " <a href=\"organ.template/report.html\">The template in 3D among its cameras</a>.";
     html += "</p><div class=\"grid\">";
     if let Some(frame) = report.scene.exploration.first() {
         let photo = jpeg(&draw::picture(frame))?;

@@ -134,10 +134,12 @@ fn marker(k: usize, x: f64, y: f64) -> String {
     }
 }
 
-/// The next 1, 2, 4, 5 or 8 times a power of ten.
+/// The next 1, 1.5, 2, 3, 4, 5, 6 or 8 times a power of ten.
 pub fn nice(v: f64) -> f64 {
     let decade = 10f64.powf(v.log10().floor());
-    let step = [1.0, 2.0, 4.0, 5.0, 8.0].into_iter().find(|s| s * decade >= v * (1.0 - 1e-9));
+    let step = [1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0]
+        .into_iter()
+        .find(|s| s * decade >= v * (1.0 - 1e-9));
     step.unwrap_or(10.0) * decade
 }
 
@@ -157,7 +159,7 @@ mod tests {
     #[test]
     fn axes_end_at_round_numbers() {
         for (v, top) in
-            [(0.7, 0.8), (1.0, 1.0), (1.1, 2.0), (3.2, 4.0), (45.0, 50.0), (81.0, 100.0)]
+            [(0.7, 0.8), (1.0, 1.0), (1.1, 1.5), (3.2, 4.0), (45.0, 50.0), (81.0, 100.0)]
         {
             assert!((nice(v) - top).abs() < 1e-9 * top, "{v}");
         }

@@ -89,7 +89,7 @@ fn changed(path: impl AsRef<Path>) -> Option<SystemTime> {
 }
 
 /// The frames of a folder, or of each folder in it.
-fn columns(folder: &Path) -> anyhow::Result<Vec<Column>> {
+pub fn columns(folder: &Path) -> anyhow::Result<Vec<Column>> {
     let own = frames(folder)?;
     if !own.is_empty() {
         return Ok(vec![Column { name: name(folder), paths: own }]);
