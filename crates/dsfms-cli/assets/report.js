@@ -200,7 +200,8 @@ const truthInk = new T.LineBasicMaterial({ color: 0x1f8a55, transparent: true, o
 // Transparent, so that they are drawn after all other lines.
 const pathInk = new T.LineBasicMaterial({ color: 0xe91e78, depthTest: false, transparent: true });
 const pinInk = new T.MeshBasicMaterial({ color: 0xe91e78, depthTest: false, transparent: true });
-const buried = ["#f2a900", "#3f7fd0", "#6fbf73", "#c86fc9"].map((c) => new T.MeshLambertMaterial({ color: c, side }));
+const BURIED = ["#f2a900", "#3f7fd0", "#6fbf73", "#c86fc9"];
+const buried = BURIED.map((c) => new T.MeshLambertMaterial({ color: c, side }));
 
 const edgeList = (() => {
   const seen = new Map();
@@ -815,6 +816,7 @@ function wire_up() {
   show(".has-camera", data.camera); show(".has-points", data.points); show(".has-structures", data.structures.length);
   show(".matches", has((s) => s.matches.length)); show("[data-view=all]", data.camera);
   if (!data.camera) document.querySelector("[data-view=camera]").textContent = "Front";
+  $("structure-names").innerHTML = data.structures.map((s, i) => `<span><b style="color:${BURIED[i % 4]}">●</b> ${escape(s.name)}</span>`).join("");
   document.querySelectorAll(".unit").forEach((e) => { e.textContent = unit; });
   ["vertex-a", "vertex-b"].forEach((id) => { $(id).max = data.vertices - 1; });
   if (!has((s) => s.pixels)) document.querySelector("#image-pane figcaption").hidden = true;

@@ -194,7 +194,8 @@ pub fn ramp(stops: &[[u8; 3]], t: f64) -> [u8; 3] {
     })
 }
 
-fn blend(canvas: &mut RgbImage, x: i64, y: i64, colour: [u8; 3], alpha: f64) {
+/// Mix a colour into a pixel; outside the picture nothing happens.
+pub fn blend(canvas: &mut RgbImage, x: i64, y: i64, colour: [u8; 3], alpha: f64) {
     if x < 0 || y < 0 || x >= i64::from(canvas.width()) || y >= i64::from(canvas.height()) {
         return;
     }

@@ -10,6 +10,7 @@ mod inputs;
 mod outputs;
 mod progress;
 mod report;
+mod structures;
 
 use clap::Parser;
 use std::process::ExitCode;

@@ -4,9 +4,27 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A module may use itself and what stands left of it.
-const ORDER: [&str; 19] = [
-    "geometry", "image", "mesh", "camera", "light", "raster", "solver", "energy", "video", "sfm",
-    "dense", "template", "register", "refine", "sfs", "synth", "eval", "io", "pipeline",
+const ORDER: [&str; 20] = [
+    "geometry",
+    "image",
+    "mesh",
+    "camera",
+    "light",
+    "raster",
+    "solver",
+    "energy",
+    "video",
+    "sfm",
+    "dense",
+    "template",
+    "register",
+    "refine",
+    "sfs",
+    "structures",
+    "synth",
+    "eval",
+    "io",
+    "pipeline",
 ];
 
 #[test]

@@ -8,9 +8,11 @@ use crate::progress::Reporter;
 use crate::report::data::ShownFrame;
 use crate::report::frames::frames_page;
 use crate::report::template::chosen;
+use crate::structures::Structures;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use dsfms::camera::CameraModel;
+use dsfms::geometry::Point3;
 use dsfms::image::{Frame, Mask, ToneCurve};
 use dsfms::io::masks::MaskKind;
 use dsfms::io::matches::{find_matches, read_matches};
@@ -78,6 +80,10 @@ pub struct ReconstructArgs {
     /// does not name keeps its default.
     #[arg(long, value_name = "FILE")]
     options: Option<PathBuf>,
+    /// Meshes of hidden structures in the template's frame and unit (tumour, vessels), carried along
+    /// with the deformation: OUT/structures and OUT/frame_NNN_structures.png.
+    #[arg(long, value_name = "MESH", num_args = 1..)]
+    structures: Vec<PathBuf>,
     /// Leave out OUT/report.html.
     #[arg(long)]
     no_report: bool,
@@ -130,6 +136,7 @@ struct Job<'a> {
     camera: CameraModel,
     tone: ToneCurve,
     options: ReconstructOptions,
+    structures: Option<Structures>,
     reporter: &'a Reporter,
 }
 
@@ -203,7 +210,8 @@ fn prepare<'a>(
     };
     options.seed = global.seed;
     options.literal |= args.literal;
-    Ok(Job { args, template, camera, tone, options, reporter })
+    let structures = Structures::read(&args.structures, &template, reporter)?;
+    Ok(Job { args, structures, template, camera, tone, options, reporter })
 }
 
 fn read_options(path: &Path) -> anyhow::Result<ReconstructOptions> {
@@ -230,9 +238,11 @@ impl Job<'_> {
             Ok((frame, result)) => {
                 files.write_surface(&self.template, &frame, &self.camera, &result)?;
                 let report = FrameReport::of(&input, method, self.template.unit, &result);
+                let places = self.carry_structures(name, &frame, &result)?;
                 if shown {
                     let mut part = ShownFrame::new(name, &frame)?;
                     part.add(&report, Some(&result), &self.camera, 1.0);
+                    part.add_structures(&places);
                     page = Some(part);
                 }
                 report
@@ -257,6 +267,21 @@ impl Job<'_> {
         Ok((report, page))
     }
 
+    /// Places of the hidden structures; their files and picture.
+    fn carry_structures(
+        &self,
+        name: &str,
+        frame: &Frame,
+        result: &Reconstruction,
+    ) -> anyhow::Result<Vec<Vec<Point3>>> {
+        let Some(structures) = &self.structures else { return Ok(Vec::new()) };
+        let places = structures.carry(&result.vertices)?;
+        structures.write(&self.args.output, name, &self.template, &places)?;
+        let picture = structures.overlay(frame, &self.camera, result, &places);
+        outputs::write_png(&self.args.output.join(format!("{name}_structures.png")), &picture)?;
+        Ok(places)
+    }
+
     fn write_page(
         &self,
         rows: &[(String, FrameReport)],
@@ -264,8 +289,10 @@ impl Job<'_> {
     ) -> anyhow::Result<()> {
         let template = self.args.template.file_name().unwrap_or_default().to_string_lossy();
         let method = method_name(self.args.method.into());
-        frames_page((&template, &self.template), &self.camera, method, rows, frames)?
-            .write(&self.args.output.join("report.html"))
+        let mut page =
+            frames_page((&template, &self.template), &self.camera, method, rows, frames)?;
+        page.data.structures = self.structures.as_ref().map_or(Vec::new(), Structures::shown);
+        page.write(&self.args.output.join("report.html"))
     }
 
     fn attempt(&self, source: &Source) -> anyhow::Result<(Frame, Reconstruction)> {

@@ -122,7 +122,7 @@ pub struct ShownSurface {
     /// `camera_from_template`, rigid part.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pose: Option<[[f64; 4]; 3]>,
-    /// One a structure: its points and how far under the surface each lies.
+    /// The points of each structure.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub structures: Vec<Cloud>,
 }
@@ -225,6 +225,15 @@ impl ShownFrame {
     ) {
         self.status.push(report.status);
         self.surfaces.push(result.map(|r| ShownSurface::of(r, camera, scale)));
+    }
+}
+
+impl ShownFrame {
+    /// Hidden structures of the last surface.
+    pub fn add_structures(&mut self, places: &[Vec<Point3>]) {
+        if let Some(Some(surface)) = self.surfaces.last_mut() {
+            surface.structures = places.iter().map(|p| Cloud::of(p)).collect();
+        }
     }
 }
 
