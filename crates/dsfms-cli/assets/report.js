@@ -156,13 +156,19 @@ const text = (v, digits = 3) => {
 
 // --- State -----------------------------------------------------------------------------------
 const state = { frame: 0, layer: layers[0], shown: [data.chosen], picks: [], playing: 0 };
-if (layers.find((l) => l.id === "image") === undefined && data.albedo && atlas) state.layer = layers.find((l) => l.id === "albedo");
+// A template is not one image's: its own albedo first.
+if (data.moving_camera || !has((s, frame) => frame.image)) state.layer = layers.find((l) => l.id === "albedo") || state.layer;
 
 // --- The 3D scene ----------------------------------------------------------------------------
 const canvas = $("gl");
+/** Whether the processor draws: smooth edges would halve the frame rate there. */
+function software() {
+  const gl = document.createElement("canvas").getContext("webgl2"), name = gl && gl.getExtension("WEBGL_debug_renderer_info");
+  return !!name && /swiftshader|llvmpipe|softpipe|software/i.test(gl.getParameter(name.UNMASKED_RENDERER_WEBGL));
+}
 let renderer;
 try {
-  renderer = new T.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
+  renderer = new T.WebGLRenderer({ canvas, antialias: !software(), preserveDrawingBuffer: true });
 } catch (error) {
   canvas.replaceWith("This browser has no WebGL; the 3D view is left out.");
 }
@@ -362,7 +368,7 @@ function buildRig() {
 if (data.points) {
   const g = new T.BufferGeometry();
   g.setAttribute("position", new T.BufferAttribute(cloud(data.points), 3));
-  sparse.add(new T.Points(g, new T.PointsMaterial({ color: 0xe07b00, size: 2.5, sizeAttenuation: false })));
+  sparse.add(new T.Points(g, new T.PointsMaterial({ color: 0xe07b00, size: 2, sizeAttenuation: false })));
 }
 
 // --- Viewing ---------------------------------------------------------------------------------

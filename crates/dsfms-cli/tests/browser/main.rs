@@ -23,11 +23,16 @@ fn reconstructed() -> Case {
     let case = Case::new();
     case.template();
     std::fs::copy(case.path("frames/organ_003.png"), case.path("frames/organ_004.png")).unwrap();
+    std::fs::copy(case.path("organ.ply"), case.path("hidden.ply")).unwrap();
     for method in ["rigid", "dsfm"] {
         let out = format!("two/{method}");
         let arguments = ["frames", "--camera", "camera.json", "--matches", "matches.csv"];
-        let code = case.reconstruct(&arguments).args(["--method", method, "-o", &out]).assert();
+        let code = case
+            .reconstruct(&arguments)
+            .args(["--structures", "hidden.ply", "--method", method, "-o", &out])
+            .assert();
         assert!(matches!(code.get_output().status.code(), Some(0 | 2)));
+        assert!(case.path(&format!("{out}/frame_003_structures.png")).is_file());
     }
     case
 }
@@ -82,6 +87,8 @@ fn a_report_plays_and_measures_and_asks_for_nothing() {
     choose(&mut browser, "frame", "1");
     assert_eq!(browser.eval("dsfms.state.frame"), 1);
 
+    let structures = "dsfms.data.structures.length === 1 && dsfms.data.frames[0].surfaces[0].structures.length === 1";
+    assert_eq!(browser.eval(structures), true);
     measure(&mut browser);
     browser.scheme("dark");
     browser.resize([390, 1600]);
