@@ -62,7 +62,7 @@ impl Source {
     pub fn changed(&self) -> Option<SystemTime> {
         match self {
             Self::Report(path) => changed(path),
-            Self::Template(path) => changed(&path.join("template.toml")),
+            Self::Template(path) => changed(path.join("template.toml")),
             Self::Meshes(all) => all.iter().flat_map(|c| &c.paths).filter_map(changed).max(),
         }
     }
