@@ -1,6 +1,9 @@
 //! The command line as clap reads it.
 
-use crate::commands::{calibrate, demo, evaluate, experiment, export, inspect, reconstruct, synth, template};
+use crate::commands::{
+    calibrate, demo, evaluate, experiment, export, figure, inspect, reconstruct, synth, template,
+    view,
+};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use dsfms::image::ToneCurve;
 
@@ -65,4 +68,6 @@ pub enum Command {
     Experiment(experiment::ExperimentArgs),
     Export(export::ExportArgs),
     Demo(demo::DemoArgs),
+    View(view::ViewArgs),
+    Figure(figure::FigureArgs),
 }

@@ -1,7 +1,7 @@
 //! Small pictures of a result: the mesh over its image, and a shaded view from the side.
 
 use dsfms::camera::{Camera, CameraModel, Lens};
-use dsfms::geometry::{Point2, Point3, Vector3};
+use dsfms::geometry::{Isometry, Point2, Point3, Vector3};
 use dsfms::image::Frame;
 use dsfms::mesh::Topology;
 use dsfms::mesh::normals::vertex_normals;
@@ -51,32 +51,72 @@ pub fn overlay(
     canvas
 }
 
-/// The camera of the side view: fixed by one surface, so that others can be drawn from the same
-/// place.
+/// A distant camera fixed by one surface, so that others can be drawn from the same place.
 pub struct SideView {
     centre: Point3,
     camera: CameraModel,
     distance: f64,
+    turn: Isometry,
 }
+
+/// Middle of the bounding box.
+fn middle(vertices: &[Point3]) -> Point3 {
+    let fold = |f: fn(&Vector3, &Vector3) -> Vector3| {
+        vertices.iter().map(|p| p.coords).reduce(|a, b| f(&a, &b)).unwrap_or_default()
+    };
+    Point3::from(0.5 * (fold(Vector3::inf) + fold(Vector3::sup)))
+}
+
+fn turn(yaw: f64, pitch: f64) -> Isometry {
+    Isometry::rotation(Vector3::x() * -pitch.to_radians())
+        * Isometry::rotation(Vector3::y() * yaw.to_radians())
+}
+
+/// Background of drawn views.
+pub const PAPER: [u8; 3] = [246, 247, 249];
+/// A surface without colours of its own.
+pub const CLAY: [u8; 3] = [208, 178, 168];
 
 impl SideView {
     /// Look at the middle of `vertices` from the side, all of them in the picture.
     pub fn of(vertices: &[Point3], size: [usize; 2]) -> Self {
-        let n = vertices.len().max(1) as f64;
-        let centre = Point3::from(vertices.iter().map(|p| p.coords).sum::<Vector3>() / n);
+        Self::turned_by(vertices, size, SIDE_DEG, 0.0)
+    }
+
+    /// Look at the middle of `vertices` from where the camera is turned about it by `yaw` to the
+    /// right (about the image's vertical axis) and by `pitch` upwards, degrees.
+    pub fn turned_by(vertices: &[Point3], size: [usize; 2], yaw: f64, pitch: f64) -> Self {
+        let centre = middle(vertices);
+        let radius = vertices.iter().map(|p| (p - centre).norm()).fold(1e-9, f64::max);
+        Self::fitted(vertices, size, yaw, pitch, radius)
+    }
+
+    /// The same with `reach` length units about the middle in the picture.
+    pub fn fitted(vertices: &[Point3], size: [usize; 2], yaw: f64, pitch: f64, reach: f64) -> Self {
+        let centre = middle(vertices);
         let radius = vertices.iter().map(|p| (p - centre).norm()).fold(1e-9, f64::max);
         let distance = 6.0 * radius;
-        let focal = 0.47 * size[0].min(size[1]) as f64 * (distance - radius) / radius;
+        let focal = 0.47 * size[0].min(size[1]) as f64 * (distance - radius) / reach;
         let middle = [0.5 * (size[0] as f64 - 1.0), 0.5 * (size[1] as f64 - 1.0)];
         let camera =
             CameraModel { size, focal: [focal, focal], centre: middle, lens: Lens::Pinhole };
-        Self { centre, camera, distance }
+        Self { centre, camera, distance, turn: turn(yaw, pitch) }
+    }
+
+    /// Half the side of the square about the middle that the surface fills in such a view.
+    pub fn reach(vertices: &[Point3], yaw: f64, pitch: f64) -> f64 {
+        let (centre, turn) = (middle(vertices), turn(yaw, pitch));
+        let out = |p: &Point3| (turn * (p - centre)).xy().amax();
+        vertices.iter().map(out).fold(1e-9, f64::max)
     }
 
     fn turned(&self, p: &Point3) -> Point3 {
-        let d = p - self.centre;
-        let (sin, cos) = SIDE_DEG.to_radians().sin_cos();
-        Point3::new(cos * d.x + sin * d.z, d.y, -sin * d.x + cos * d.z + self.distance)
+        Point3::from(self.turn * (p - self.centre) + Vector3::z() * self.distance)
+    }
+
+    /// A length at the middle of the surface, px per length unit.
+    pub fn scale(&self) -> f64 {
+        self.camera.focal[0] / self.distance
     }
 
     /// A shaded picture; `colour` per vertex, or one grey for all.
@@ -86,48 +126,75 @@ impl SideView {
         vertices: &[Point3],
         colour: Option<&[[u8; 3]]>,
     ) -> RgbImage {
-        const PAPER: [u8; 3] = [246, 247, 249];
-        const CLAY: [u8; 3] = [208, 178, 168];
+        self.render_with(topology, vertices, PAPER, |face, w| {
+            let mut base = [0.0; 3];
+            for (&v, w) in topology.faces[face].iter().zip(w) {
+                let c = colour.map_or(CLAY, |c| c[v as usize]);
+                (0..3).for_each(|k| base[k] += w * f64::from(c[k]));
+            }
+            base
+        })
+    }
+
+    /// A shaded picture; the colour (0 to 255) by face and barycentrics.
+    pub fn render_with(
+        &self,
+        topology: &Topology,
+        vertices: &[Point3],
+        background: [u8; 3],
+        colour: impl Fn(usize, [f64; 3]) -> [f64; 3],
+    ) -> RgbImage {
         let turned: Vec<Point3> = vertices.iter().map(|p| self.turned(p)).collect();
         let normals = vertex_normals(topology, &turned);
         let raster = rasterize(&self.camera, topology, &turned);
         let shade = |i: usize| {
             let face = topology.faces.get(raster.face[i] as usize)?;
             let w = raster.barycentric[i];
-            let mut normal = Vector3::zeros();
-            let mut base = [0.0; 3];
-            for (&v, w) in face.iter().zip(w) {
-                normal += normals[v as usize] * w;
-                let c = colour.map_or(CLAY, |c| c[v as usize]);
-                (0..3).for_each(|k| base[k] += w * f64::from(c[k]));
-            }
+            let normal: Vector3 = face.iter().zip(w).map(|(&v, w)| normals[v as usize] * w).sum();
             let facing = -normal.try_normalize(0.0)?.dot(&Vector3::new(0.25, 0.35, 0.9));
             let light = if facing >= 0.0 { 0.35 + 0.7 * facing } else { 0.35 - 0.15 * facing };
+            let base = colour(raster.face[i] as usize, w);
             Some(base.map(|b| (b * light).clamp(0.0, 255.0) as u8))
         };
         let [w, h] = raster.size;
         RgbImage::from_fn(w as u32, h as u32, |x, y| {
-            image::Rgb(shade(y as usize * w + x as usize).unwrap_or(PAPER))
+            image::Rgb(shade(y as usize * w + x as usize).unwrap_or(background))
         })
     }
 }
 
-/// Colour of an error between 0 (dark blue) and `full` (yellow) on the "cividis"-like ramp that
-/// also reads in grey and with colour-blind eyes.
+/// Colour of an error between 0 (dark blue) and `full` (yellow).
 pub fn error_colour(error: f64, full: f64) -> [u8; 3] {
-    const RAMP: [[f64; 3]; 5] = [
-        [0.0, 52.0, 110.0],
-        [67.0, 82.0, 108.0],
-        [124.0, 123.0, 120.0],
-        [187.0, 173.0, 108.0],
-        [254.0, 232.0, 56.0],
-    ];
-    let t = (error / full).clamp(0.0, 1.0) * 4.0;
-    let k = (t as usize).min(3);
-    let u = t - k as f64;
-    std::array::from_fn(|c| ((1.0 - u) * RAMP[k][c] + u * RAMP[k + 1][c]) as u8)
+    ramp(&CIVIDIS, error / full)
 }
 
+/// Perceptually uniform, also in grey and with colour-blind eyes (Nuñez et al. 2018).
+pub const CIVIDIS: [[u8; 3]; 10] = [
+    [0, 34, 78],
+    [18, 53, 112],
+    [59, 73, 108],
+    [87, 93, 109],
+    [112, 113, 115],
+    [138, 134, 120],
+    [165, 156, 116],
+    [195, 179, 105],
+    [225, 204, 85],
+    [254, 232, 56],
+];
+
+/// Colour at `t` in `[0, 1]`, linear between evenly spaced stops.
+pub fn ramp(stops: &[[u8; 3]], t: f64) -> [u8; 3] {
+    let last = stops.len() - 1;
+    let t = if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) } * last as f64;
+    let k = (t as usize).min(last.saturating_sub(1));
+    let u = t - k as f64;
+    std::array::from_fn(|c| {
+        let [a, b] = [stops[k], stops[k + 1]].map(|s| f64::from(s[c]));
+        ((1.0 - u) * a + u * b).round() as u8
+    })
+}
+
+/// Mix a colour into a pixel; outside the picture nothing happens.
 pub fn blend(canvas: &mut RgbImage, x: i64, y: i64, colour: [u8; 3], alpha: f64) {
     if x < 0 || y < 0 || x >= i64::from(canvas.width()) || y >= i64::from(canvas.height()) {
         return;

@@ -5,10 +5,13 @@ mod commands;
 mod demo;
 mod draw;
 mod exit;
+mod figure;
 mod inputs;
 mod outputs;
 mod pictures;
 mod progress;
+mod report;
+mod structures;
 
 use clap::Parser;
 use std::process::ExitCode;

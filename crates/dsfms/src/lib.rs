@@ -31,6 +31,7 @@ pub mod register;
 pub mod sfm;
 pub mod sfs;
 pub mod solver;
+pub mod structures;
 pub mod synth;
 pub mod template;
 pub mod video;

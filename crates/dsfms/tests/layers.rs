@@ -4,10 +4,29 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A module may use itself and what stands left of it.
-const ORDER: [&str; 21] = [
-    "geometry", "image", "mesh", "camera", "light", "raster", "solver", "energy", "video",
-    "calibrate", "sfm", "dense", "template", "register", "refine", "sfs", "synth", "eval", "io",
-    "pipeline", "experiment",
+const ORDER: [&str; 22] = [
+    "geometry",
+    "image",
+    "mesh",
+    "camera",
+    "light",
+    "raster",
+    "solver",
+    "energy",
+    "video",
+    "calibrate",
+    "sfm",
+    "dense",
+    "template",
+    "register",
+    "refine",
+    "sfs",
+    "structures",
+    "synth",
+    "eval",
+    "io",
+    "pipeline",
+    "experiment",
 ];
 
 #[test]

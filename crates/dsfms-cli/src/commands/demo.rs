@@ -2,13 +2,16 @@
 
 use super::reconstruct::method_name;
 use crate::args::Global;
-use crate::demo::report::{FrameResult, Report, write_report};
+use crate::demo::report::{FrameResult, Report, page};
 use crate::demo::scene::{DeformedFrame, Scene, unpack};
 use crate::demo::truth::{FrameTruth, Tie};
 use crate::exit::Outcome;
 use crate::outputs::{FrameFiles, FrameReport, prepare_folder, summary_csv, write_text};
 use crate::progress::Reporter;
+use crate::report::template::template_page;
 use clap::Args;
+use dsfms::geometry::Point3;
+use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::io::template::write_template;
 use dsfms::pipeline::{
     BuiltTemplate, Exploration, Method, Observation, Progress, ReconstructOptions, TemplateOptions,
@@ -26,7 +29,7 @@ Examples:
   dsfms demo -o /tmp/demo --vertices 500
 
 Writes OUT/report.html (one self-contained page), OUT/organ.template, OUT/<method>/frame_NNN.* as
-`dsfms reconstruct` does, and OUT/scene: the embedded frames, masks, camera and truth, on which every
+`dsfms reconstruct` does, OUT/truth/frame_NNN.ply on the same vertices, and OUT/scene: the embedded frames, masks, camera and truth, on which every
 other command can be tried. The exit code is 0 when every method gave a surface for every frame.";
 
 /// The methods compared, in the order of the report.
@@ -52,7 +55,10 @@ pub fn run(args: &DemoArgs, global: &Global, reporter: &Reporter) -> anyhow::Res
     let scene = Scene::read(&args.output.join("scene"), global)?;
     let built = build(&scene, args, global, reporter)?;
     let template_seconds = start.elapsed().as_secs_f64();
-    write_template(&args.output.join("organ.template"), &built.template)?;
+    let folder = args.output.join("organ.template");
+    write_template(&folder, &built.template)?;
+    template_page("organ", &built.template, &scene.exploration)?
+        .write(&folder.join("report.html"))?;
     let tie = Tie::new(&built.template, &scene)?;
     let frames = reconstruct_all(&scene, &built.template, &tie, args, global, reporter)?;
     let report = Report {
@@ -64,7 +70,7 @@ pub fn run(args: &DemoArgs, global: &Global, reporter: &Reporter) -> anyhow::Res
         seconds: start.elapsed().as_secs_f64(),
     };
     let path = args.output.join("report.html");
-    write_report(&path, &report)?;
+    page(&report)?.write(&path)?;
     reporter.finish();
     super::to_stdout(&report.text())?;
     let shown = path.canonicalize().unwrap_or(path);
@@ -145,6 +151,7 @@ fn reconstruct_all(
         frames[i].add(method, outcome);
     }
     write_files(scene, template, &args.output, &frames)?;
+    write_truth(template, tie, &args.output, &frames)?;
     Ok(frames)
 }
 
@@ -161,6 +168,24 @@ fn observation<'a>(
         instrument: Some(&deformed.instrument),
         organ: Some(&deformed.organ),
     }
+}
+
+/// `OUT/truth/frame_NNN.ply`: the true places of the template's vertices, in its unit.
+fn write_truth(
+    template: &Template,
+    tie: &Tie,
+    output: &Path,
+    frames: &[FrameResult],
+) -> anyhow::Result<()> {
+    let scale = 1.0 / tie.world_from_template.scaling();
+    for frame in frames {
+        let truth = &frame.truth;
+        let positions: Vec<Point3> = truth.mesh.positions.iter().map(|p| p * scale).collect();
+        let extras = PlyExtras { visible: Some(&truth.visible), ..Default::default() };
+        let path = output.join(format!("truth/{}.ply", frame.name));
+        write_ply(&path, &template.mesh.topology, &positions, template.unit, &extras)?;
+    }
+    Ok(())
 }
 
 /// `OUT/<method>/frame_NNN.*` and a summary each.

@@ -5,11 +5,13 @@ pub mod demo;
 pub mod evaluate;
 pub mod experiment;
 pub mod export;
+pub mod figure;
 pub mod inspect;
 pub mod reconstruct;
 mod scale;
 pub mod synth;
 pub mod template;
+pub mod view;
 
 use crate::args::{Arguments, Command};
 use crate::exit::Outcome;
@@ -36,6 +38,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Command::Synth(args) => synth::run(args, global, &reporter),
         Command::Export(args) => export::run(args, global, &reporter),
         Command::Demo(args) => demo::run(args, global, &reporter),
+        Command::View(args) => view::run(args),
+        Command::Figure(args) => figure::run(args),
     };
     reporter.finish();
     result

@@ -5,9 +5,14 @@ use crate::exit::{self, Outcome};
 use crate::inputs::{self, Source};
 use crate::outputs::{self, FrameFiles, FrameReport};
 use crate::progress::Reporter;
+use crate::report::data::ShownFrame;
+use crate::report::frames::frames_page;
+use crate::report::template::chosen;
+use crate::structures::Structures;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use dsfms::camera::CameraModel;
+use dsfms::geometry::Point3;
 use dsfms::image::{Frame, Mask, ToneCurve};
 use dsfms::io::masks::MaskKind;
 use dsfms::io::matches::{find_matches, read_matches};
@@ -40,7 +45,7 @@ A folder holds one file per frame, of the same name or number.
 
 Written to OUT for every frame: frame_NNN.ply (the template's faces and vertex order, camera axes of
 the frame, unit in a header comment, visible per vertex), frame_NNN.json (status, pose, gain, cost of
-every energy term), frame_NNN_overlay.png; and summary.csv. NNN is the last number in the image's
+every energy term), frame_NNN_overlay.png; summary.csv; and report.html, one page with everything in 3D. NNN is the last number in the image's
 name where all have one and no two the same, else the place in the sequence.";
 
 /// Reconstruct the deformed organ in every given frame.
@@ -79,6 +84,13 @@ pub struct ReconstructArgs {
     /// does not name keeps its default.
     #[arg(long, value_name = "FILE")]
     options: Option<PathBuf>,
+    /// Meshes of hidden structures in the template's frame and unit (tumour, vessels), carried along
+    /// with the deformation: OUT/structures and OUT/frame_NNN_structures.png.
+    #[arg(long, value_name = "MESH", num_args = 1..)]
+    structures: Vec<PathBuf>,
+    /// Leave out OUT/report.html.
+    #[arg(long)]
+    no_report: bool,
     /// Folder for the results.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
@@ -148,6 +160,7 @@ struct Job<'a> {
     camera: CameraModel,
     tone: ToneCurve,
     options: ReconstructOptions,
+    structures: Option<Structures>,
     reporter: &'a Reporter,
 }
 
@@ -163,18 +176,25 @@ pub fn run(
     let inputs: Vec<String> = sources.iter().map(Source::name).collect();
     let names = outputs::output_names(&inputs);
     let done = AtomicUsize::new(0);
+    let shown = if args.no_report { Vec::new() } else { chosen(sources.len()) };
     reporter.step("frames", 0, sources.len());
-    let rows: Vec<FrameReport> = sources
+    let (rows, frames): (Vec<FrameReport>, Vec<Option<ShownFrame>>) = sources
         .par_iter()
         .zip(&names)
-        .map(|(source, name)| {
-            let report = job.frame(source, name);
+        .enumerate()
+        .map(|(i, (source, name))| {
+            let report = job.frame(source, name, shown.contains(&i));
             reporter.step("frames", done.fetch_add(1, Ordering::Relaxed) + 1, sources.len());
             report
         })
-        .collect::<anyhow::Result<_>>()?;
+        .collect::<anyhow::Result<Vec<_>>>()?
+        .into_iter()
+        .unzip();
     let rows: Vec<(String, FrameReport)> = names.into_iter().zip(rows).collect();
     outputs::write_text(&args.output.join("summary.csv"), &outputs::summary_csv(&rows))?;
+    if !args.no_report {
+        job.write_page(&rows, frames.into_iter().flatten().collect())?;
+    }
     reporter.finish();
     Ok(conclude(&rows, reporter))
 }
@@ -217,7 +237,8 @@ fn prepare<'a>(
     if let Some(prior) = args.prior.map(Prior::from) {
         (options.register.prior, options.joint.prior) = (prior, prior);
     }
-    Ok(Job { args, template, camera, tone, options, reporter })
+    let structures = Structures::read(&args.structures, &template, reporter)?;
+    Ok(Job { args, structures, template, camera, tone, options, reporter })
 }
 
 fn read_options(path: &Path) -> anyhow::Result<ReconstructOptions> {
@@ -229,18 +250,37 @@ fn read_options(path: &Path) -> anyhow::Result<ReconstructOptions> {
 
 impl Job<'_> {
     /// One frame: its files are written whatever happens; an error means that they could not be.
-    fn frame(&self, source: &Source, name: &str) -> anyhow::Result<FrameReport> {
+    /// With `shown`, also the frame for the page.
+    fn frame(
+        &self,
+        source: &Source,
+        name: &str,
+        shown: bool,
+    ) -> anyhow::Result<(FrameReport, Option<ShownFrame>)> {
         let input = source.name();
         let method = self.args.method.into();
         let files = FrameFiles { folder: &self.args.output, name };
+        let mut page = None;
         let report = match self.attempt(source) {
             Ok((frame, result)) => {
                 files.write_surface(&self.template, &frame, &self.camera, &result)?;
-                FrameReport::of(&input, method, self.template.unit, &result)
+                let report = FrameReport::of(&input, method, self.template.unit, &result);
+                let places = self.carry_structures(name, &frame, &result)?;
+                if shown {
+                    let mut part = ShownFrame::new(name, &frame)?;
+                    part.add(&report, Some(&result), &self.camera, 1.0);
+                    part.add_structures(&places);
+                    page = Some(part);
+                }
+                report
             }
             Err(error) => {
                 let why = exit::describe(&error);
-                FrameReport::failed(&input, method, self.template.unit, why)
+                let report = FrameReport::failed(&input, method, self.template.unit, why);
+                if shown {
+                    page = Some(failed_frame(name, source, &report)?);
+                }
+                report
             }
         };
         files.write_report(&report)?;
@@ -251,7 +291,35 @@ impl Job<'_> {
                 _ => self.reporter.warn(&what),
             }
         }
-        Ok(report)
+        Ok((report, page))
+    }
+
+    /// Places of the hidden structures; their files and picture.
+    fn carry_structures(
+        &self,
+        name: &str,
+        frame: &Frame,
+        result: &Reconstruction,
+    ) -> anyhow::Result<Vec<Vec<Point3>>> {
+        let Some(structures) = &self.structures else { return Ok(Vec::new()) };
+        let places = structures.carry(&result.vertices)?;
+        structures.write(&self.args.output, name, &self.template, &places)?;
+        let picture = structures.overlay(frame, &self.camera, result, &places);
+        outputs::write_png(&self.args.output.join(format!("{name}_structures.png")), &picture)?;
+        Ok(places)
+    }
+
+    fn write_page(
+        &self,
+        rows: &[(String, FrameReport)],
+        frames: Vec<ShownFrame>,
+    ) -> anyhow::Result<()> {
+        let template = self.args.template.file_name().unwrap_or_default().to_string_lossy();
+        let method = method_name(self.args.method.into());
+        let mut page =
+            frames_page((&template, &self.template), &self.camera, method, rows, frames)?;
+        page.data.structures = self.structures.as_ref().map_or(Vec::new(), Structures::shown);
+        page.write(&self.args.output.join("report.html"))
     }
 
     fn attempt(&self, source: &Source) -> anyhow::Result<(Frame, Reconstruction)> {
@@ -286,6 +354,17 @@ impl Job<'_> {
         };
         Ok(self.args.matches.as_deref().map(read).transpose()?)
     }
+}
+
+/// A frame without surface: its image, where it can be read.
+fn failed_frame(name: &str, source: &Source, report: &FrameReport) -> anyhow::Result<ShownFrame> {
+    let mut frame = match source.frame() {
+        Ok(frame) => ShownFrame::new(name, &frame)?,
+        Err(_) => ShownFrame::with(name, None, [640, 480]),
+    };
+    frame.surfaces.push(None);
+    frame.status.push(report.status);
+    Ok(frame)
 }
 
 fn conclude(rows: &[(String, FrameReport)], reporter: &Reporter) -> Outcome {

@@ -10,6 +10,7 @@ use crate::inputs;
 use crate::outputs::prepare_folder;
 use crate::pictures::template::{write_pictures, write_textures};
 use crate::progress::Reporter;
+use crate::report::template::template_page;
 use clap::{Args, ValueEnum};
 use dsfms::io::poses::{PoseList, match_poses, read_poses};
 use dsfms::io::template::write_template;
@@ -90,6 +91,9 @@ pub struct TemplateArgs {
     /// How charts are flattened.
     #[arg(long, value_enum, default_value_t)]
     flatten: Flatten,
+    /// Leave out TEMPLATE/report.html.
+    #[arg(long)]
+    no_report: bool,
     /// Template folder to write.
     #[arg(short, long, value_name = "TEMPLATE")]
     output: PathBuf,
@@ -140,6 +144,11 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
     write_pictures(&template, &pictures)?;
     if let Some(loaded) = &loaded {
         write_textures(&template, &loaded.frames, &loaded.valid, &pictures)?;
+    }
+    if !args.no_report {
+        let name = args.output.file_name().unwrap_or_default().to_string_lossy();
+        let frames = loaded.as_ref().map_or(&[][..], |l| &l.frames);
+        template_page(&name, &template, frames)?.write(&args.output.join("report.html"))?;
     }
     reporter.finish();
     if !global.quiet {

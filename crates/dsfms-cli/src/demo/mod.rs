@@ -1,6 +1,5 @@
 //! The demonstration: embedded scene, comparison with its truth, report.
 
-pub mod chart;
 pub mod report;
 pub mod scene;
 mod scene_files;

@@ -1,21 +1,22 @@
-//! `report.html`: one file, nothing loaded from elsewhere, readable on a phone.
+//! The demo's report: four methods against the truth.
 
-use super::chart::{Bar, bars};
 use super::scene::{DeformedFrame, Scene};
 use super::truth::{FrameTruth, Tie};
 use crate::commands::demo::METHODS;
 use crate::commands::reconstruct::method_name;
 use crate::draw::{self, SideView};
-use crate::outputs::{FrameReport, write_text};
-use anyhow::Context;
+use crate::outputs::FrameReport;
+use crate::report::Page;
+use crate::report::chart::{Bar, Series, bars, lines};
+use crate::report::data::{PageData, ShownFrame, ShownSurface, pixels};
+use crate::report::embed::{self, Cloud, escape, jpeg};
+use crate::report::frames::short;
+use dsfms::camera::CameraModel;
 use dsfms::eval::{ErrorStats, Evaluation};
-use dsfms::image::ColorImage;
+use dsfms::mesh::Mesh;
 use dsfms::pipeline::{BuiltTemplate, Method, Reconstruction};
 use dsfms::register::Match;
-use dsfms::template::bake::bake;
 use dsfms::template::statistics::template_statistics;
-use image::{ImageEncoder, RgbImage};
-use std::path::Path;
 
 /// Error at which the colour ramp ends, mm.
 const RAMP_MM: f64 = 3.0;
@@ -146,22 +147,46 @@ impl Report<'_> {
     }
 }
 
-/// Write the page.
-pub fn write_report(path: &Path, report: &Report) -> anyhow::Result<()> {
-    let mut html = String::from(
-        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
-         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
-         <title>dsfms demo</title><style>",
-    );
-    html += include_str!("report.css");
-    html += "</style></head><body><main>";
-    html += &overview(report);
-    html += &template_section(report)?;
+/// The page.
+pub fn page(report: &Report) -> anyhow::Result<Page> {
+    let mut sections = comparison(report);
+    sections += &template_section(report)?;
     for (i, frame) in report.frames.iter().enumerate() {
-        html += &frame_section(report, i, frame)?;
+        sections += &frame_section(report, i, frame)?;
     }
-    html += "</main></body></html>\n";
-    write_text(path, &html)
+    let title = "A deforming organ from one laparoscope".into();
+    Ok(Page { title, summary: overview(report), sections, data: data(report)? })
+}
+
+/// Everything in mm, the truth beside the methods.
+fn data(report: &Report) -> anyhow::Result<PageData> {
+    let camera = &report.scene.camera.file.camera;
+    let scale = report.tie.world_from_template.scaling();
+    let mut data = PageData::of_template(&report.built.template, scale, "mm")?;
+    data.methods = METHODS.into_iter().map(|m| method_name(m).to_string()).collect();
+    data.truth = Some(data.methods.len());
+    data.methods.push("truth".into());
+    data.chosen = METHODS.len() - 1;
+    for (frame, deformed) in report.frames.iter().zip(&report.scene.deformed) {
+        let mut shown = ShownFrame::new(&frame.name, &deformed.frame)?;
+        for method in &frame.methods {
+            let surface = method.surface.as_ref().map(|s| &s.0);
+            shown.add(&method.report, surface, camera, scale);
+        }
+        shown.surfaces.push(Some(true_surface(&frame.truth, camera)));
+        shown.status.push("ok");
+        data.frames.push(shown);
+    }
+    Ok(data)
+}
+
+fn true_surface(truth: &FrameTruth, camera: &CameraModel) -> ShownSurface {
+    ShownSurface {
+        positions: Some(Cloud::of(&truth.mesh.positions)),
+        pixels: Some(pixels(camera, &truth.mesh.positions)),
+        visible: Some(embed::flags(&truth.visible)),
+        ..Default::default()
+    }
 }
 
 fn overview(report: &Report) -> String {
@@ -170,6 +195,20 @@ fn overview(report: &Report) -> String {
         .iter()
         .map(|f| format!("<a href=\"#{0}\">{0}</a>", escape(&f.name)))
         .collect();
+    format!(
+        "<p>The template was built from {} exploration frames of an organ-like body at rest. Every \
+         deformed frame was then reconstructed by rigid pose, shape from shading (sfs), motion \
+         (dsfm, eq. 3) and motion with shading (dsfms, eq. 4), and compared with the truth of this \
+         path-traced scene. Errors are distances between every template vertex and its true place, \
+         in mm, without any alignment of the deformed shapes: one similarity, from the camera \
+         centres of the exploration to the true ones, gives the template its scale and frame.</p>\
+         <nav aria-label=\"Sections\"><a href=\"#viewer\">viewer</a><a href=\"#methods\">methods</a>\
+         <a href=\"#template\">template</a>{links}</nav>",
+        report.scene.exploration.len()
+    )
+}
+
+fn comparison(report: &Report) -> String {
     let chart: Vec<Bar> = METHODS
         .into_iter()
         .enumerate()
@@ -179,26 +218,56 @@ fn overview(report: &Report) -> String {
         })
         .collect();
     format!(
-        "<h1>A deforming organ from one laparoscope</h1>\
-         <p>The template was built from {} exploration frames of an organ-like body at rest. Every \
-         deformed frame was then reconstructed by rigid pose, shape from shading (sfs), motion \
-         (dsfm, eq. 3) and motion with shading (dsfms, eq. 4), and compared with the truth of this \
-         path-traced scene. Errors are distances between every template vertex and its true place, \
-         in mm, without any alignment of the deformed shapes: one similarity, from the camera \
-         centres of the exploration to the true ones, gives the template its scale and frame.</p>\
+        "<h2 id=\"methods\">Four methods</h2>\
          <p>The matches are the scene's 25 a frame, given on the true rest surface and moved to the \
          closest point of the template; those more than 2 mm off it are left out. All of them lie \
          outside the strongly deformed part. The deformed zone is made of the vertices that moved \
          by at least half of the largest visible displacement.</p>\
-         <nav aria-label=\"Sections\"><a href=\"#template\">template</a>{links}</nav>\
-         <h2>Four methods</h2>{}<h3>Visible deformed zone, rms, mean over the frames that have one</h3>{}\
+         {}\
+         <h3>Visible deformed zone, rms, mean over the frames that have one</h3>{}{}\
          <p class=\"dim\">{:.0} s in all, of which {:.0} s for the template.</p>",
-        report.scene.exploration.len(),
         mean_table(report),
         bars("Error in the visible deformed zone by method, mm", "mm", &chart),
+        plots(report),
         report.seconds,
         report.template_seconds
     )
+}
+
+/// Error of the visible part by frame, and against how far the organ is stretched.
+fn plots(report: &Report) -> String {
+    let ticks: Vec<String> = report.frames.iter().map(|f| short(&f.name)).collect();
+    let error =
+        |k: usize, f: &FrameResult| Some(Part::Visible.of(&f.methods[k].surface.as_ref()?.1)?.mean);
+    let stretch: Vec<f64> =
+        report.scene.deformed.iter().map(|d| extension(report.scene, d)).collect();
+    let series = |place: &dyn Fn(usize) -> f64| -> Vec<Series> {
+        let of = |k: usize| {
+            let found = report.frames.iter().enumerate();
+            let mut points: Vec<(f64, f64)> =
+                found.filter_map(|(i, f)| Some((place(i), error(k, f)?))).collect();
+            points.sort_by(|a, b| a.0.total_cmp(&b.0));
+            points
+        };
+        let named = METHODS.into_iter().enumerate();
+        named.map(|(k, m)| Series { label: method_name(m).into(), points: of(k) }).collect()
+    };
+    let title = "Mean error of the visible part, mm";
+    format!(
+        "<div class=\"plots\">{}{}</div>",
+        lines(title, "frame", &ticks, &series(&|i| i as f64)),
+        lines(title, "mean absolute extension of the true edges, %", &[], &series(&|i| stretch[i]))
+    )
+}
+
+/// Mean of `| |edge| / |edge at rest| - 1 |` over the true mesh, per cent.
+fn extension(scene: &Scene, deformed: &DeformedFrame) -> f64 {
+    let edges = &scene.rest.topology.edges;
+    let length = |mesh: &Mesh, e: &[u32; 2]| {
+        (mesh.positions[e[0] as usize] - mesh.positions[e[1] as usize]).norm()
+    };
+    let of = |e| (length(&deformed.mesh, e) / length(&scene.rest, e) - 1.0).abs();
+    100.0 * edges.iter().map(of).sum::<f64>() / edges.len().max(1) as f64
 }
 
 /// Rows of `(method, cells)`, the smallest value of every column marked.
@@ -264,17 +333,11 @@ fn template_section(report: &Report) -> anyhow::Result<String> {
             f.quasi_conformal_median, f.quasi_conformal_p95
         );
     }
+    html += " <a href=\"organ.template/report.html\">The template in 3D among its cameras</a>.";
     html += "</p><div class=\"grid\">";
     if let Some(frame) = report.scene.exploration.first() {
         let photo = jpeg(&draw::picture(frame))?;
         html += &card("Exploration frame 0", &photo, "First exploration frame");
-    }
-    if let Some(albedo) = albedo_picture(report)? {
-        html += &card(
-            "Albedo on the flattening",
-            &albedo,
-            "Albedo of the organ on its conformal flattening",
-        );
     }
     let mm = report.tie.in_mm(&in_first_camera(report));
     let colour: Vec<[u8; 3]> =
@@ -294,33 +357,6 @@ fn in_first_camera(report: &Report) -> Vec<dsfms::geometry::Point3> {
     let template = &report.built.template;
     let pose = template.views.first().map(|v| v.camera_from_template).unwrap_or_default();
     template.mesh.positions.iter().map(|p| pose * p).collect()
-}
-
-fn albedo_picture(report: &Report) -> anyhow::Result<Option<String>> {
-    const SIZE: usize = 480;
-    let template = &report.built.template;
-    let (Some(texels), Some(flattening)) = (&template.albedo, &template.flattening) else {
-        return Ok(None);
-    };
-    let baked = bake(texels, flattening, SIZE, 1).context("albedo picture")?;
-    Ok(Some(jpeg(&displayed(&baked.image))?))
-}
-
-/// Linear light as an sRGB picture, its brightest hundredth at white.
-fn displayed(linear: &ColorImage) -> RgbImage {
-    let mut peaks: Vec<f32> =
-        linear.data.iter().map(|p| p[0].max(p[1]).max(p[2])).filter(|&v| v > 0.0).collect();
-    peaks.sort_by(f32::total_cmp);
-    let white = peaks.get(peaks.len() * 99 / 100).copied().unwrap_or(1.0);
-    let encode = |v: f32| {
-        let v = (v / white).clamp(0.0, 1.0);
-        let e = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-        (255.0 * e).round() as u8
-    };
-    let [w, h] = linear.size;
-    RgbImage::from_fn(w as u32, h as u32, |x, y| {
-        image::Rgb(linear.data[y as usize * w + x as usize].map(encode))
-    })
 }
 
 fn frame_section(report: &Report, i: usize, frame: &FrameResult) -> anyhow::Result<String> {
@@ -412,54 +448,4 @@ fn figure(source: &str, alt: &str, caption: &str) -> String {
     format!(
         "<figure><img loading=\"lazy\" src=\"{source}\" alt=\"{alt}\"><figcaption>{caption}</figcaption></figure>"
     )
-}
-
-/// A picture as a data URI.
-fn jpeg(picture: &RgbImage) -> anyhow::Result<String> {
-    let mut bytes = Vec::new();
-    let (w, h) = picture.dimensions();
-    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 82).write_image(
-        picture,
-        w,
-        h,
-        image::ExtendedColorType::Rgb8,
-    )?;
-    Ok(format!("data:image/jpeg;base64,{}", base64(&bytes)))
-}
-
-fn base64(bytes: &[u8]) -> String {
-    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let word =
-            chunk.iter().fold(0u32, |w, &b| w << 8 | u32::from(b)) << (8 * (3 - chunk.len()));
-        for k in 0..4 {
-            let index = (word >> (18 - 6 * k)) as usize & 63;
-            text.push(if k <= chunk.len() { ALPHABET[index] as char } else { '=' });
-        }
-    }
-    text
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn base64_of_rfc_4648() {
-        for (plain, coded) in
-            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")]
-        {
-            assert_eq!(base64(plain.as_bytes()), coded);
-        }
-    }
-
-    #[test]
-    fn text_cannot_break_the_page() {
-        assert_eq!(escape("<a href=\"x\">&"), "&lt;a href=&quot;x&quot;&gt;&amp;");
-    }
 }

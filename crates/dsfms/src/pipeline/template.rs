@@ -99,8 +99,6 @@ pub struct BuiltTemplate {
     pub light: Option<LightFit>,
     /// The scale that was applied; `None` without known distances, or where none could be measured.
     pub scale: Option<Scale>,
-    /// Sparse points of structure from motion, template frame; empty for given poses.
-    pub points: Vec<Point3>,
 }
 
 /// Why there is no template.
@@ -196,8 +194,7 @@ pub fn template_from_frames(
     template.points = sparse_points(&sparse);
     let name = |(i, why): &(usize, String)| (exploration.frames[*i].name.clone(), why.clone());
     let rejected = sparse.rejected.iter().map(name).collect();
-    let points = sparse.points.iter().map(|p| p.position).collect();
-    Ok(BuiltTemplate { template, rejected, light, scale, points })
+    Ok(BuiltTemplate { template, rejected, light, scale })
 }
 
 /// The scale that the known distances ask for.
@@ -264,7 +261,7 @@ pub fn template_from_posed_frames(
         .filter(|&i| poses[i].is_none())
         .map(|i| (exploration.frames[i].name.clone(), "the pose file has no pose for it".into()))
         .collect();
-    Ok(BuiltTemplate { template, rejected, light, scale: None, points: Vec::new() })
+    Ok(BuiltTemplate { template, rejected, light, scale: None })
 }
 
 /// A template of a mesh and, where it is known, its albedo: no frames, no descriptors.

@@ -9,8 +9,8 @@ pub mod light_fit;
 mod log_linear;
 pub mod photometric;
 mod robust;
-mod spots;
 pub mod scale;
+mod spots;
 pub mod statistics;
 #[cfg(test)]
 mod test_scene;

@@ -1,0 +1,340 @@
+//! `dsfms figure`: a plate for a paper.
+
+use crate::draw::{self, CIVIDIS, SideView};
+use crate::exit::{Outcome, Usage};
+use crate::figure::{Anchor, Item, Sheet, TEXT, text_width};
+use crate::outputs::{write_png, write_text};
+use crate::report::chart::nice;
+use crate::report::folder::{Column, columns};
+use anyhow::Context;
+use clap::{Args, ValueEnum};
+use dsfms::io::mesh::{MeshFile, MeshUnit, read_mesh};
+use dsfms::io::names::frame_number;
+use dsfms::io::template::read_template;
+use dsfms::template::Template;
+use image::RgbImage;
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "\
+Examples:
+  # One frame, shaded, from the laparoscope and from the side
+  dsfms figure out --frame 3 -o frame3.png
+  # All methods of the demo with their error against the truth, as SVG
+  dsfms figure dsfms-demo --frame 4 --truth dsfms-demo/truth/frame_004.ply -o methods.svg
+  # A mesh with the albedo of its template
+  dsfms figure out/frame_003.ply --template organ.template --views front,side,above -o organ.png
+
+Rows are methods (output folders), columns views of the shape, of the albedo (with --template) and of
+the error (with --truth) or, where the frames have one, of the expected error. The truth must have the
+vertices of the frames. Errors are distances from vertex to vertex, without alignment.";
+
+/// Draw a publication figure of one frame.
+#[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub struct FigureArgs {
+    /// Output folders (or a folder of them), or mesh files.
+    #[arg(required = true, value_name = "OUT_OR_MESH")]
+    paths: Vec<PathBuf>,
+    /// Number of the frame in output folders; default the first.
+    #[arg(long, value_name = "N")]
+    frame: Option<u64>,
+    /// True mesh of this frame: same vertices, camera axes.
+    #[arg(long, value_name = "MESH")]
+    truth: Option<PathBuf>,
+    /// Template, for its albedo.
+    #[arg(long, value_name = "TEMPLATE")]
+    template: Option<PathBuf>,
+    /// Views, in order.
+    #[arg(long, value_enum, value_delimiter = ',', default_values = ["front", "side"])]
+    views: Vec<ViewName>,
+    /// Side of a panel, px.
+    #[arg(long, value_name = "PX", default_value_t = 480, value_parser = clap::value_parser!(u32).range(120..=2000))]
+    panel: u32,
+    /// Error at the upper end of the colour bar; default a round number that covers 98 %.
+    #[arg(long, value_name = "LENGTH")]
+    max: Option<f64>,
+    /// Picture to write; .png or .svg.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ViewName {
+    /// As the laparoscope looks.
+    Front,
+    /// From the right, 65 degrees.
+    Side,
+    /// From the left, 65 degrees.
+    Left,
+    /// From above, 65 degrees.
+    Above,
+    /// From behind.
+    Back,
+}
+
+impl ViewName {
+    fn turn(self) -> (f64, f64, &'static str) {
+        match self {
+            Self::Front => (0.0, 0.0, "front"),
+            Self::Side => (65.0, 0.0, "side"),
+            Self::Left => (-65.0, 0.0, "left side"),
+            Self::Above => (0.0, 65.0, "above"),
+            Self::Back => (180.0, 0.0, "back"),
+        }
+    }
+}
+
+/// What a panel shows.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Layer {
+    Shape,
+    Albedo,
+    Error,
+}
+
+/// One row.
+struct Row {
+    name: String,
+    file: MeshFile,
+    /// Error or expected error per vertex.
+    values: Option<Vec<f64>>,
+}
+
+/// What all panels share.
+#[derive(Clone, Copy)]
+struct Scale {
+    /// Error at the end of the ramp.
+    limit: f64,
+    /// Half a panel, length units.
+    reach: f64,
+}
+
+const MARGIN: u32 = 16;
+const PAPER: [u8; 3] = [255; 3];
+
+/// Run the command.
+pub fn run(args: &FigureArgs) -> anyhow::Result<Outcome> {
+    let extension = args.output.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    if !matches!(extension.as_str(), "png" | "svg") {
+        let text =
+            format!("-o {}: expected a name that ends in .png or .svg", args.output.display());
+        return Err(Usage(text).into());
+    }
+    let rows = rows(args)?;
+    let template = args.template.as_deref().map(read_template).transpose()?;
+    let sheet = sheet(args, &rows, template.as_ref())?;
+    match extension.as_str() {
+        "png" => write_png(&args.output, &sheet.pixels())?,
+        _ => write_text(&args.output, &sheet.svg()?)?,
+    }
+    Ok(Outcome::Ok)
+}
+
+fn rows(args: &FigureArgs) -> anyhow::Result<Vec<Row>> {
+    let truth = args.truth.as_deref().map(read_mesh).transpose()?;
+    let mut rows = Vec::new();
+    for path in &args.paths {
+        let label = || path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let found = match path.is_dir() {
+            true => columns(path)?,
+            false => vec![Column { name: label(), paths: vec![path.clone()] }],
+        };
+        if found.is_empty() {
+            anyhow::bail!("{} holds no frame_NNN.ply", path.display());
+        }
+        for column in found {
+            let file = read_mesh(choose(&column, path, args.frame)?)?;
+            let values = match &truth {
+                Some(truth) => Some(errors(&file, truth, &column.name)?),
+                None => file.attributes.get("confidence").cloned(),
+            };
+            rows.push(Row { name: column.name, file, values });
+        }
+    }
+    Ok(rows)
+}
+
+fn choose<'a>(column: &'a Column, path: &Path, frame: Option<u64>) -> anyhow::Result<&'a PathBuf> {
+    let number = |p: &PathBuf| frame_number(&p.file_stem().unwrap_or_default().to_string_lossy());
+    match frame {
+        Some(n) if path.is_dir() => column
+            .paths
+            .iter()
+            .find(|p| number(p) == Some(n))
+            .with_context(|| format!("{} holds no frame {n}", column.name)),
+        _ => Ok(&column.paths[0]),
+    }
+}
+
+fn errors(file: &MeshFile, truth: &MeshFile, name: &str) -> anyhow::Result<Vec<f64>> {
+    let (found, known) = (&file.mesh.positions, &truth.mesh.positions);
+    if found.len() != known.len() {
+        anyhow::bail!(
+            "{name} has {} vertices and the truth {}; both must have the same, in the same order",
+            found.len(),
+            known.len()
+        );
+    }
+    Ok(found.iter().zip(known).map(|(a, b)| (a - b).norm()).collect())
+}
+
+fn sheet(args: &FigureArgs, rows: &[Row], template: Option<&Template>) -> anyhow::Result<Sheet> {
+    let mut layers = vec![Layer::Shape];
+    if let Some(template) = template {
+        let fits = |r: &Row| r.file.mesh.topology.faces == template.mesh.topology.faces;
+        if template.albedo.is_none() {
+            anyhow::bail!("the template holds no albedo; leave --template out");
+        }
+        if let Some(row) = rows.iter().find(|r| !fits(r)) {
+            anyhow::bail!("{} has other faces than the template", row.name);
+        }
+        layers.push(Layer::Albedo);
+    }
+    if rows.iter().any(|r| r.values.is_some()) {
+        layers.push(Layer::Error);
+    }
+    let limit = args.max.unwrap_or_else(|| usual_limit(rows));
+    let scale = Scale { limit, reach: reach(args, rows) };
+    let cells: Vec<(Layer, ViewName)> =
+        layers.iter().flat_map(|&l| args.views.iter().map(move |&v| (l, v))).collect();
+    let names = rows.iter().map(|r| text_width(&r.name)).max().unwrap_or(0);
+    let left = if rows.len() > 1 { names + 2 * MARGIN } else { MARGIN };
+    let top = MARGIN + TEXT + 8;
+    let step = args.panel + MARGIN;
+    let mut items = Vec::new();
+    for (c, (layer, view)) in (0..).zip(&cells) {
+        let what = match layer {
+            Layer::Shape => "shape",
+            Layer::Albedo => "albedo",
+            Layer::Error if args.truth.is_some() => "error",
+            Layer::Error => "expected error",
+        };
+        let text = format!("{what}, {}", view.turn().2);
+        items.push(Item::Text {
+            at: [left + c * step + args.panel / 2, MARGIN],
+            anchor: Anchor::Middle,
+            text,
+        });
+    }
+    let places: Vec<(u32, u32)> =
+        (0..rows.len() as u32).flat_map(|r| (0..cells.len() as u32).map(move |c| (r, c))).collect();
+    let panels: Vec<RgbImage> = places
+        .par_iter()
+        .map(|&(r, c)| panel(args, &rows[0], &rows[r as usize], cells[c as usize], template, scale))
+        .collect();
+    for (&(r, c), picture) in places.iter().zip(panels) {
+        items.push(Item::Picture { at: [left + c * step, top + r * step], picture });
+    }
+    for (r, row) in (0..).zip(rows).filter(|_| rows.len() > 1) {
+        let at = [left - MARGIN, top + r * step + args.panel / 2 - TEXT / 2];
+        items.push(Item::Text { at, anchor: Anchor::End, text: row.name.clone() });
+    }
+    let bottom = top + rows.len() as u32 * step;
+    let width = left + cells.len() as u32 * step;
+    let unit = unit_of(&rows[0].file);
+    scale_bar(
+        args,
+        camera(&rows[0], args.views[0], args.panel as usize, scale.reach),
+        [left, bottom],
+        unit,
+        &mut items,
+    );
+    if layers.contains(&Layer::Error) {
+        colour_bar(width, bottom, args.panel, limit, unit, &mut items);
+    }
+    Ok(Sheet { size: [width, bottom + 2 * TEXT + MARGIN], items })
+}
+
+/// One panel, drawn twice as large and halved, which smooths its edges.
+fn panel(
+    args: &FigureArgs,
+    first: &Row,
+    row: &Row,
+    (layer, view): (Layer, ViewName),
+    template: Option<&Template>,
+    scale: Scale,
+) -> RgbImage {
+    let side = 2 * args.panel as usize;
+    let camera = camera(first, view, side, scale.reach);
+    let mesh = &row.file.mesh;
+    let faces = &mesh.topology.faces;
+    let texels = template.and_then(|t| t.albedo.as_ref());
+    let colour = |face: usize, w: [f64; 3]| match (layer, texels, &row.values) {
+        (Layer::Albedo, Some(texels), _) => display(texels.at(face, w)),
+        (Layer::Error, _, Some(values)) => {
+            let value: f64 = faces[face].iter().zip(w).map(|(&v, w)| w * values[v as usize]).sum();
+            draw::error_colour(value, scale.limit).map(f64::from)
+        }
+        _ => draw::CLAY.map(f64::from),
+    };
+    let large = camera.render_with(&mesh.topology, &mesh.positions, PAPER, colour);
+    image::imageops::resize(&large, args.panel, args.panel, image::imageops::FilterType::Triangle)
+}
+
+/// All rows are seen from the place that the first one fixes.
+fn camera(first: &Row, view: ViewName, side: usize, reach: f64) -> SideView {
+    let (yaw, pitch, _) = view.turn();
+    let points = &first.file.mesh.positions;
+    SideView::fitted(points, [side, side], yaw, pitch, reach)
+}
+
+/// One scale for all panels.
+fn reach(args: &FigureArgs, rows: &[Row]) -> f64 {
+    let of =
+        |r: &Row, v: &ViewName| SideView::reach(&r.file.mesh.positions, v.turn().0, v.turn().1);
+    rows.iter().flat_map(|r| args.views.iter().map(move |v| of(r, v))).fold(0.0, f64::max)
+}
+
+/// Linear light for a screen; an albedo of one half looks bright.
+fn display(linear: [f32; 3]) -> [f64; 3] {
+    linear.map(|v| 255.0 * (1.6 * f64::from(v)).clamp(0.0, 1.0).powf(1.0 / 2.2))
+}
+
+fn usual_limit(rows: &[Row]) -> f64 {
+    let mut all: Vec<f64> =
+        rows.iter().filter_map(|r| r.values.as_ref()).flatten().copied().collect();
+    all.retain(|v| v.is_finite());
+    all.sort_by(f64::total_cmp);
+    nice(all.get(all.len() * 98 / 100).copied().unwrap_or(1.0).max(1e-9))
+}
+
+fn unit_of(file: &MeshFile) -> &'static str {
+    match file.unit {
+        Some(MeshUnit::Millimetre) => "mm",
+        Some(MeshUnit::Centimetre) => "cm",
+        Some(MeshUnit::Metre) => "m",
+        Some(MeshUnit::TemplateUnit) | None => "units",
+    }
+}
+
+/// A length at the middle of the surface.
+fn scale_bar(
+    args: &FigureArgs,
+    camera: SideView,
+    [x, y]: [u32; 2],
+    unit: &str,
+    items: &mut Vec<Item>,
+) {
+    let scale = camera.scale();
+    let wanted = 0.3 * f64::from(args.panel) / scale;
+    let decade = 10f64.powf(wanted.log10().floor());
+    let length = [5.0, 2.0, 1.0].into_iter().find(|s| s * decade <= wanted).unwrap_or(1.0) * decade;
+    let width = (length * scale).round() as u32;
+    items.push(Item::Rule { at: [x, y + 6], width });
+    let text = format!("{length} {unit}");
+    items.push(Item::Text { at: [x, y + 14], anchor: Anchor::Start, text });
+}
+
+fn colour_bar(right: u32, y: u32, panel: u32, limit: f64, unit: &str, items: &mut Vec<Item>) {
+    let width = (panel * 4 / 5).max(200);
+    let x = right.saturating_sub(width + 3 * MARGIN);
+    let colour = |column: u32| draw::ramp(&CIVIDIS, f64::from(column) / f64::from(width - 1));
+    let picture = RgbImage::from_fn(width, 16, |column, _| image::Rgb(colour(column)));
+    items.push(Item::Picture { at: [x, y], picture });
+    for (k, text) in
+        [(0, "0".to_string()), (1, format!("{}", 0.5 * limit)), (2, format!("{limit} {unit}"))]
+    {
+        items.push(Item::Text { at: [x + k * width / 2, y + 20], anchor: Anchor::Middle, text });
+    }
+}

@@ -1,0 +1,204 @@
+//! The page of what is on disk: an output folder, a template, a mesh file.
+
+use super::Page;
+use super::data::{PageData, ShownFrame, ShownSurface};
+use super::embed::{self, Cloud, Numbers};
+use super::template::{chosen, definition_list, still, template_page};
+use anyhow::Context;
+use dsfms::io::images::read_frame;
+use dsfms::io::mesh::{MeshFile, MeshUnit, read_mesh};
+use dsfms::io::names::natural_order;
+use dsfms::io::template::read_template;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+/// What a path holds.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Source {
+    /// A page that a command left.
+    Report(PathBuf),
+    Template(PathBuf),
+    /// Reconstructed frames of one or several methods.
+    Meshes(Vec<Column>),
+}
+
+/// A folder of frames.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Column {
+    pub name: String,
+    pub paths: Vec<PathBuf>,
+}
+
+impl Source {
+    /// Look at the path. A page that is older than the frames beside it is not taken.
+    pub fn of(path: &Path) -> anyhow::Result<Self> {
+        let is = |name: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(name));
+        if path.is_file() {
+            return Ok(match is("html") {
+                true => Self::Report(path.into()),
+                false => Self::Meshes(vec![Column { name: name(path), paths: vec![path.into()] }]),
+            });
+        }
+        let report = path.join("report.html");
+        if path.join("template.toml").is_file() && !report.is_file() {
+            return Ok(Self::Template(path.into()));
+        }
+        let meshes = columns(path)?;
+        let newest = meshes.iter().flat_map(|c| &c.paths).filter_map(changed).max();
+        match changed(&report) {
+            Some(written) if newest.is_none_or(|newest| newest <= written) => {
+                Ok(Self::Report(report))
+            }
+            _ if !meshes.is_empty() => Ok(Self::Meshes(meshes)),
+            _ => anyhow::bail!(
+                "{} holds no report.html, no template and no frame_NNN.ply; give an output folder, a \
+                 template or a mesh file",
+                path.display()
+            ),
+        }
+    }
+
+    /// The newest change of what is shown: the page is made again when it moves.
+    pub fn changed(&self) -> Option<SystemTime> {
+        match self {
+            Self::Report(path) => changed(path),
+            Self::Template(path) => changed(path.join("template.toml")),
+            Self::Meshes(all) => all.iter().flat_map(|c| &c.paths).filter_map(changed).max(),
+        }
+    }
+
+    /// The page.
+    pub fn html(&self) -> anyhow::Result<String> {
+        match self {
+            Self::Report(path) => std::fs::read_to_string(path)
+                .with_context(|| format!("cannot read {}", path.display())),
+            Self::Template(path) => {
+                template_page(&name(path), &read_template(path)?, &[])?.html()
+            }
+            Self::Meshes(columns) => meshes_page(columns)?.html(),
+        }
+    }
+}
+
+fn name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn changed(path: impl AsRef<Path>) -> Option<SystemTime> {
+    path.as_ref().metadata().and_then(|m| m.modified()).ok()
+}
+
+/// The frames of a folder, or of each folder in it.
+pub fn columns(folder: &Path) -> anyhow::Result<Vec<Column>> {
+    let own = frames(folder)?;
+    if !own.is_empty() {
+        return Ok(vec![Column { name: name(folder), paths: own }]);
+    }
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder)?.flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            found.push(Column { name: name(&path), paths: frames(&path)? });
+        }
+    }
+    found.retain(|c| !c.paths.is_empty());
+    found.sort_by(|a, b| natural_order(&a.name, &b.name));
+    Ok(found)
+}
+
+/// `frame_*.ply` of a folder, by number.
+fn frames(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(folder)
+        .with_context(|| format!("{} does not exist or cannot be read", folder.display()))?;
+    let is_frame = |p: &PathBuf| {
+        let name = name(p);
+        name.starts_with("frame_") && name.ends_with(".ply")
+    };
+    let mut found: Vec<PathBuf> =
+        entries.filter_map(|e| e.ok().map(|e| e.path())).filter(is_frame).collect();
+    found.sort_by(|a, b| natural_order(&name(a), &name(b)));
+    Ok(found)
+}
+
+fn meshes_page(columns: &[Column]) -> anyhow::Result<Page> {
+    let all = &columns[0].paths;
+    let first = read_mesh(&all[0])?;
+    let unit = match first.unit {
+        Some(MeshUnit::Millimetre) => "mm",
+        Some(MeshUnit::Centimetre) => "cm",
+        Some(MeshUnit::Metre) => "m",
+        Some(MeshUnit::TemplateUnit) | None => "units",
+    };
+    let mut data = PageData::of_mesh(&first.mesh, unit);
+    data.methods = columns.iter().map(|c| c.name.clone()).collect();
+    if let ([_], [path]) = (columns, all.as_slice()) {
+        data.frames = vec![still(&name(path))];
+        data.moving_camera = true;
+    } else {
+        data.reference = "the first frame";
+        for i in chosen(all.len()) {
+            data.frames.push(frame(columns, &name(&all[i]), &first)?);
+        }
+    }
+    let (vertices, faces) = (first.mesh.positions.len(), first.mesh.topology.faces.len());
+    let facts =
+        [("Surface", format!("{vertices} vertices, {faces} faces")), ("Unit", unit.to_string())];
+    Ok(Page {
+        title: data.methods.join(", "),
+        summary: definition_list(&facts),
+        sections: String::new(),
+        data,
+    })
+}
+
+/// A reconstructed frame; the overlay of the first method is its image.
+fn frame(columns: &[Column], file: &str, first: &MeshFile) -> anyhow::Result<ShownFrame> {
+    let stem = file.trim_end_matches(".ply");
+    let overlay = columns[0].paths[0].with_file_name(format!("{stem}_overlay.png"));
+    let mut shown = match overlay.is_file() {
+        true => ShownFrame::new(stem, &read_frame(&overlay)?)?,
+        false => ShownFrame::with(stem, None, [640, 480]),
+    };
+    for column in columns {
+        let path = column.paths.iter().find(|p| name(p) == file);
+        shown.surfaces.push(path.map(|p| surface(p, first)).transpose()?);
+        shown.status.push(if path.is_some() { "ok" } else { "failed" });
+    }
+    Ok(shown)
+}
+
+fn surface(path: &Path, first: &MeshFile) -> anyhow::Result<ShownSurface> {
+    let file = read_mesh(path)?;
+    if file.mesh.topology.faces != first.mesh.topology.faces {
+        anyhow::bail!("{} has other faces than the first frame beside it", path.display());
+    }
+    let flags = |v: &Vec<f64>| embed::flags(&v.iter().map(|&v| v != 0.0).collect::<Vec<_>>());
+    Ok(ShownSurface {
+        positions: Some(Cloud::of(&file.mesh.positions)),
+        visible: file.attributes.get("visible").map(flags),
+        confidence: file.attributes.get("confidence").map(|v| Numbers::of(v)),
+        ..Default::default()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_older_than_its_frames_is_made_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        assert!(Source::of(folder.path()).is_err());
+        std::fs::write(at("report.html"), "old").unwrap();
+        assert_eq!(Source::of(folder.path()).unwrap(), Source::Report(at("report.html")));
+        std::fs::write(at("frame_010.ply"), "").unwrap();
+        std::fs::write(at("frame_9.ply"), "").unwrap();
+        let later = SystemTime::now() + std::time::Duration::from_secs(5);
+        std::fs::File::open(at("frame_9.ply")).unwrap().set_modified(later).unwrap();
+        let source = Source::of(folder.path()).unwrap();
+        let Source::Meshes(columns) = &source else { panic!("{source:?}") };
+        assert_eq!(columns[0].paths, [at("frame_9.ply"), at("frame_010.ply")]);
+        assert_eq!(source.changed(), Some(later));
+    }
+}

@@ -1,0 +1,189 @@
+//! Hidden structures of `--structures`: read, carried to every frame, drawn and written.
+
+use crate::draw;
+use crate::progress::Reporter;
+use crate::report::data::ShownStructure;
+use crate::report::embed;
+use dsfms::camera::CameraModel;
+use dsfms::geometry::{Point3, Vector3};
+use dsfms::image::Frame;
+use dsfms::image::distance::distance_to;
+use dsfms::io::mesh::read_mesh;
+use dsfms::io::ply::{PlyExtras, write_ply};
+use dsfms::mesh::Mesh;
+use dsfms::mesh::normals::vertex_normals;
+use dsfms::pipeline::{Progress, Reconstruction};
+use dsfms::raster::{Raster, rasterize};
+use dsfms::structures::{Carrier, CarrierOptions, Depth, depths, expected_error};
+use dsfms::template::Template;
+use image::RgbImage;
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+
+/// As the report's viewer has them.
+const COLOURS: [[u8; 3]; 4] = [[242, 169, 0], [63, 127, 208], [111, 191, 115], [200, 111, 201]];
+/// Widest halo, px.
+const WIDEST_HALO: f64 = 60.0;
+
+/// The structures at rest and what carries them.
+pub struct Structures {
+    items: Vec<Structure>,
+    carrier: Carrier,
+    rest: Mesh,
+    half_extent: f64,
+}
+
+struct Structure {
+    name: String,
+    mesh: Mesh,
+    depths: Vec<Depth>,
+}
+
+impl Structures {
+    /// Read the files, in the template's frame and unit; `None` without any.
+    pub fn read(
+        paths: &[PathBuf],
+        template: &Template,
+        reporter: &Reporter,
+    ) -> anyhow::Result<Option<Self>> {
+        if paths.is_empty() {
+            return Ok(None);
+        }
+        let rest = template.mesh.clone();
+        let carrier = Carrier::new(&rest, &CarrierOptions::default())?;
+        let middle =
+            rest.positions.iter().map(|p| p.coords).sum::<Vector3>() / rest.positions.len() as f64;
+        let half_extent =
+            rest.positions.iter().map(|p| (p.coords - middle).norm()).fold(0.0, f64::max);
+        let mut items = Vec::new();
+        for path in paths {
+            let mesh = read_mesh(path)?.mesh;
+            let depths = depths(&rest, &mesh.positions).unwrap_or_default();
+            let far = depths.iter().filter(|d| d.distance > half_extent).count();
+            if 2 * far > depths.len() {
+                reporter.warn(&format!(
+                    "{}: most of it lies farther from the template than the template is large; \
+                     structures must be in the template's frame and unit",
+                    path.display()
+                ));
+            }
+            let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            items.push(Structure { name, mesh, depths });
+        }
+        Ok(Some(Self { items, carrier, rest, half_extent }))
+    }
+
+    /// Their places in a frame, camera axes.
+    pub fn carry(&self, vertices: &[Point3]) -> anyhow::Result<Vec<Vec<Point3>>> {
+        let carried = self.carrier.carry(vertices)?;
+        let of = |s: &Structure| s.mesh.positions.par_iter().map(|p| carried.at(p)).collect();
+        Ok(self.items.iter().map(of).collect())
+    }
+
+    /// `OUT/NAME_<structure>.ply`.
+    pub fn write(
+        &self,
+        folder: &Path,
+        name: &str,
+        template: &Template,
+        places: &[Vec<Point3>],
+    ) -> anyhow::Result<()> {
+        for (item, points) in self.items.iter().zip(places) {
+            // Not frame_*.ply of its own, which would be taken for a reconstructed surface.
+            let path = folder.join(format!("structures/{name}_{}.ply", item.name));
+            let topology = &item.mesh.topology;
+            write_ply(&path, topology, points, template.unit, &PlyExtras::default())?;
+        }
+        Ok(())
+    }
+
+    /// Structures from the farthest to the nearest.
+    fn far_first(&self, places: &[Vec<Point3>]) -> Vec<usize> {
+        let depth = |k: &usize| {
+            places[*k].iter().map(|p| p.z).sum::<f64>() / places[*k].len().max(1) as f64
+        };
+        let mut order: Vec<usize> = (0..self.items.len()).collect();
+        order.sort_by(|a, b| depth(b).total_cmp(&depth(a)));
+        order
+    }
+
+    /// For the report.
+    pub fn shown(&self) -> Vec<ShownStructure> {
+        let of = |s: &Structure| ShownStructure {
+            name: s.name.clone(),
+            faces: embed::faces(&s.mesh.topology.faces),
+        };
+        self.items.iter().map(of).collect()
+    }
+
+    /// The structures over the image: fainter the deeper they lie under the surface as the camera
+    /// sees it, each in a halo as wide as its expected error.
+    pub fn overlay(
+        &self,
+        frame: &Frame,
+        camera: &CameraModel,
+        result: &Reconstruction,
+        places: &[Vec<Point3>],
+    ) -> RgbImage {
+        let mut canvas = draw::picture(frame);
+        let surface = rasterize(camera, &self.rest.topology, &result.vertices);
+        for k in self.far_first(places) {
+            let (item, points) = (&self.items[k], &places[k]);
+            let colour = COLOURS[k % COLOURS.len()];
+            let halo = result
+                .confidence
+                .as_ref()
+                .map_or(0.0, |c| item.halo(c, points, self.half_extent) * camera.focal[0]);
+            item.draw(&mut canvas, camera, &surface, points, colour, (halo, self.half_extent));
+        }
+        canvas
+    }
+}
+
+impl Structure {
+    /// Mean expected error over distance, rad.
+    fn halo(&self, confidence: &[f64], points: &[Point3], half_extent: f64) -> f64 {
+        let angle = |(d, p): (&Depth, &Point3)| {
+            expected_error(confidence[d.vertex as usize], d.distance, half_extent) / p.z.max(1e-9)
+        };
+        let sum: f64 = self.depths.iter().zip(points).map(angle).sum();
+        sum / points.len().max(1) as f64
+    }
+
+    fn draw(
+        &self,
+        canvas: &mut RgbImage,
+        camera: &CameraModel,
+        surface: &Raster,
+        points: &[Point3],
+        colour: [u8; 3],
+        (halo, half_extent): (f64, f64),
+    ) {
+        let topology = &self.mesh.topology;
+        let normals = vertex_normals(topology, points);
+        let raster = rasterize(camera, topology, points);
+        let inside = raster.silhouette();
+        let [away, within] = [&inside, &inside.complement()].map(distance_to);
+        let halo = halo.clamp(0.0, WIDEST_HALO);
+        let width = raster.size[0];
+        for i in 0..raster.face.len() {
+            let (x, y) = ((i % width) as i64, (i / width) as i64);
+            let Some(face) = topology.faces.get(raster.face[i] as usize) else {
+                let d = f64::from(away.data[i]);
+                if d < halo {
+                    draw::blend(canvas, x, y, colour, 0.4 * (1.0 - d / halo));
+                }
+                continue;
+            };
+            let weights = raster.barycentric[i];
+            let normal: Vector3 =
+                face.iter().zip(weights).map(|(&v, w)| normals[v as usize] * w).sum();
+            let facing = normal.try_normalize(0.0).map_or(0.0, |n| n.z.abs());
+            let shaded = colour.map(|c| (f64::from(c) * (0.45 + 0.55 * facing)) as u8);
+            let under = (raster.depth[i] - surface.depth[i]).max(0.0);
+            let fade = (-1.5 * under / half_extent).exp();
+            let edge = f64::from(within.data[i]) < 1.5;
+            draw::blend(canvas, x, y, shaded, if edge { 0.9 } else { 0.25 + 0.6 * fade });
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! Headless Chromium by its debugging pipe: the child's standard input and output become the file
+//! descriptors 3 and 4 that `--remote-debugging-pipe` speaks on.
+
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+/// Software rendering, and nothing that goes out by itself.
+const FLAGS: &str = "--headless --no-sandbox --disable-quic --no-first-run \
+    --disable-background-networking --disable-component-update --disable-sync \
+    --disable-dev-shm-usage --hide-scrollbars --use-gl=angle --use-angle=swiftshader \
+    --enable-unsafe-swiftshader --remote-debugging-pipe";
+
+/// On a loaded machine the software renderer takes its time.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A browser with one page.
+pub struct Browser {
+    child: Child,
+    pipe: ChildStdin,
+    messages: Receiver<Value>,
+    next: u64,
+    session: Option<String>,
+    /// Everything that the page told by itself.
+    pub events: Vec<Value>,
+}
+
+/// The program, where it is installed.
+pub fn chromium() -> Option<&'static str> {
+    let runs = |name: &&str| {
+        let quiet = Command::new(name)
+            .arg("--version")
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .status();
+        quiet.is_ok_and(|s| s.success())
+    };
+    ["chromium", "chromium-browser", "google-chrome"].into_iter().find(runs)
+}
+
+impl Browser {
+    /// Start it with an empty profile; window size in px.
+    pub fn start(program: &str, profile: &Path, size: [u32; 2]) -> Self {
+        let command = format!(
+            "exec {program} {FLAGS} --user-data-dir='{}' about:blank 3<&0 4>&1 0</dev/null 1>/dev/null 2>/dev/null",
+            profile.display()
+        );
+        let mut child = Command::new("sh")
+            .args(["-c", &command])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let pipe = child.stdin.take().unwrap();
+        let out = BufReader::new(child.stdout.take().unwrap());
+        let (send, messages) = channel();
+        std::thread::spawn(move || {
+            for message in out.split(0).map_while(Result::ok) {
+                let Ok(value) = serde_json::from_slice(&message) else { continue };
+                if send.send(value).is_err() {
+                    break;
+                }
+            }
+        });
+        let mut browser =
+            Self { child, pipe, messages, next: 0, session: None, events: Vec::new() };
+        let targets = browser.call("Target.getTargets", json!({}));
+        let pages = targets["targetInfos"].as_array().unwrap();
+        let page = pages.iter().find(|t| t["type"] == "page").unwrap()["targetId"].clone();
+        let session =
+            browser.call("Target.attachToTarget", json!({"targetId": page, "flatten": true}));
+        browser.session = Some(session["sessionId"].as_str().unwrap().to_string());
+        for domain in ["Page", "Runtime", "Network", "Log"] {
+            browser.call(&format!("{domain}.enable"), json!({}));
+        }
+        browser.resize(size);
+        browser
+    }
+
+    /// Another window size.
+    pub fn resize(&mut self, [width, height]: [u32; 2]) {
+        let metrics = json!({"width": width, "height": height, "deviceScaleFactor": 1,
+            "mobile": width < 500});
+        self.call("Emulation.setDeviceMetricsOverride", metrics);
+    }
+
+    /// Light or dark.
+    pub fn scheme(&mut self, name: &str) {
+        let feature = json!({"name": "prefers-color-scheme", "value": name});
+        self.call("Emulation.setEmulatedMedia", json!({"features": [feature]}));
+    }
+
+    /// Send a command and wait for its result.
+    pub fn call(&mut self, method: &str, parameters: Value) -> Value {
+        self.next += 1;
+        let id = self.next;
+        let mut message = json!({"id": id, "method": method, "params": parameters});
+        if let Some(session) = &self.session {
+            message["sessionId"] = session.clone().into();
+        }
+        self.pipe.write_all(message.to_string().as_bytes()).unwrap();
+        self.pipe.write_all(&[0]).unwrap();
+        let end = Instant::now() + PATIENCE;
+        loop {
+            let left = end.saturating_duration_since(Instant::now());
+            let answer =
+                self.messages.recv_timeout(left).unwrap_or_else(|e| panic!("{method}: {e}"));
+            if answer["id"] == id {
+                assert!(answer["error"].is_null(), "{method}: {}", answer["error"]);
+                return answer["result"].clone();
+            }
+            self.events.push(answer);
+        }
+    }
+
+    /// The value of an expression in the page; promises are awaited.
+    pub fn eval(&mut self, expression: &str) -> Value {
+        let parameters = json!({"expression": expression, "returnByValue": true,
+            "awaitPromise": true});
+        let result = self.call("Runtime.evaluate", parameters);
+        assert!(result["exceptionDetails"].is_null(), "{expression}: {result}");
+        result["result"]["value"].clone()
+    }
+
+    /// Go to a page and wait until an expression in it is true.
+    pub fn open(&mut self, url: &str, ready: &str) {
+        self.call("Page.navigate", json!({"url": url}));
+        let end = Instant::now() + PATIENCE;
+        while self.eval(ready) != Value::Bool(true) {
+            assert!(Instant::now() < end, "{url} never became ready; {:?}", self.events.last());
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    }
+
+    /// Press and release the mouse.
+    pub fn click(&mut self, x: f64, y: f64) {
+        for kind in ["mousePressed", "mouseReleased"] {
+            let event = json!({"type": kind, "x": x, "y": y, "button": "left", "clickCount": 1});
+            self.call("Input.dispatchMouseEvent", event);
+        }
+    }
+
+    /// A screenshot as PNG bytes.
+    pub fn screenshot(&mut self) -> Vec<u8> {
+        let shot = self.call("Page.captureScreenshot", json!({"format": "png"}));
+        decode(shot["data"].as_str().unwrap())
+    }
+
+    /// What went wrong in the page: errors, warnings of three.js, refused requests.
+    pub fn complaints(&self) -> Vec<String> {
+        let bad = |e: &&Value| match e["method"].as_str() {
+            Some("Runtime.exceptionThrown") => true,
+            Some("Runtime.consoleAPICalled") => {
+                matches!(e["params"]["type"].as_str(), Some("error" | "warning"))
+            }
+            Some("Log.entryAdded") => {
+                // The software renderer says that it is slow.
+                let text = e["params"]["entry"]["text"].as_str().unwrap_or_default();
+                e["params"]["entry"]["level"] == "error"
+                    || (e["params"]["entry"]["level"] == "warning" && !text.contains("GPU stall"))
+            }
+            _ => false,
+        };
+        self.events.iter().filter(bad).map(Value::to_string).collect()
+    }
+
+    /// Addresses that the page asked for, data inside it left out.
+    pub fn requests(&self) -> Vec<String> {
+        let url = |e: &Value| {
+            let sent = e["method"] == "Network.requestWillBeSent";
+            sent.then(|| e["params"]["request"]["url"].as_str().unwrap_or_default().to_string())
+        };
+        let own = |u: &String| !u.starts_with("data:") && !u.starts_with("blob:");
+        self.events.iter().filter_map(url).filter(own).collect()
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn decode(base64: &str) -> Vec<u8> {
+    let digit = |c: u8| match c {
+        b'A'..=b'Z' => c - b'A',
+        b'a'..=b'z' => c - b'a' + 26,
+        b'0'..=b'9' => c - b'0' + 52,
+        b'+' => 62,
+        _ => 63,
+    };
+    let mut out = Vec::new();
+    for chunk in base64.trim_end_matches('=').as_bytes().chunks(4) {
+        let word = chunk.iter().fold(0u32, |w, &c| w << 6 | u32::from(digit(c)))
+            << (6 * (4 - chunk.len()));
+        out.extend_from_slice(&word.to_be_bytes()[1..chunk.len()]);
+    }
+    out
+}

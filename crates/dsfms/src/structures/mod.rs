@@ -1,0 +1,246 @@
+//! Hidden structures (a tumour, vessels) carried along by the surface above them.
+//!
+//! The surface's rigid motion is taken away, and what is left of its deformation is continued into
+//! space by biharmonic radial functions (Turk and O'Brien, *Modelling with implicit surfaces that
+//! interpolate*): `f(x) = T x + b + Σ wⱼ |x − cⱼ|`, `Σ wⱼ = 0`, where `T` is rigid. The centres `cⱼ`
+//! are the middles of patches of the template; `f` takes each from its place at rest to its place in
+//! the frame. Rigid motions are continued exactly, and far from the surface the motion tends to a
+//! rigid one; an affine part would fit too, but under an open surface it turns small errors of the
+//! surface into large ones below. A closed surface is not needed. Nothing is known of what the organ
+//! does inside: this is the smoothest guess, not a simulation.
+//!
+//! ```
+//! use dsfms::geometry::{Isometry, Point3, Vector3};
+//! use dsfms::structures::{Carrier, CarrierOptions};
+//! use dsfms::synth::patch;
+//! let rest = patch(300, 1).mesh;
+//! let pose = Isometry::new(Vector3::new(1.0, 2.0, 70.0), Vector3::new(0.1, 0.2, 0.0));
+//! let posed: Vec<Point3> = rest.positions.iter().map(|p| pose * p).collect();
+//! let carrier = Carrier::new(&rest, &CarrierOptions::default()).unwrap();
+//! let tumour = Point3::new(3.0, -2.0, 15.0);
+//! let found = carrier.carry(&posed).unwrap().at(&tumour);
+//! assert!((found - pose * tumour).norm() < 1e-6);
+//! ```
+
+mod patches;
+
+use crate::geometry::{Isometry, Point3, Vector3, align_rigid};
+use crate::mesh::Mesh;
+use crate::mesh::surface_points::ClosestPoints;
+use nalgebra::{DMatrix, Dyn, LU};
+use patches::patches;
+use serde::{Deserialize, Serialize};
+
+/// How the deformation is continued.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CarrierOptions {
+    /// Centres of the radial functions, at least 16; a surface with fewer vertices has one a vertex.
+    /// The system is factorised once, in time of its cube: under a second for 600.
+    pub centres: usize,
+}
+
+impl Default for CarrierOptions {
+    fn default() -> Self {
+        Self { centres: 600 }
+    }
+}
+
+/// Why structures cannot be carried.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StructureError {
+    /// An option out of its range.
+    #[error("{0} centres; expected at least 16")]
+    TooFewCentres(usize),
+    /// The vertices lie on a line, so that their motion says nothing about a place beside it.
+    #[error("the template's {vertices} vertices lie on a line; structures need a surface")]
+    Degenerate {
+        /// Vertices of the template.
+        vertices: usize,
+    },
+    /// Not the template's vertices.
+    #[error("the surface has {found} vertices, but the template {expected}")]
+    Count {
+        /// In the template.
+        expected: usize,
+        /// Given.
+        found: usize,
+    },
+}
+
+/// The template's part of the continuation, computed once.
+#[derive(Clone, Debug)]
+pub struct Carrier {
+    /// Vertices of each patch.
+    patches: Vec<Vec<u32>>,
+    vertices: usize,
+    /// Middles of the patches at rest.
+    centres: Vec<Point3>,
+    /// Length unit of the system, which keeps it well conditioned.
+    size: f64,
+    system: LU<f64, Dyn, Dyn>,
+}
+
+impl Carrier {
+    /// Prepare a template; lengths in any unit.
+    ///
+    /// # Errors
+    /// [`StructureError`] where an option is out of range or the surface is degenerate.
+    pub fn new(rest: &Mesh, options: &CarrierOptions) -> Result<Self, StructureError> {
+        if options.centres < 16 {
+            return Err(StructureError::TooFewCentres(options.centres));
+        }
+        let vertices = rest.positions.len();
+        let patches = patches(&rest.positions, options.centres);
+        let centres = middles(&patches, &rest.positions);
+        let size = centres.iter().map(|c| (c - centres[0]).norm()).fold(0.0, f64::max);
+        let system = LU::new(matrix(&centres, size));
+        if centres.len() < 4 || align_rigid(&centres, &centres).is_none() || !system.is_invertible()
+        {
+            return Err(StructureError::Degenerate { vertices });
+        }
+        Ok(Self { patches, vertices, centres, size, system })
+    }
+
+    /// The continuation of one deformed surface: the template's vertices in any axes.
+    ///
+    /// # Errors
+    /// [`StructureError::Count`]; [`StructureError::Degenerate`] where they lie on a line.
+    pub fn carry(&self, deformed: &[Point3]) -> Result<Carried<'_>, StructureError> {
+        let vertices = deformed.len();
+        if vertices != self.vertices {
+            return Err(StructureError::Count { expected: self.vertices, found: vertices });
+        }
+        let moved = middles(&self.patches, deformed);
+        let degenerate = StructureError::Degenerate { vertices };
+        let rigid = align_rigid(&self.centres, &moved).ok_or(degenerate.clone())?;
+        let mut left = DMatrix::zeros(moved.len() + 1, 3);
+        for (i, (c, p)) in self.centres.iter().zip(&moved).enumerate() {
+            left.row_mut(i).copy_from(&(p - rigid * c).transpose());
+        }
+        let weights = self.system.solve(&left).ok_or(degenerate)?;
+        Ok(Carried { carrier: self, rigid, weights })
+    }
+}
+
+/// The deformation of one frame, everywhere in space.
+#[derive(Clone, Debug)]
+pub struct Carried<'a> {
+    carrier: &'a Carrier,
+    rigid: Isometry,
+    /// A row per centre, then the constant.
+    weights: DMatrix<f64>,
+}
+
+impl Carried<'_> {
+    /// Where a point of the template frame goes.
+    pub fn at(&self, p: &Point3) -> Point3 {
+        let centres = &self.carrier.centres;
+        let row = |i: usize| self.weights.fixed_view::<1, 3>(i, 0).transpose();
+        let radial = |(i, c): (usize, &Point3)| row(i) * ((p - c).norm() / self.carrier.size);
+        let offset: Vector3 = centres.iter().enumerate().map(radial).sum();
+        self.rigid * p + offset + row(centres.len())
+    }
+}
+
+/// How far under the surface a point lies, and the vertex nearest to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Depth {
+    /// Distance to the surface at rest, length units.
+    pub distance: f64,
+    /// Nearest corner of the nearest face.
+    pub vertex: u32,
+}
+
+/// Depth of every point at rest; `None` for a surface without faces.
+pub fn depths(rest: &Mesh, points: &[Point3]) -> Option<Vec<Depth>> {
+    let surface = ClosestPoints::new(rest);
+    let depth = |p: &Point3| {
+        let on = surface.closest(p)?;
+        let k = (0..3).max_by(|&a, &b| on.barycentric[a].total_cmp(&on.barycentric[b]))?;
+        let vertex = rest.topology.faces[on.face as usize][k];
+        Some(Depth { distance: on.distance, vertex })
+    };
+    points.iter().map(depth).collect()
+}
+
+/// Expected error of a carried point, length units: that of the surface above it, growing with its
+/// depth and doubled at the depth of the organ's half extent. A rule of thumb, not a measurement.
+pub fn expected_error(surface: f64, depth: f64, half_extent: f64) -> f64 {
+    surface * (1.0 + depth / half_extent.max(f64::MIN_POSITIVE))
+}
+
+fn middles(patches: &[Vec<u32>], positions: &[Point3]) -> Vec<Point3> {
+    let middle = |patch: &Vec<u32>| {
+        let sum: Vector3 = patch.iter().map(|&v| positions[v as usize].coords).sum();
+        Point3::from(sum / patch.len() as f64)
+    };
+    patches.iter().map(middle).collect()
+}
+
+/// `[|cᵢ − cⱼ|  1;  1  0]`, lengths in `size`.
+fn matrix(centres: &[Point3], size: f64) -> DMatrix<f64> {
+    let n = centres.len();
+    let mut a = DMatrix::zeros(n + 1, n + 1);
+    for i in 0..n {
+        for j in 0..i {
+            let r = (centres[i] - centres[j]).norm() / size;
+            (a[(i, j)], a[(j, i)]) = (r, r);
+        }
+        (a[(i, n)], a[(n, i)]) = (1.0, 1.0);
+    }
+    a
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Topology;
+
+    fn mesh(points: &[[f64; 3]], faces: &[[u32; 3]]) -> Mesh {
+        let topology = Topology::new(points.len(), faces.to_vec()).unwrap();
+        Mesh { topology: topology.into(), positions: points.iter().map(|p| (*p).into()).collect() }
+    }
+
+    #[test]
+    fn vertices_on_a_line_are_refused() {
+        let points: Vec<[f64; 3]> = (0..30).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+        let faces: Vec<[u32; 3]> = (0..28).map(|i| [i, i + 1, i + 2]).collect();
+        let error = Carrier::new(&mesh(&points, &faces), &CarrierOptions::default()).unwrap_err();
+        assert_eq!(error, StructureError::Degenerate { vertices: 30 });
+    }
+
+    #[test]
+    fn the_surface_itself_goes_where_it_went() {
+        let points: Vec<[f64; 3]> =
+            (0..25).map(|i| [f64::from(i % 5), f64::from(i / 5), 0.3 * f64::from(i % 3)]).collect();
+        let faces: Vec<[u32; 3]> = (0..4)
+            .flat_map(|r| (0..4).map(move |c| [5 * r + c, 5 * r + c + 1, 5 * r + c + 5]))
+            .collect();
+        let rest = mesh(&points, &faces);
+        let bent: Vec<Point3> = rest
+            .positions
+            .iter()
+            .map(|p| p + Vector3::new(0.1 * p.y, 0.0, 0.2 * p.x * p.x))
+            .collect();
+        let carrier = Carrier::new(&rest, &CarrierOptions::default()).unwrap();
+        let carried = carrier.carry(&bent).unwrap();
+        for (p, q) in rest.positions.iter().zip(&bent) {
+            assert!((carried.at(p) - q).norm() < 1e-9, "{p} {q}");
+        }
+    }
+
+    #[test]
+    fn depth_is_the_distance_to_the_surface() {
+        let triangle = mesh(&[[0., 0., 0.], [4., 0., 0.], [0., 4., 0.]], &[[0, 1, 2]]);
+        let found = depths(&triangle, &[Point3::new(2.5, 0.5, 3.0)]).unwrap();
+        assert_eq!((found[0].distance, found[0].vertex), (3.0, 1));
+    }
+
+    #[test]
+    fn the_error_grows_with_depth() {
+        assert_eq!(expected_error(0.5, 0.0, 20.0), 0.5);
+        assert_eq!(expected_error(0.5, 20.0, 20.0), 1.0);
+    }
+}
