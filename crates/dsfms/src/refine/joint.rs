@@ -94,7 +94,7 @@ impl Default for JointOptions {
             grazing: 0.25,
             specular_deg: 12.0,
             halo: 0.02,
-            strain: 0.1,
+            strain: 0.2,
             mirrors: 2,
         }
     }
