@@ -72,9 +72,7 @@ impl Source {
         match self {
             Self::Report(path) => std::fs::read_to_string(path)
                 .with_context(|| format!("cannot read {}", path.display())),
-            Self::Template(path) => {
-                template_page(&name(path), &read_template(path)?, &[])?.html()
-            }
+            Self::Template(path) => template_page(&name(path), &read_template(path)?, &[])?.html(),
             Self::Meshes(columns) => meshes_page(columns)?.html(),
         }
     }

@@ -85,13 +85,15 @@ pub fn gather(
         }
         let Some((alpha, _)) = albedo.sample(&pixel) else { continue };
         let Some((intensity, _)) = image.sample(&pixel) else { continue };
-        let noise = options.sigma_absolute.hypot(options.sigma_relative * intensity);
         if alpha * shade > 1e-4 && intensity > 0.0 {
             ratios.push((intensity / (alpha * shade)).ln());
         }
-        diffuse.push(DiffuseVertex { vertex: v as u32, albedo: alpha, sigma: noise });
+        diffuse.push(DiffuseVertex { vertex: v as u32, albedo: alpha, sigma: intensity });
     }
-    Evidence { image, diffuse, specular, visible, log_gain: median(&mut ratios) }
+    let (log_gain, spread) = centre_and_spread(&mut ratios);
+    let noise = Noise::measured(spread, options.sigma_relative, options.sigma_absolute);
+    diffuse.iter_mut().for_each(|d| d.sigma = noise.at(d.sigma));
+    Evidence { image, diffuse, specular, visible, log_gain }
 }
 
 /// Image diagonal, px.
@@ -123,7 +125,32 @@ pub(super) fn render_albedo(raster: &Raster, texels: &SurfaceTexels) -> Plane {
     Plane { size: raster.size, data }
 }
 
-pub(super) fn median(values: &mut [f64]) -> f64 {
+/// Noise of the image model: an absolute part, linear light, and one proportional to brightness.
+pub(super) struct Noise {
+    absolute: f64,
+    relative: f64,
+}
+
+impl Noise {
+    /// The relative part as the samples spread about their median, within bounds.
+    pub(super) fn measured(spread: f64, [least, most]: [f64; 2], absolute: f64) -> Self {
+        Self { absolute, relative: spread.clamp(least, most) }
+    }
+
+    /// Standard deviation at a brightness.
+    pub(super) fn at(&self, intensity: f64) -> f64 {
+        self.absolute.hypot(self.relative * intensity)
+    }
+}
+
+/// Median, and standard deviation of a normal distribution with the same median absolute deviation.
+pub(super) fn centre_and_spread(values: &mut [f64]) -> (f64, f64) {
+    let centre = median(values);
+    let mut deviations: Vec<f64> = values.iter().map(|v| (v - centre).abs()).collect();
+    (centre, 1.4826 * median(&mut deviations))
+}
+
+fn median(values: &mut [f64]) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

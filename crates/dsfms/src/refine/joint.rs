@@ -4,7 +4,7 @@
 //! prior and the brightness of samples inside faces decide together, from coarse blur to fine, so
 //! that texture carries the surface along while shading turns its normals.
 
-use super::evidence::{Photograph, clear_mask, diagonal, median, render_albedo};
+use super::evidence::{Noise, Photograph, centre_and_spread, clear_mask, diagonal, render_albedo};
 use super::mirror::mirrored;
 use crate::camera::Camera;
 use crate::energy::photometric::Sample;
@@ -137,8 +137,7 @@ pub fn join(
     let mut reposed: Option<Scene> = None;
     for (stage, &blur) in options.blurs.iter().enumerate() {
         let scene = reposed.as_ref().unwrap_or(scene);
-        let mut look = look(photo, scene.rest, &state.vertices, blur, options);
-        look.weigh(options);
+        let look = look(photo, scene.rest, &state.vertices, blur, options);
         if stage == 0 {
             state.globals[0] = look.log_gain;
             expected.get_or_insert(look.log_gain);
@@ -194,19 +193,6 @@ struct Look {
     image: Plane,
     samples: Vec<Sample>,
     log_gain: f64,
-    /// Robust spread of the log ratio of image to prediction.
-    sigma_relative: f64,
-}
-
-impl Look {
-    /// Give every sample the noise that was measured.
-    fn weigh(&mut self, options: &JointOptions) {
-        let [least, most] = options.sigma_relative;
-        let relative = self.sigma_relative.clamp(least, most);
-        for sample in &mut self.samples {
-            sample.sigma = options.sigma_absolute.hypot(relative * sample.sigma);
-        }
-    }
 }
 
 /// Barycentrics of the samples of a face.
@@ -283,10 +269,10 @@ fn look(
             });
         }
     }
-    let log_gain = median(&mut ratios);
-    let mut deviations: Vec<f64> = ratios.iter().map(|r| (r - log_gain).abs()).collect();
-    let sigma_relative = 1.4826 * median(&mut deviations);
-    Look { image, samples, log_gain, sigma_relative }
+    let (log_gain, spread) = centre_and_spread(&mut ratios);
+    let noise = Noise::measured(spread, options.sigma_relative, options.sigma_absolute);
+    samples.iter_mut().for_each(|s| s.sigma = noise.at(s.sigma));
+    Look { image, samples, log_gain }
 }
 
 fn objective<'a>(

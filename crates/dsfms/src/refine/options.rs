@@ -24,8 +24,9 @@ pub struct RefineOptions {
     pub blur: f64,
     /// Noise of the image model: absolute part, linear light.
     pub sigma_absolute: f64,
-    /// Noise of the image model: part proportional to brightness.
-    pub sigma_relative: f64,
+    /// Noise of the image model: bounds of the part proportional to brightness, which is measured on
+    /// the coarse shape.
+    pub sigma_relative: [f64; 2],
     /// Huber threshold of the diffuse condition, in standard deviations.
     pub huber: f64,
     /// Spread of the log gain about its expectation.
@@ -58,8 +59,8 @@ impl Default for RefineOptions {
             depth_hold: 0.012,
             reference_count: 300.0,
             blur: 0.0045,
-            sigma_absolute: 0.01,
-            sigma_relative: 0.08,
+            sigma_absolute: 0.002,
+            sigma_relative: [0.005, 0.1],
             huber: 2.0,
             gain_sigma: 0.3,
             ambient_sigma: 0.05,
