@@ -81,7 +81,7 @@ impl Default for JointOptions {
             stretch: 2e4,
             smoothing: 30.0,
             photometric: 4.0,
-            sigma_relative: [0.005, 0.1],
+            sigma_relative: [0.015, 0.1],
             sigma_absolute: 0.002,
             robust: 3.0,
             match_px: 4.0,

@@ -81,11 +81,12 @@ mod tests {
 
     #[test]
     fn each_region_is_turned_alone() {
-        let mesh = shapes::grid(20, 5, 1.0);
+        let at = |k: usize| Point3::new((k % 20) as f64, (k / 20) as f64, 0.0);
+        let mesh = shapes::mesh((0..100).map(at).collect(), shapes::grid_faces(20, 5, false));
         let start: Vec<Point3> =
             mesh.positions.iter().map(|p| p + Vector3::new(-9.5, -2.0, 50.0)).collect();
         let bump = |v: usize, x: f64, by: f64| {
-            by * (1.0 - ((mesh.positions[v].x - x) / 4.0).powi(2)).max(0.0)
+            by * f64::max(1.0 - ((mesh.positions[v].x - x) / 4.0).powi(2), 0.0)
         };
         let along = |v: usize| bump(v, 4.0, 2.0) + bump(v, 15.0, -1.0);
         let moved = |sign: &dyn Fn(usize) -> f64| -> Vec<Point3> {

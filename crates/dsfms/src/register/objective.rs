@@ -348,9 +348,8 @@ mod tests {
         let scene = Scene::new(&case.camera, rest, rigid);
         let mut memory = RegisterMemory::default();
         let found = register_in(&mut memory, &scene, &case.matches, &posed, &options);
-        let depth_sigma = found.depth_sigma;
-        let problem =
-            Problem { scene: &scene, matches: &case.matches, depth_sigma, options: &options };
+        let motion = options.depth_hold_motion * unexplained_motion(&scene, &posed);
+        let problem = Problem { scene: &scene, matches: &case.matches, motion, options: &options };
         let start = scene.posed.clone();
         let (all, _) = problem.anneal(&mut Workspace::default(), start, &losses(&options), 1e-7);
         let squares = found.vertices.iter().zip(&all).map(|(a, b)| (a - b).norm_squared());
