@@ -34,9 +34,13 @@ impl ReconstructOptions {
     /// Options from TOML; what the text does not name keeps its default.
     ///
     /// # Errors
-    /// Malformed TOML, or a field that does not exist.
+    /// Malformed TOML, a field that does not exist, or no blur for the joint solve.
     pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
-        toml::from_str(text)
+        let options: Self = toml::from_str(text)?;
+        if options.joint.blurs.is_empty() {
+            return Err(serde::de::Error::custom("joint.blurs is empty; expected one blur or more"));
+        }
+        Ok(options)
     }
 }
 
