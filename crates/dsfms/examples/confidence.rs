@@ -47,13 +47,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     let out = arguments.next();
     let organs = [Organ::named("patch")?, Organ::named("uterus")?, Organ::named("liver")?];
     let [fit, test] = SEEDS.map(|seed| rows(&organs, seed, cases));
-    let (mut svg, mut csv) = (Plot::new(), format!("model,set,case,seen,observed,error,{}\n", NAMES.join(",")));
+    let (mut svg, mut csv) =
+        (Plot::new(), format!("model,set,case,seen,observed,error,{}\n", NAMES.join(",")));
     println!("    // {}", NAMES.join(", "));
     let weights: Vec<[f64; COUNT]> = fit.iter().map(|rows| regress(rows)).collect();
     for w in &weights {
         println!("    [{}],", w.map(|w| format!("{w:.3}")).join(", "));
     }
-    println!("\n| model | Spearman, all | within a frame | seen, all | seen, within a frame | mean error / R | predicted / R | predicted / actual by decile |");
+    println!(
+        "\n| model | Spearman, all | within a frame | seen, all | seen, within a frame | mean error / R | predicted / R | predicted / actual by decile |"
+    );
     println!("| --- | --- | --- | --- | --- | --- | --- | --- |");
     for (k, model) in Model::ALL.iter().enumerate() {
         let report = Report::of(&test[k], &weights[k]);
@@ -77,8 +80,10 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// The rows of every model.
 fn rows(organs: &[Organ; 3], seed: u64, cases: usize) -> [Vec<Row>; 4] {
-    let found: Vec<[Vec<Row>; 4]> =
-        (0..cases).into_par_iter().map(|i| case_rows(organs, seed, i).unwrap_or_default()).collect();
+    let found: Vec<[Vec<Row>; 4]> = (0..cases)
+        .into_par_iter()
+        .map(|i| case_rows(organs, seed, i).unwrap_or_default())
+        .collect();
     let mut all: [Vec<Row>; 4] = Default::default();
     for case in found {
         case.into_iter().zip(&mut all).for_each(|(rows, all)| all.extend(rows));
@@ -371,7 +376,8 @@ impl Plot {
             points.join(" ")
         );
         for (x, y) in deciles.iter().map(at) {
-            let _ = write!(self.0, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{colour}\"/>");
+            let _ =
+                write!(self.0, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{colour}\"/>");
         }
     }
 

@@ -12,12 +12,13 @@ use crate::refine::{Photograph, RefineOptions, evidence::gather};
 use nalgebra::Matrix3;
 
 /// Number of features.
-pub const COUNT: usize = 14;
+pub const COUNT: usize = 17;
 
 /// Names of the features, in order.
 pub const NAMES: [&str; COUNT] = [
     "constant",
     "pose",
+    "leverage",
     "match distance",
     "shading distance",
     "hidden",
@@ -29,7 +30,9 @@ pub const NAMES: [&str; COUNT] = [
     "residual sign",
     "frame residual",
     "grazing",
+    "frontal",
     "rim",
+    "bland",
 ];
 
 /// Evidence further away than this along the surface, in visible radii, says nothing of a vertex.
@@ -74,17 +77,19 @@ pub fn features(solved: &Solved) -> Features {
     let [to_match, to_shading, to_sight, to_rim] =
         [&matched[..], shaded, &seen, &boundary_loops(topology).concat()]
             .map(|sources| ways.distances(sources));
-    let pose = pose(solved, radius);
+    let (noise, leverage) = pose(solved, radius);
     let moved: Vec<f64> = displacement(solved).iter().map(|d| d / radius).collect();
     let frame_moved = mean(seen.iter().map(|&v| moved[v as usize]));
     let strain = ways.smooth(&strain(mesh, solved.vertices));
     let normals = vertex_normals(topology, solved.vertices);
     let row = |v: usize| {
         let cosine = -normals[v].dot(&solved.vertices[v].coords.normalize());
-        let residual = brightness.as_ref().map_or([0.0; 3], |b| b.at(v));
+        let cosine = if cosine.is_finite() { cosine.clamp(0.0, 1.0) } else { 0.0 };
+        let residual = brightness.as_ref().map_or([0.0; 4], |b| b.at(v));
         [
             1.0,
-            growth(pose[v], TINY),
+            growth(noise, TINY),
+            0.5 * leverage[v].ln_1p(),
             growth(to_match[v], NEAR),
             solved.photo.map_or(0.0, |_| growth(to_shading[v], NEAR)),
             f64::from(!solved.visible[v]),
@@ -95,8 +100,10 @@ pub fn features(solved: &Solved) -> Features {
             growth(residual[0], SMALL),
             growth(residual[1], SMALL),
             growth(residual[2], SMALL),
-            1.0 - cosine.clamp(0.0, 1.0),
+            1.0 - cosine,
+            cosine,
             1.0 / (1.0 + to_rim[v] / NEAR),
+            residual[3],
         ]
         .map(|f| if f.is_finite() { f } else { growth(FAR, SMALL) })
     };
@@ -156,23 +163,23 @@ impl<'a> Ways<'a> {
     }
 }
 
-/// Standard deviation of a rigid pose at every vertex, in visible radii: the noise of the matches
-/// times the root of the leverage `(1 + (x − c)ᵀ C⁻¹ (x − c)) / n` of a vertex on them.
-fn pose(solved: &Solved, radius: f64) -> Vec<f64> {
+/// What the matches leave of the pose: their noise over the root of their number, in visible radii,
+/// and for every vertex the leverage `(x − c)ᵀ C⁻¹ (x − c)` of its place on them.
+fn pose(solved: &Solved, radius: f64) -> (f64, Vec<f64>) {
     let scene = solved.scene;
-    let kept: Vec<_> = solved.matches.iter().filter(|m| m.1).map(|m| &m.0).collect();
-    let n = kept.len().max(1) as f64;
-    let points: Vec<Point3> = kept.iter().map(|m| scene.point(m, &scene.posed)).collect();
+    let kept = solved.matches.iter().filter(|m| m.1).map(|m| &m.0);
+    let points: Vec<Point3> = kept.map(|m| scene.point(m, &scene.posed)).collect();
+    let n = points.len().max(1) as f64;
     let centre = points.iter().map(|p| p.coords).sum::<Vector3>() / n;
     let spread = points.iter().map(|p| (p.coords - centre) * (p.coords - centre).transpose());
     let least = Matrix3::identity() * (NEAR * radius).powi(2);
     let inverse = (spread.sum::<Matrix3<f64>>() / n + least).try_inverse().unwrap_or_default();
-    let noise = noise(solved) / radius;
     let leverage = |x: &Point3| {
         let d = x.coords - centre;
-        (1.0 + d.dot(&(inverse * d))) / n
+        d.dot(&(inverse * d))
     };
-    scene.posed.iter().map(|x| noise * leverage(x).sqrt()).collect()
+    let noise = noise(solved) / (radius * n.sqrt());
+    (noise, scene.posed.iter().map(leverage).collect())
 }
 
 /// Median reprojection error of the kept matches at their depth, length units.
@@ -223,6 +230,9 @@ struct Brightness {
     local: [Vec<f64>; 2],
     /// Mean without sign over all of them.
     frame: f64,
+    /// `1 / (1 + c / 0.05)` of the local contrast `c` of the albedo: 1 where nothing holds the
+    /// surface along itself.
+    bland: Vec<f64>,
 }
 
 impl Brightness {
@@ -231,6 +241,7 @@ impl Brightness {
         let found = gather(photo, rest, shape, &RefineOptions::default());
         let normals = vertex_normals(&rest.topology, shape);
         let mut ratios = vec![0.0; shape.len()];
+        let mut albedo = vec![0.0; shape.len()];
         let mut vertices = Vec::new();
         for used in &found.diffuse {
             let v = used.vertex as usize;
@@ -239,12 +250,17 @@ impl Brightness {
             let predicted = used.albedo * photo.light.shade(&shape[v], &normals[v]).value;
             if image > 1e-4 && predicted > 1e-4 {
                 ratios[v] = ((image / predicted).ln() - found.log_gain).clamp(-1.0, 1.0);
+                albedo[v] = used.albedo.ln();
                 vertices.push(used.vertex);
             }
         }
         let frame = mean(vertices.iter().map(|&v| ratios[v as usize].abs()));
         let local = [f64::abs, |r: f64| r].map(|of| Self::around(&ratios, &vertices, ways, of));
-        Self { vertices, local, frame }
+        let [mean, square] =
+            [|a: f64| a, |a| a * a].map(|of| Self::around(&albedo, &vertices, ways, of));
+        let contrast = mean.iter().zip(square).map(|(m, s)| (s - m * m).max(0.0).sqrt());
+        let bland = contrast.map(|c| 1.0 / (1.0 + c / 0.05)).collect();
+        Self { vertices, local, frame, bland }
     }
 
     /// Local mean over the vertices that have a ratio; where none is near, nothing is known and
@@ -259,8 +275,8 @@ impl Brightness {
         sum.iter().zip(count).map(|(s, n)| if n > 1e-3 { s / n } else { 0.0 }).collect()
     }
 
-    /// Local residual, size of the local signed one, residual of the frame.
-    fn at(&self, v: usize) -> [f64; 3] {
-        [self.local[0][v], self.local[1][v].abs(), self.frame]
+    /// Local residual, size of the local signed one, residual of the frame, blandness.
+    fn at(&self, v: usize) -> [f64; 4] {
+        [self.local[0][v], self.local[1][v].abs(), self.frame, self.bland[v]]
     }
 }

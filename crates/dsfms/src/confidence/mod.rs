@@ -53,3 +53,6 @@ pub fn confidence(solved: &Solved, model: Model) -> Confidence {
         observed: found.observed,
     }
 }
+
+#[cfg(test)]
+mod tests;
