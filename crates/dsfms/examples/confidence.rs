@@ -29,6 +29,9 @@ use std::fmt::Write;
 /// Seeds of the fit and of the test, used nowhere else.
 const SEEDS: [u64; 2] = [0xF17, 0x7E57];
 
+/// Distances to evidence never count for less than this, whatever the cases say.
+const LEAST: f64 = 0.05;
+
 const METHODS: [Method; 3] = [Method::Dsfm, Method::Dsfms, Method::Joint];
 
 /// One vertex of one case under one model.
@@ -43,7 +46,7 @@ struct Row {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
-    let cases: usize = arguments.next().map_or(Ok(100), |a| a.parse())?;
+    let cases: usize = arguments.next().map_or(Ok(30), |a| a.parse())?;
     let out = arguments.next();
     let organs = [Organ::named("patch")?, Organ::named("uterus")?, Organ::named("liver")?];
     let [fit, test] = SEEDS.map(|seed| rows(&organs, seed, cases));
@@ -235,7 +238,8 @@ fn predict(w: &[f64; COUNT], f: &[f64; COUNT]) -> f64 {
 }
 
 /// Gamma regression with a logarithmic link, so that the mean is predicted and every error counts
-/// relative to its size; every case counts the same; weights but the constant are at least 0.
+/// relative to its size; every case counts the same; weights but the constant are at least 0,
+/// those of distances [`LEAST`].
 fn regress(rows: &[Row]) -> [f64; COUNT] {
     let mut sizes = std::collections::BTreeMap::new();
     rows.iter().for_each(|r| *sizes.entry(r.case).or_insert(0.0) += 1.0);
@@ -250,7 +254,7 @@ fn regress(rows: &[Row]) -> [f64; COUNT] {
             // Newton's step of the deviance has the weight error / prediction, bounded here.
             let ratio = r.error / eta.exp();
             let weight = 1.0 / sizes[&r.case];
-            let target = eta + (ratio - 1.0).min(3.0);
+            let target = eta + (ratio - 1.0).min(10.0);
             for a in 0..COUNT {
                 right[a] += weight * r.features[a] * target;
                 (0..COUNT).for_each(|b| normal[a][b] += weight * r.features[a] * r.features[b]);
@@ -268,9 +272,14 @@ fn descend(normal: &[[f64; COUNT]; COUNT], right: &[f64; COUNT], w: &mut [f64; C
         for a in 0..COUNT {
             let rest: f64 = (0..COUNT).filter(|&b| b != a).map(|b| normal[a][b] * w[b]).sum();
             let free = (right[a] - rest) / (normal[a][a] + if a > 0 { ridge } else { 0.0 });
-            w[a] = if a > 0 { free.max(0.0) } else { free };
+            w[a] = if a > 0 { free.max(least(a, normal)) } else { free };
         }
     }
+}
+
+fn least(feature: usize, normal: &[[f64; COUNT]; COUNT]) -> f64 {
+    let used = normal[feature][feature] > 0.0;
+    if used && NAMES[feature].ends_with(" distance") { LEAST } else { 0.0 }
 }
 
 struct Report {
