@@ -6,6 +6,7 @@
 //! the cases of the test seed. OUT gets reliability.svg and vertices.csv (every vertex: model, set,
 //! case, seen, observed, error / R, features).
 
+use dsfms::confidence::model::LARGEST;
 use dsfms::confidence::{COUNT, Features, Model, NAMES, Solved, features};
 use dsfms::experiment::Organ;
 use dsfms::geometry::{Point2, Point3};
@@ -234,7 +235,7 @@ fn look(
 }
 
 fn predict(w: &[f64; COUNT], f: &[f64; COUNT]) -> f64 {
-    w.iter().zip(f).map(|(w, f)| w * f).sum::<f64>().min(1.5).exp()
+    w.iter().zip(f).map(|(w, f)| w * f).sum::<f64>().min(LARGEST).exp()
 }
 
 /// Gamma regression with a logarithmic link, so that the mean is predicted and every error counts

@@ -53,6 +53,3 @@ pub fn confidence(solved: &Solved, model: Model) -> Confidence {
         observed: found.observed,
     }
 }
-
-#[cfg(test)]
-mod tests;

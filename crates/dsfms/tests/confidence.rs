@@ -1,8 +1,13 @@
-use super::*;
-use crate::light::LightModel;
-use crate::mesh::Mesh;
-use crate::mesh::paths::shortest_paths;
-use crate::synth::{Case, CaseOptions, Cell, Draw, Protocol};
+//! The expected error of a vertex: unit, growth, flags, determinism.
+
+use dsfms::confidence::{Confidence, Model, Solved, confidence, features};
+use dsfms::geometry::Point3;
+use dsfms::light::LightModel;
+use dsfms::mesh::Mesh;
+use dsfms::mesh::paths::shortest_paths;
+use dsfms::refine::Photograph;
+use dsfms::register::{Match, Scene};
+use dsfms::synth::{Case, CaseOptions, Cell, Draw, Protocol};
 
 fn case() -> Case {
     let protocol = Protocol { vertices: 150, ..Default::default() };
@@ -18,8 +23,8 @@ fn judged(case: &Case, keep: impl Fn(&Match) -> bool, scale: f64, model: Model) 
     let scene = Scene::new(&case.camera, &rest, vertices.clone());
     let matches: Vec<_> = case.matches.iter().map(|m| (*m, keep(m))).collect();
     let grey = case.frame.linear(&case.template.tone).grey();
-    let saturated = crate::image::saturation(&case.frame);
-    let usable = crate::image::Mask::filled(case.frame.size, true);
+    let saturated = dsfms::image::saturation(&case.frame);
+    let usable = dsfms::image::Mask::filled(case.frame.size, true);
     let albedo = case.template.albedo.clone().unwrap();
     let photo = Photograph {
         camera: &case.camera,
