@@ -57,9 +57,37 @@ pub struct FrameReport {
     pub matches: usize,
     pub matches_kept: usize,
     pub visible_vertices: usize,
+    /// Where the method predicts its error.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub expected_error: Option<ExpectedError>,
     /// Name, seconds and, where the stage solves, the cost of each term before and after.
     pub stages: Vec<StageReport>,
     pub seconds: f64,
+}
+
+/// The predicted error of one frame, length units.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct ExpectedError {
+    /// Median over the visible vertices.
+    pub visible_median: f64,
+    /// 90th percentile over the visible vertices.
+    pub visible_p90: f64,
+    /// Vertices that nothing in the frame spoke of.
+    pub unobserved_vertices: usize,
+}
+
+impl ExpectedError {
+    fn of(result: &Reconstruction) -> Option<Self> {
+        let (errors, observed) = result.confidence.as_ref().zip(result.observed.as_ref())?;
+        let seen = errors.iter().zip(&result.visible).filter(|(_, seen)| **seen);
+        let mut seen: Vec<f64> = seen.map(|(error, _)| *error).collect();
+        seen.sort_unstable_by(f64::total_cmp);
+        Some(Self {
+            visible_median: *seen.get(seen.len() / 2)?,
+            visible_p90: *seen.get(seen.len() * 9 / 10)?,
+            unobserved_vertices: observed.iter().filter(|&&o| !o).count(),
+        })
+    }
 }
 
 impl FrameReport {
@@ -79,6 +107,7 @@ impl FrameReport {
             matches: result.matches.len(),
             matches_kept: result.matches.iter().filter(|m| m.1).count(),
             visible_vertices: result.visible.iter().filter(|&&v| v).count(),
+            expected_error: ExpectedError::of(result),
             stages: result.stages.clone(),
             seconds: result.stages.iter().map(|s| s.seconds).sum(),
             ..Self::failed(input, method, unit, String::new())
@@ -99,6 +128,7 @@ impl FrameReport {
             matches: 0,
             matches_kept: 0,
             visible_vertices: 0,
+            expected_error: None,
             stages: Vec::new(),
             seconds: 0.0,
         }
@@ -135,6 +165,7 @@ impl FrameFiles<'_> {
             comments: &comments,
             visible: Some(&result.visible),
             confidence: result.confidence.as_deref(),
+            observed: result.observed.as_deref(),
             ..Default::default()
         };
         let topology = &template.mesh.topology;
@@ -184,7 +215,8 @@ pub fn write_png(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
 pub fn summary_csv(rows: &[(String, FrameReport)]) -> String {
     let mut text = String::from(
         "frame,input,status,reasons,method,seconds,gain,ambient,matches,matches_kept,\
-         visible_vertices,cost_before,cost_after\n",
+         visible_vertices,cost_before,cost_after,expected_error_median,\
+         expected_error_p90,unobserved_vertices\n",
     );
     let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:.6}"));
     for (name, r) in rows {
@@ -192,7 +224,7 @@ pub fn summary_csv(rows: &[(String, FrameReport)]) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,
-            "{name},{},{},{},{method},{:.3},{},{},{},{},{},{},{}",
+            "{name},{},{},{},{method},{:.3},{},{},{},{},{},{},{},{},{},{}",
             quoted(&r.input),
             r.status,
             quoted(&r.reasons.join("; ")),
@@ -204,6 +236,9 @@ pub fn summary_csv(rows: &[(String, FrameReport)]) -> String {
             r.visible_vertices,
             r.cost(|c| c.0),
             r.cost(|c| c.1),
+            number(r.expected_error.map(|e| e.visible_median)),
+            number(r.expected_error.map(|e| e.visible_p90)),
+            r.expected_error.map_or(String::new(), |e| e.unobserved_vertices.to_string()),
         );
     }
     text

@@ -15,6 +15,7 @@
 
 pub mod calibrate;
 pub mod camera;
+pub mod confidence;
 pub mod dense;
 pub mod energy;
 pub mod eval;

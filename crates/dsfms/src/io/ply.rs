@@ -28,6 +28,8 @@ pub struct PlyExtras<'a> {
     pub visible: Option<&'a [bool]>,
     /// Per vertex `confidence` (float): the expected error in length units.
     pub confidence: Option<&'a [f64]>,
+    /// Per vertex `observed` (uchar 0 or 1): something in the frame spoke of the vertex.
+    pub observed: Option<&'a [bool]>,
     /// Per vertex `red green blue` (uchar).
     pub color: Option<&'a [[u8; 3]]>,
 }
@@ -49,6 +51,7 @@ pub fn write_ply(
         Some(positions.len()),
         extras.visible.map(<[_]>::len),
         extras.confidence.map(<[_]>::len),
+        extras.observed.map(<[_]>::len),
         extras.color.map(<[_]>::len),
     ];
     if let Some(found) = lengths.into_iter().flatten().find(|&length| length != n) {
@@ -90,6 +93,9 @@ fn header(
     if extras.confidence.is_some() {
         writeln!(w, "property float confidence")?;
     }
+    if extras.observed.is_some() {
+        writeln!(w, "property uchar observed")?;
+    }
     writeln!(w, "element face {}", topology.faces.len())?;
     write!(w, "property list uchar int vertex_indices\nend_header\n")
 }
@@ -109,6 +115,9 @@ fn vertex(w: &mut dyn Write, i: usize, p: &Point3, extras: &PlyExtras) -> io::Re
     }
     if let Some(confidence) = extras.confidence {
         w.write_all(&(confidence[i] as f32).to_le_bytes())?;
+    }
+    if let Some(observed) = extras.observed {
+        w.write_all(&[u8::from(observed[i])])?;
     }
     Ok(())
 }

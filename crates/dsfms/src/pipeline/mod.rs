@@ -75,6 +75,9 @@ pub struct Reconstruction {
     pub visible: Vec<bool>,
     /// Expected error per vertex, length units, where the method gives one.
     pub confidence: Option<Vec<f64>>,
+    /// `false` where nothing in the frame spoke of a vertex; as
+    /// [`crate::confidence::Confidence::observed`].
+    pub observed: Option<Vec<bool>>,
     /// Exposure gain relative to the template's albedo; 1 for methods without shading.
     pub gain: f64,
     /// Ambient light, linear; 0 for methods without shading.

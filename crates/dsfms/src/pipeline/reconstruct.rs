@@ -2,6 +2,7 @@
 
 use super::{Method, Observation, ReconstructError, Reconstruction, StageReport, Status};
 use crate::camera::Camera;
+use crate::confidence::{Model, Solved, confidence};
 use crate::geometry::Point3;
 use crate::image::exposure::saturation;
 use crate::image::{Mask, Plane, viewport};
@@ -95,6 +96,7 @@ pub fn reconstruct(
         }
     }
     finish(template, observation, &posed, &mut result);
+    log.time("confidence", || judge(template, observation, &scene, method, &mut result));
     result.stages = log.stages;
     Ok(result)
 }
@@ -170,6 +172,7 @@ fn rigid_result(
         pose: posed.pose,
         visible: Vec::new(),
         confidence: None,
+        observed: None,
         gain: 1.0,
         ambient: 0.0,
         matches: matches.iter().copied().zip(kept).collect(),
@@ -337,6 +340,31 @@ fn finish(
     if !finite(&result.vertices) {
         degrade(status, "some vertices are not finite");
     }
+}
+
+/// Expected errors, where the method has a model of them.
+fn judge(
+    template: &Template,
+    observation: &Observation,
+    scene: &Scene,
+    method: Method,
+    result: &mut Reconstruction,
+) {
+    let seen = template.albedo.is_some();
+    let model = match method {
+        Method::Rigid | Method::Sfs => return,
+        Method::Dsfm if seen => Model::MotionSeen,
+        Method::Dsfm => Model::Motion,
+        Method::Dsfms => Model::Shading,
+        Method::Joint => Model::Joint,
+    };
+    let parts = seen.then(|| PhotographParts::of(template, observation));
+    let photo = parts.as_ref().map(|parts| parts.photograph(template, observation));
+    let (vertices, visible, matches) = (&result.vertices, &result.visible, &result.matches);
+    let solved = Solved { scene, vertices, visible, matches, photo: photo.as_ref() };
+    let found = confidence(&solved, model);
+    result.confidence = Some(found.expected_error);
+    result.observed = Some(found.observed);
 }
 
 fn finite(vertices: &[Point3]) -> bool {

@@ -61,6 +61,7 @@ fn written_ply_reads_back_exactly_in_double() {
         comments: &["made for a test".into()],
         visible: Some(&visible),
         confidence: Some(&confidence),
+        observed: Some(&visible),
         color: None,
     };
     write_ply(&path, &mesh.topology, &mesh.positions, LengthUnit::TemplateUnit, &extras).unwrap();
@@ -69,6 +70,7 @@ fn written_ply_reads_back_exactly_in_double() {
     assert_eq!(back.mesh.topology, mesh.topology);
     assert_eq!(back.unit, Some(MeshUnit::TemplateUnit));
     assert_eq!(back.attributes["confidence"], confidence);
+    assert_eq!(back.attributes["observed"], [1.0, 0.0, 1.0, 1.0]);
     let short = PlyExtras { visible: Some(&visible[..2]), ..PlyExtras::default() };
     let error = write_ply(&path, &mesh.topology, &mesh.positions, LengthUnit::Millimetre, &short);
     assert!(error.unwrap_err().to_string().contains("2 values per vertex for 4"));

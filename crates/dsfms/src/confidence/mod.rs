@@ -1,0 +1,55 @@
+//! How far each vertex is expected to be from the truth (§8.1's error, predicted).
+//!
+//! `error = R exp(w · f)`: `R` is the radius of a disc of the visible area, `f` are dimensionless
+//! features of a vertex ([`features`]) that each grow with what makes a vertex uncertain, `w` ≥ 0 is
+//! fitted once on synthetic cases ([`model`]). So the expected error scales with the unit, is finite
+//! everywhere, and never falls with the distance to evidence.
+
+pub mod features;
+pub mod model;
+
+use crate::geometry::Point3;
+use crate::refine::Photograph;
+use crate::register::{Match, Scene};
+pub use features::{COUNT, Features, NAMES, features};
+pub use model::Model;
+
+/// A reconstructed frame and what it was made from.
+#[derive(Clone, Copy)]
+pub struct Solved<'a> {
+    /// The frame with the rest shape posed rigidly.
+    pub scene: &'a Scene<'a>,
+    /// Vertices in camera axes.
+    pub vertices: &'a [Point3],
+    /// Vertices the camera sees, not covered by an instrument.
+    pub visible: &'a [bool],
+    /// Matches, with `true` for those that were kept.
+    pub matches: &'a [(Match, bool)],
+    /// The image and albedo, where the template has one; motion alone is judged by them too.
+    pub photo: Option<&'a Photograph<'a>>,
+}
+
+/// Expected error of every vertex.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Confidence {
+    /// Expected distance from the truth, length units of the vertices; finite and positive.
+    pub expected_error: Vec<f64>,
+    /// `true` where the frame says something about the vertex: it is seen, and a kept match or a
+    /// brightness that can be used lies within [`features::REACH`] visible radii along the surface.
+    /// Elsewhere the vertex is held by the prior alone.
+    pub observed: Vec<bool>,
+}
+
+/// Predict the error of every vertex.
+pub fn confidence(solved: &Solved, model: Model) -> Confidence {
+    let found = features(solved);
+    let weights = model.weights();
+    let error = |f: &[f64; COUNT]| {
+        let sum: f64 = f.iter().zip(weights).map(|(f, w)| f * w).sum();
+        found.radius * sum.min(model::LARGEST).exp()
+    };
+    Confidence {
+        expected_error: found.values.iter().map(error).collect(),
+        observed: found.observed,
+    }
+}

@@ -1,0 +1,125 @@
+//! The expected error of a vertex: unit, growth, flags, determinism.
+
+use dsfms::confidence::{Confidence, Model, Solved, confidence, features};
+use dsfms::geometry::Point3;
+use dsfms::light::LightModel;
+use dsfms::mesh::Mesh;
+use dsfms::mesh::paths::shortest_paths;
+use dsfms::refine::Photograph;
+use dsfms::register::{Match, Scene};
+use dsfms::synth::{Case, CaseOptions, Cell, Draw, Protocol};
+
+fn case() -> Case {
+    let protocol = Protocol { vertices: 150, ..Default::default() };
+    protocol.case(Cell { extension: 10.0, noise: 1.0 }, 0)
+}
+
+/// The rest shape of a case in place of a result, all lengths multiplied by `scale`.
+fn judged(case: &Case, keep: impl Fn(&Match) -> bool, scale: f64, model: Model) -> Confidence {
+    let scaled = |x: &[Point3]| x.iter().map(|p| p * scale).collect::<Vec<_>>();
+    let rest =
+        Mesh { positions: scaled(&case.template.mesh.positions), ..case.template.mesh.clone() };
+    let vertices = scaled(&case.truth);
+    let scene = Scene::new(&case.camera, &rest, vertices.clone());
+    let matches: Vec<_> = case.matches.iter().map(|m| (*m, keep(m))).collect();
+    let grey = case.frame.linear(&case.template.tone).grey();
+    let saturated = dsfms::image::saturation(&case.frame);
+    let usable = dsfms::image::Mask::filled(case.frame.size, true);
+    let albedo = case.template.albedo.clone().unwrap();
+    let photo = Photograph {
+        camera: &case.camera,
+        grey: &grey,
+        saturated: &saturated,
+        usable: &usable,
+        light: &LightModel::Collinear,
+        albedo: &albedo,
+        expected_log_gain: None,
+    };
+    let photo = (model != Model::Motion).then_some(&photo);
+    let visible = &case.visible;
+    confidence(
+        &Solved { scene: &scene, vertices: &vertices, visible, matches: &matches, photo },
+        model,
+    )
+}
+
+#[test]
+fn the_error_has_the_unit_of_the_surface() {
+    let case = case();
+    let mm = judged(&case, |_| true, 1.0, Model::Joint);
+    let cm = judged(&case, |_| true, 0.1, Model::Joint);
+    assert_eq!(mm.observed, cm.observed);
+    for (mm, cm) in mm.expected_error.iter().zip(&cm.expected_error) {
+        assert!((mm - 10.0 * cm).abs() < 1e-6 * mm, "{mm} mm, {cm} cm");
+    }
+}
+
+#[test]
+fn it_grows_with_the_distance_from_evidence() {
+    for model in Model::ALL {
+        assert!(model.weights()[1..].iter().all(|&w| w >= 0.0));
+    }
+    let case = case();
+    let left = |m: &Match| {
+        let face = case.template.mesh.topology.faces[m.face as usize];
+        case.template.mesh.positions[face[0] as usize].x < -8.0
+    };
+    let found = judged(&case, left, 1.0, Model::Motion);
+    let faces = case.matches.iter().filter(|m| left(m)).map(|m| m.face as usize);
+    let sources: Vec<u32> = faces.flat_map(|f| case.template.mesh.topology.faces[f]).collect();
+    let mesh = &case.template.mesh;
+    let away = shortest_paths(&mesh.topology, &mesh.edge_lengths(), &sources).distance;
+    let mean = |from: f64, to: f64| {
+        let inside: Vec<usize> =
+            (0..away.len()).filter(|&v| (from..to).contains(&away[v])).collect();
+        inside.iter().map(|&v| found.expected_error[v]).sum::<f64>() / inside.len() as f64
+    };
+    let steps = [mean(0.0, 5.0), mean(8.0, 14.0), mean(20.0, 30.0)];
+    assert!(steps[1] > 1.1 * steps[0] && steps[2] > 1.1 * steps[1], "{steps:?}");
+    let radius = (2000.0 / std::f64::consts::PI).sqrt();
+    for v in 0..away.len() {
+        if away[v] > 1.2 * features::REACH * radius || !case.visible[v] {
+            assert!(!found.observed[v], "vertex {v} at {} mm", away[v]);
+        } else if away[v] < 0.8 * features::REACH * radius {
+            assert!(found.observed[v], "vertex {v} at {} mm", away[v]);
+        }
+    }
+}
+
+#[test]
+fn without_any_evidence_it_stays_finite() {
+    let mut case = case();
+    case.visible.fill(false);
+    let found = judged(&case, |_| false, 1.0, Model::Motion);
+    assert!(found.observed.iter().all(|o| !o));
+    assert!(found.expected_error.iter().all(|e| e.is_finite() && *e > 1.0));
+}
+
+#[test]
+fn the_same_on_any_number_of_threads() {
+    let case = case();
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| judged(&case, |_| true, 1.0, Model::Shading))
+    };
+    assert_eq!(on(1), on(3));
+}
+
+#[test]
+fn a_wrong_shape_is_expected_to_be_worse() {
+    let options = CaseOptions {
+        vertices: 150,
+        extension: 0.15,
+        light: LightModel::Collinear,
+        draw: Draw { count: 25, sigma_px: 1.0 },
+        pull: true,
+    };
+    let case = Case::new(&options, 3);
+    let right = judged(&case, |_| true, 1.0, Model::Shading);
+    let mut wrong = case.clone();
+    // The surface waves by a millimetre, which the image does not show.
+    wrong.truth.iter_mut().for_each(|p| p.z += (0.6 * p.x).sin());
+    let wrong = judged(&wrong, |_| true, 1.0, Model::Shading);
+    let mean = |c: &Confidence| c.expected_error.iter().sum::<f64>();
+    assert!(mean(&wrong) > 1.1 * mean(&right), "{} {}", mean(&wrong), mean(&right));
+}
