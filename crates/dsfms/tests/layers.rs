@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A module may use itself and what stands left of it.
-const ORDER: [&str; 22] = [
+const ORDER: [&str; 23] = [
     "geometry",
     "image",
     "mesh",
@@ -26,6 +26,7 @@ const ORDER: [&str; 22] = [
     "eval",
     "io",
     "pipeline",
+    "track",
     "experiment",
 ];
 
