@@ -1,11 +1,11 @@
 //! `dsfms track`: a video of the deforming organ, frame after frame.
 
 use crate::args::Global;
+use crate::draw;
 use crate::exit::{Outcome, Usage};
 use crate::inputs;
 use crate::outputs::{self, quoted};
 use crate::progress::Reporter;
-use crate::draw;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use dsfms::camera::CameraModel;
@@ -138,7 +138,11 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
         seen: 0,
         counts: [0; 3],
     };
-    if live { job.live()? } else { job.files()? }
+    if live {
+        job.live()?
+    } else {
+        job.files()?
+    }
     job.conclude()
 }
 
@@ -264,7 +268,8 @@ impl Job<'_> {
             return Ok(());
         }
         let masks = self.args.instrument_masks.as_ref();
-        let read = |p: &PathBuf| inputs::mask_of(frame, path, p, MaskKind::Instrument, self.reporter);
+        let read =
+            |p: &PathBuf| inputs::mask_of(frame, path, p, MaskKind::Instrument, self.reporter);
         let instrument = masks.map(read).transpose()?;
         let start = std::time::Instant::now();
         let tracked = self.tracker.next(frame, instrument.as_ref())?;

@@ -64,7 +64,8 @@ impl Seen {
     pub fn new(frame: &Frame, tone: &ToneCurve, usable: &Mask, working: &Working) -> Self {
         let table = tone.table().map(f32::sqrt);
         let bright = |p: &[u8; 3]| (0..3).map(|c| LUMA[c] * table[p[c] as usize]).sum();
-        let mut plane = Plane { size: frame.size, data: frame.rgb.par_iter().map(bright).collect() };
+        let mut plane =
+            Plane { size: frame.size, data: frame.rgb.par_iter().map(bright).collect() };
         let mut usable = usable.clone();
         for _ in 0..working.halvings {
             (plane, usable) = (halve(&plane), halve_mask(&usable));
@@ -148,9 +149,9 @@ impl Look {
 /// Whether the middle, the corners and the sides of a patch lie in a mask.
 pub fn whole(mask: &Mask, at: Point2) -> bool {
     let r = f64::from(RADIUS);
-    [-r, 0.0, r].iter().all(|dy| {
-        [-r, 0.0, r].iter().all(|dx| mask.at_pixel(&Point2::new(at.x + dx, at.y + dy)))
-    })
+    [-r, 0.0, r]
+        .iter()
+        .all(|dy| [-r, 0.0, r].iter().all(|dx| mask.at_pixel(&Point2::new(at.x + dx, at.y + dy))))
 }
 
 /// The place with the most texture in its weakest direction of every cell, best first.
@@ -162,9 +163,9 @@ fn corners(plane: &Plane, known: &Mask) -> Vec<[usize; 2]> {
         .flat_map(|y| (margin..w.saturating_sub(margin)).step_by(CELL).map(move |x| [x, y]))
         .collect();
     let best_of = |&[x0, y0]: &[usize; 2]| -> Option<(f32, [usize; 2])> {
-        let places = (y0..(y0 + CELL).min(h - margin)).step_by(3).flat_map(|y| {
-            (x0..(x0 + CELL).min(w - margin)).step_by(3).map(move |x| [x, y])
-        });
+        let places = (y0..(y0 + CELL).min(h - margin))
+            .step_by(3)
+            .flat_map(|y| (x0..(x0 + CELL).min(w - margin)).step_by(3).map(move |x| [x, y]));
         let inside = |&[x, y]: &[usize; 2]| whole(known, Point2::new(x as f64, y as f64));
         let scored = places.filter(inside).map(|p| (texture(plane, p), p));
         scored.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)))

@@ -238,8 +238,8 @@ impl<'a> Tracker<'a> {
         }
         let options = &self.options.reconstruct;
         let rest = &self.template.mesh;
-        let posed =
-            clock.time("pose", || pose(self.camera, rest, &matches, &options.register, options.seed));
+        let posed = clock
+            .time("pose", || pose(self.camera, rest, &matches, &options.register, options.seed));
         let posed = posed.map_err(|error| error.to_string())?;
         let memory = &mut self.memory;
         let (scene, coarse) = clock.time("register", || {
@@ -256,10 +256,9 @@ impl<'a> Tracker<'a> {
             let start = (vertices.as_slice(), coarse.depth_sigma);
             vertices = clock.time("joint", || self.joined(view, &scene, start, &kept));
         }
-        let look =
-            clock.time("look", || Look::new(&self.working, rest, &vertices, self.albedo));
-        let [agreeing, places] = clock
-            .time("agree", || look.agreement(&view.seen, self.options.verdict.correlation));
+        let look = clock.time("look", || Look::new(&self.working, rest, &vertices, self.albedo));
+        let [agreeing, places] =
+            clock.time("agree", || look.agreement(&view.seen, self.options.verdict.correlation));
         let agreement = agreeing as f64 / places.max(1) as f64;
         let residual_px = coarse.residual_px;
         let surface =
@@ -300,10 +299,12 @@ impl<'a> Tracker<'a> {
             Err(reason) => lost(vec![reason]),
             Ok(c) if c.status == TrackStatus::Lost => lost(c.reasons),
             Ok(c) => {
-                let before = self.last.as_ref().filter(|l| {
-                    l.frame + 1 == self.count && c.surface.way == Way::Followed
-                });
-                let motion = before.and_then(|l| align_rigid_robust(&l.vertices, &c.surface.vertices));
+                let before = self
+                    .last
+                    .as_ref()
+                    .filter(|l| l.frame + 1 == self.count && c.surface.way == Way::Followed);
+                let motion =
+                    before.and_then(|l| align_rigid_robust(&l.vertices, &c.surface.vertices));
                 self.last = Some(Last {
                     frame: self.count,
                     vertices: c.surface.vertices.clone(),
