@@ -146,7 +146,7 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     job.conclude()
 }
 
-const COLUMNS: &str = "frame,input,status,way,reasons,matches,matches_kept,residual_px,agreement,\
+const COLUMNS: &str = "frame,input,status,way,reasons,matches,matches_kept,residual_px,depth,agreement,\
                        places,ms,prepare_ms,follow_ms,find_ms,pose_ms,register_ms,joint_ms,look_ms,\
                        agree_ms\n";
 
@@ -331,14 +331,15 @@ impl Job<'_> {
                 let total = s.matches.len();
                 write!(
                     self.summary,
-                    "{number},{name},{status},{way},{reasons},{total},{kept},{:.3},{:.3},{},{ms:.1}",
-                    s.residual_px, s.agreement, s.places
+                    "{number},{name},{status},{way},{reasons},{total},{kept},{:.3},{:.3},{:.3},{},{ms:.1}",
+                    s.residual_px, s.depth_uncertainty, s.agreement, s.places
                 )
             }
-            None => write!(self.summary, "{number},{name},{status},,{reasons},,,,,,{ms:.1}"),
+            None => write!(self.summary, "{number},{name},{status},,{reasons},,,,,,,{ms:.1}"),
         };
         for stage in STAGES {
-            let seconds: f64 = tracked.stages.iter().filter(|s| s.0 == stage).map(|s| s.1).sum();
+            let seconds: f64 =
+                tracked.stages.iter().filter(|s| s.0 == stage).fold(0.0, |sum, s| sum + s.1);
             let _ = write!(self.summary, ",{:.1}", 1e3 * seconds);
         }
         self.summary.push('\n');

@@ -54,14 +54,14 @@ pub fn follow(render: &Pyramid, frame: &Pyramid, at: Point2, start: Point2) -> O
 /// One level: inverse compositional steps on the patch with its mean removed and its contrast
 /// matched.
 fn align(render: &Plane, frame: &Plane, at: Point2, start: Point2) -> Option<Point2> {
-    let (mut value, mut gradient) = ([0.0; COUNT], [Vector2::zeros(); COUNT]);
+    let value = patch(render, at)?;
+    let mut gradient = [Vector2::zeros(); COUNT];
     let mut hessian = nalgebra::Matrix2::zeros();
-    for (k, offset) in offsets().enumerate() {
-        let p = at + offset;
-        let sides = [Vector2::x(), Vector2::y()]
-            .map(|e| Some(0.5 * (render.sample(&(p + e))?.0 - render.sample(&(p - e))?.0)));
-        gradient[k] = Vector2::new(sides[0]?, sides[1]?);
-        value[k] = render.sample(&p)?.0;
+    let around = |x: f64, y: f64| patch(render, at + Vector2::new(x, y));
+    let (left, right) = (around(-1.0, 0.0)?, around(1.0, 0.0)?);
+    let (above, below) = (around(0.0, -1.0)?, around(0.0, 1.0)?);
+    for k in 0..COUNT {
+        gradient[k] = 0.5 * Vector2::new(right[k] - left[k], below[k] - above[k]);
         hessian += gradient[k] * gradient[k].transpose();
     }
     let (mean, spread) = moments(&value);
@@ -99,11 +99,6 @@ pub fn correlation(a: &Plane, at: Point2, b: &Plane, place: Point2) -> Option<f6
     }
     let product: f64 = left.iter().zip(&right).map(|(x, y)| (x - mean_a) * (y - mean_b)).sum();
     Some(product / (COUNT as f64 * spread_a * spread_b))
-}
-
-fn offsets() -> impl Iterator<Item = Vector2> {
-    (-RADIUS..=RADIUS)
-        .flat_map(|y| (-RADIUS..=RADIUS).map(move |x| Vector2::new(f64::from(x), f64::from(y))))
 }
 
 /// Values of a patch, all with the same bilinear weights; `None` outside the image.

@@ -102,6 +102,9 @@ pub struct Surface {
     pub matches: Vec<(Match, bool)>,
     /// Median distance of the kept matches from the surface, px.
     pub residual_px: f64,
+    /// How far the depth of the surface is uncertain for the solve of eq. 3, of the visible radius:
+    /// it grows with the motion that no rigid pose explains.
+    pub depth_uncertainty: f64,
     /// Share of the textured places of the template in view, where the frame may be used, whose
     /// surroundings look like the template's, in `[0, 1]`.
     pub agreement: f64,

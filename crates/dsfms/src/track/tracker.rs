@@ -10,7 +10,9 @@ use crate::image::{Frame, Mask, ToneCurve, saturation, viewport};
 use crate::light::LightModel;
 use crate::pipeline::Method;
 use crate::refine::{Photograph, join};
-use crate::register::{Match, RegisterMemory, Scene, find, pose, register_in};
+use crate::register::{
+    Match, Posed, RegisterMemory, RegisterOptions, Scene, find, pose, register_in,
+};
 use crate::template::{Features, SurfaceTexels, Template};
 use rayon::prelude::*;
 use std::time::Instant;
@@ -245,7 +247,11 @@ impl<'a> Tracker<'a> {
         let (scene, coarse) = clock.time("register", || {
             let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
             let scene = Scene::new(self.camera, rest, rigid);
-            let coarse = register_in(memory, &scene, &matches, &posed, &options.register);
+            let options = match way {
+                Way::Found => options.register.clone(),
+                Way::Followed => narrowed(&options.register, &posed),
+            };
+            let coarse = register_in(memory, &scene, &matches, &posed, &options);
             (scene, coarse)
         });
         let matches: Vec<(Match, bool)> =
@@ -261,8 +267,17 @@ impl<'a> Tracker<'a> {
             clock.time("agree", || look.agreement(&view.seen, self.options.verdict.correlation));
         let agreement = agreeing as f64 / places.max(1) as f64;
         let residual_px = coarse.residual_px;
-        let surface =
-            Surface { vertices, pose: posed.pose, matches, residual_px, agreement, places, way };
+        let depth_uncertainty = coarse.depth_sigma / scene.radius();
+        let surface = Surface {
+            vertices,
+            pose: posed.pose,
+            matches,
+            residual_px,
+            depth_uncertainty,
+            agreement,
+            places,
+            way,
+        };
         let last = self.last.as_ref().filter(|l| way == Way::Followed && l.frame + 1 == self.count);
         let before = last.map(|l| l.vertices.as_slice());
         let (status, reasons) = judge(rest, &surface, before, &self.options.verdict);
@@ -316,4 +331,15 @@ impl<'a> Tracker<'a> {
         };
         Tracked { status, reasons, surface, stages }
     }
+}
+
+/// Followed matches are few px off where they are wrong, so that the annealing need not start further
+/// than what the rigid pose leaves of nine in ten of them.
+fn narrowed(options: &RegisterOptions, posed: &Posed) -> RegisterOptions {
+    let mut left = posed.residuals_px.clone();
+    left.sort_unstable_by(f64::total_cmp);
+    let most = left.get(left.len() * 9 / 10).copied().unwrap_or(f64::INFINITY);
+    let [coarse, fine] = options.robust_px;
+    let start = (2.0 * most).min(coarse).max(fine);
+    RegisterOptions { robust_px: [start, fine], ..options.clone() }
 }

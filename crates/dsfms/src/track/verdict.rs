@@ -17,6 +17,9 @@ pub struct VerdictOptions {
     pub kept: f64,
     /// Largest median residual, px; above, degraded.
     pub residual_px: f64,
+    /// Largest uncertainty of the depth, of the visible radius: two and a half times that of a
+    /// surface which a rigid pose explains; above, degraded.
+    pub depth: f64,
     /// Largest change of length that an edge in twenty exceeds, relative to rest: above the first
     /// degraded, above the second lost.
     pub strain: [f64; 2],
@@ -34,6 +37,7 @@ impl Default for VerdictOptions {
             agreement: [0.25, 0.5],
             kept: 0.5,
             residual_px: 2.5,
+            depth: 0.1,
             strain: [0.3, 0.8],
             jump: 0.15,
             correlation: 0.5,
@@ -79,6 +83,13 @@ pub fn judge(
     }
     if surface.residual_px > options.residual_px {
         let reason = format!("median residual {:.1} px", surface.residual_px);
+        object(TrackStatus::Degraded, reason);
+    }
+    if surface.depth_uncertainty > options.depth {
+        let percent = 100.0 * surface.depth_uncertainty;
+        let reason = format!(
+            "bent so far from any rigid pose that depth is uncertain by {percent:.0} % of the radius"
+        );
         object(TrackStatus::Degraded, reason);
     }
     let strain = strain(rest, &surface.vertices);
@@ -130,6 +141,7 @@ mod tests {
             pose: Isometry::identity(),
             matches: (0..100).map(|i| (m, i < kept)).collect(),
             residual_px: 0.5,
+            depth_uncertainty: 0.04,
             agreement,
             places: 100,
             way: Way::Followed,
@@ -147,6 +159,8 @@ mod tests {
         assert_eq!(of(&surface(&mesh, 90, 0.4)).0, TrackStatus::Degraded);
         assert_eq!(of(&surface(&mesh, 90, 0.1)).0, TrackStatus::Lost);
         assert_eq!(of(&surface(&mesh, 5, 0.4)).0, TrackStatus::Lost);
+        let bent = Surface { depth_uncertainty: 0.2, ..surface(&mesh, 90, 0.9) };
+        assert!(of(&bent).1[0].contains("20 %"));
         let mut stretched = surface(&mesh, 90, 0.9);
         stretched.vertices.iter_mut().for_each(|v| *v *= 1.5);
         let (status, reasons) = of(&stretched);
