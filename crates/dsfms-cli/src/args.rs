@@ -1,7 +1,7 @@
 //! The command line as clap reads it.
 
 use crate::commands::{
-    calibrate, demo, evaluate, experiment, export, figure, inspect, reconstruct, synth, template,
+    calibrate, demo, evaluate, experiment, export, figure, inspect, reconstruct, synth, template, track,
     view,
 };
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -62,6 +62,7 @@ pub enum Command {
     Calibrate(calibrate::CalibrateArgs),
     Template(template::TemplateArgs),
     Reconstruct(reconstruct::ReconstructArgs),
+    Track(track::TrackArgs),
     Inspect(inspect::InspectArgs),
     Evaluate(evaluate::EvaluateArgs),
     Synth(synth::SynthArgs),

@@ -245,7 +245,7 @@ pub fn summary_csv(rows: &[(String, FrameReport)]) -> String {
 }
 
 /// A CSV field: quoted where it holds a comma, a quote or a line end.
-fn quoted(text: &str) -> String {
+pub fn quoted(text: &str) -> String {
     match text.contains([',', '"', '\n']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
         false => text.to_string(),

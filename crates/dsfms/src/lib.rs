@@ -35,4 +35,5 @@ pub mod solver;
 pub mod structures;
 pub mod synth;
 pub mod template;
+pub mod track;
 pub mod video;

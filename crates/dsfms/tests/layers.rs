@@ -27,6 +27,7 @@ const ORDER: [&str; 23] = [
     "eval",
     "io",
     "pipeline",
+    "track",
     "experiment",
 ];
 

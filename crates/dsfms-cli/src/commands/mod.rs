@@ -11,6 +11,7 @@ pub mod reconstruct;
 mod scale;
 pub mod synth;
 pub mod template;
+pub mod track;
 pub mod view;
 
 use crate::args::{Arguments, Command};
@@ -32,6 +33,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Command::Calibrate(args) => calibrate::run(args, global, &reporter),
         Command::Template(args) => template::run(args, global, &reporter),
         Command::Reconstruct(args) => reconstruct::run(args, global, &reporter),
+        Command::Track(args) => track::run(args, global, &reporter),
         Command::Inspect(args) => inspect::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Experiment(args) => experiment::run(args, global, &reporter),

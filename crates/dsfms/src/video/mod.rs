@@ -157,6 +157,40 @@ pub fn select_reporting(
     Ok(chosen)
 }
 
+/// Every frame of a video in display order, named `frame_NNN` by its 0-based number, one at a time:
+/// `each` gets the frame and, where the container says so, how many there are.
+///
+/// # Errors
+/// A file that cannot be read or decoded; frames before the damage have been given by then.
+pub fn each_frame(
+    path: &Path,
+    each: &mut dyn FnMut(Frame, Option<usize>),
+) -> Result<(), VideoError> {
+    let bytes =
+        std::fs::read(path).map_err(|source| VideoError::Read { path: path.into(), source })?;
+    let given = std::cell::Cell::new(0);
+    let mut give = |picture: Picture, total| {
+        let name = format!("frame_{:03}", picture.index);
+        given.set(given.get() + 1);
+        each(Frame { name, size: picture.size, rgb: picture.rgb }, total);
+    };
+    let reason = match mp4::open(&bytes) {
+        Ok(stream) => {
+            let total = Some(stream.frame_count());
+            match stream.decode(&mut |picture| give(picture, total)) {
+                Ok(()) if given.get() == 0 => return Err(VideoError::Empty { path: path.into() }),
+                Ok(()) => return Ok(()),
+                Err(mp4::Stop::Unsupported(reason)) if given.get() == 0 => reason,
+                Err(mp4::Stop::Unsupported(reason) | mp4::Stop::Damaged(reason)) => {
+                    return Err(VideoError::Damaged { path: path.into(), reason });
+                }
+            }
+        }
+        Err(reason) => reason,
+    };
+    ffmpeg::decode("ffmpeg", path, &reason, &mut |picture| give(picture, None))
+}
+
 fn through_ffmpeg(
     path: &Path,
     options: &VideoOptions,

@@ -1,0 +1,171 @@
+//! Where patches of the rendered template are in a frame: pyramidal Lucas-Kanade alignment by
+//! translation, indifferent to brightness and contrast of the patch, and normalised
+//! cross-correlation to tell whether it worked.
+
+use crate::geometry::{Point2, Vector2};
+use crate::image::Plane;
+use crate::image::filter::halve;
+
+/// Half the side of a patch less the centre, px of each level.
+pub const RADIUS: i32 = 8;
+
+/// Pixels of a patch.
+const COUNT: usize = ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as usize;
+
+/// Steps on a level at most.
+const STEPS: usize = 12;
+
+/// An image and its halves, fine to coarse.
+pub struct Pyramid {
+    /// The levels; never empty.
+    pub levels: Vec<Plane>,
+}
+
+impl Pyramid {
+    /// `levels` sizes of a plane, at least one.
+    pub fn new(plane: Plane, levels: usize) -> Self {
+        let mut all = vec![plane];
+        while all.len() < levels {
+            all.push(halve(&all[all.len() - 1]));
+        }
+        Self { levels: all }
+    }
+}
+
+/// Position in `frame` (level 0) of the patch that `render` shows about `at`, searched from `start`;
+/// `None` where it leaves the image, has no texture in some direction or does not settle.
+pub fn follow(render: &Pyramid, frame: &Pyramid, at: Point2, start: Point2) -> Option<Point2> {
+    let mut offset = start - at;
+    for level in (0..render.levels.len().min(frame.levels.len())).rev() {
+        let scale = 0.5_f64.powi(level as i32);
+        let centre = Point2::from((at.coords.add_scalar(0.5)) * scale - Vector2::repeat(0.5));
+        let found =
+            align(&render.levels[level], &frame.levels[level], centre, centre + offset * scale);
+        match found {
+            Some(found) => offset = (found - centre) / scale,
+            // A coarse level may see beyond the border of what is known; the finest decides.
+            None if level > 0 => {}
+            None => return None,
+        }
+    }
+    Some(at + offset)
+}
+
+/// One level: inverse compositional steps on the patch with its mean removed and its contrast
+/// matched.
+fn align(render: &Plane, frame: &Plane, at: Point2, start: Point2) -> Option<Point2> {
+    let value = patch(render, at)?;
+    let mut gradient = [Vector2::zeros(); COUNT];
+    let mut hessian = nalgebra::Matrix2::zeros();
+    let around = |x: f64, y: f64| patch(render, at + Vector2::new(x, y));
+    let (left, right) = (around(-1.0, 0.0)?, around(1.0, 0.0)?);
+    let (above, below) = (around(0.0, -1.0)?, around(0.0, 1.0)?);
+    for k in 0..COUNT {
+        gradient[k] = 0.5 * Vector2::new(right[k] - left[k], below[k] - above[k]);
+        hessian += gradient[k] * gradient[k].transpose();
+    }
+    let (mean, spread) = moments(&value);
+    let inverse = hessian.try_inverse()?;
+    let mut place = start;
+    for _ in 0..STEPS {
+        let seen = patch(frame, place)?;
+        let (seen_mean, seen_spread) = moments(&seen);
+        if seen_spread < 1e-6 {
+            return None;
+        }
+        let contrast = spread / seen_spread;
+        let right: Vector2 = (0..COUNT)
+            .map(|k| gradient[k] * ((seen[k] - seen_mean) * contrast - (value[k] - mean)))
+            .sum();
+        let step = inverse * right;
+        place -= step;
+        if !(step.norm() < 2.0 * RADIUS as f64) {
+            return None;
+        }
+        if step.norm() < 0.02 {
+            return Some(place);
+        }
+    }
+    Some(place)
+}
+
+/// Normalised cross-correlation, in `[-1, 1]`, of the patches about a place of each image; `None`
+/// outside, or where one of them is flat.
+pub fn correlation(a: &Plane, at: Point2, b: &Plane, place: Point2) -> Option<f64> {
+    let (left, right) = (patch(a, at)?, patch(b, place)?);
+    let ((mean_a, spread_a), (mean_b, spread_b)) = (moments(&left), moments(&right));
+    if spread_a < 1e-6 || spread_b < 1e-6 {
+        return None;
+    }
+    let product: f64 = left.iter().zip(&right).map(|(x, y)| (x - mean_a) * (y - mean_b)).sum();
+    Some(product / (COUNT as f64 * spread_a * spread_b))
+}
+
+/// Values of a patch, all with the same bilinear weights; `None` outside the image.
+fn patch(plane: &Plane, at: Point2) -> Option<[f64; COUNT]> {
+    let (x0, y0) = (at.x.floor(), at.y.floor());
+    let (u, v) = (at.x - x0, at.y - y0);
+    let reach = f64::from(RADIUS);
+    let inside = |c: f64, n: usize| c - reach >= 0.0 && c + reach + 1.0 <= n as f64 - 1.0;
+    if !(inside(x0, plane.size[0]) && inside(y0, plane.size[1])) {
+        return None;
+    }
+    let (left, top) = (x0 as usize - RADIUS as usize, y0 as usize - RADIUS as usize);
+    let side = 2 * RADIUS as usize + 1;
+    let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
+    let mut values = [0.0; COUNT];
+    for (row, line) in values.chunks_exact_mut(side).enumerate() {
+        let start = (top + row) * plane.size[0] + left;
+        let upper = &plane.data[start..=start + side];
+        let lower = &plane.data[start + plane.size[0]..=start + plane.size[0] + side];
+        for (x, value) in line.iter_mut().enumerate() {
+            let four = [upper[x], upper[x + 1], lower[x], lower[x + 1]];
+            *value = four.iter().zip(weights).map(|(&c, w)| f64::from(c) * w).sum();
+        }
+    }
+    Some(values)
+}
+
+/// Mean and standard deviation.
+fn moments(values: &[f64; COUNT]) -> (f64, f64) {
+    let mean = values.iter().sum::<f64>() / COUNT as f64;
+    let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+    (mean, (squares / COUNT as f64).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A texture without period in the image, moved by `shift`.
+    fn texture(shift: [f64; 2], gain: f64, lift: f64) -> Plane {
+        let size = [120, 100];
+        let value = |i: usize| {
+            let (x, y) = ((i % 120) as f64 - shift[0], (i / 120) as f64 - shift[1]);
+            let v = (0.21 * x).sin() * (0.17 * y + 0.05 * x).cos() + (0.011 * x * y / 3.0).sin();
+            (lift + gain * (0.5 + 0.2 * v)) as f32
+        };
+        Plane { size, data: (0..120 * 100).map(value).collect() }
+    }
+
+    #[test]
+    fn a_moved_patch_is_found_under_another_brightness() {
+        let a = Pyramid::new(texture([0.0, 0.0], 1.0, 0.0), 3);
+        let b = Pyramid::new(texture([5.3, -3.6], 0.6, 0.1), 3);
+        let at = Point2::new(60.0, 50.0);
+        let found = follow(&a, &b, at, at).unwrap();
+        assert!((found - Point2::new(65.3, 46.4)).norm() < 0.05, "{found}");
+        assert!(correlation(&a.levels[0], at, &b.levels[0], found).unwrap() > 0.99);
+        assert!(correlation(&a.levels[0], at, &b.levels[0], at).unwrap() < 0.9);
+    }
+
+    #[test]
+    fn a_flat_patch_or_one_outside_is_not_followed() {
+        let a = Pyramid::new(texture([0.0, 0.0], 1.0, 0.0), 1);
+        let flat = Pyramid::new(Plane::filled([120, 100], 0.4), 1);
+        let at = Point2::new(60.0, 50.0);
+        assert_eq!(follow(&a, &flat, at, at), None);
+        assert_eq!(follow(&a, &a, at, Point2::new(3.0, 50.0)), None);
+        assert_eq!(correlation(&a.levels[0], at, &flat.levels[0], at), None);
+    }
+}

@@ -1,0 +1,157 @@
+//! A video of the deforming organ, frame after frame: find, follow, survive.
+//!
+//! A frame is first tried from the last shape: patches of the template's albedo, rendered at that
+//! shape, are followed into the frame, so that every match is one of the template and nothing
+//! drifts. Where that fails, and every so often where it is not quite convincing, the template is
+//! found anew by its descriptors. Every surface is then looked at: where the frame does not agree
+//! with the albedo rendered at it, it is not shown as good.
+
+pub mod flow;
+pub mod look;
+pub mod shapes;
+mod tracker;
+pub mod verdict;
+
+use crate::geometry::{Isometry, Point3};
+use crate::pipeline::{Method, ReconstructOptions};
+use crate::register::Match;
+use serde::{Deserialize, Serialize};
+pub use tracker::Tracker;
+pub use verdict::VerdictOptions;
+
+/// Options of a [`Tracker`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrackOptions {
+    /// Weights of the solves, and the seed.
+    pub reconstruct: ReconstructOptions,
+    /// When a surface is believed.
+    pub verdict: VerdictOptions,
+    /// Least normalised cross-correlation of a followed patch with the template's, in `[-1, 1]`.
+    pub correlation: f64,
+    /// Frames after the last good one for which its shape is still followed.
+    pub patience: usize,
+    /// A frame that is followed but degraded is also searched by descriptors when the last such
+    /// search lies this many frames back.
+    pub search_every: usize,
+}
+
+impl Default for TrackOptions {
+    fn default() -> Self {
+        Self {
+            reconstruct: ReconstructOptions::default(),
+            verdict: VerdictOptions::default(),
+            correlation: 0.7,
+            patience: 10,
+            search_every: 10,
+        }
+    }
+}
+
+impl TrackOptions {
+    /// Options from TOML; what the text does not name keeps its default.
+    ///
+    /// # Errors
+    /// Malformed TOML, or a field that does not exist.
+    pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
+        toml::from_str(text)
+    }
+}
+
+/// What became of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TrackStatus {
+    /// The surface can be believed.
+    Ok,
+    /// A surface with named reservations.
+    Degraded,
+    /// No surface.
+    Lost,
+}
+
+impl TrackStatus {
+    /// As written in files.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Degraded => "degraded",
+            Self::Lost => "lost",
+        }
+    }
+}
+
+/// How a surface came about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Way {
+    /// By descriptors.
+    Found,
+    /// From the frame before.
+    Followed,
+}
+
+/// The surface of one frame.
+#[derive(Clone, Debug)]
+pub struct Surface {
+    /// Vertices in camera axes, template's unit and vertex order.
+    pub vertices: Vec<Point3>,
+    /// Rigid part: `camera_from_template`.
+    pub pose: Isometry,
+    /// Matches, `true` for those that the surface explains.
+    pub matches: Vec<(Match, bool)>,
+    /// Median distance of the kept matches from the surface, px.
+    pub residual_px: f64,
+    /// How far the depth of the surface is uncertain for the solve of eq. 3, of the visible radius:
+    /// it grows with the motion that no rigid pose explains.
+    pub depth_uncertainty: f64,
+    /// Share of the textured places of the template in view, where the frame may be used, whose
+    /// surroundings look like the template's, in `[0, 1]`.
+    pub agreement: f64,
+    /// Number of such places.
+    pub places: usize,
+    /// How it came about.
+    pub way: Way,
+}
+
+/// What a frame gave.
+#[derive(Clone, Debug)]
+pub struct Tracked {
+    /// Trust.
+    pub status: TrackStatus,
+    /// Why not `ok`.
+    pub reasons: Vec<String>,
+    /// The surface; `None` where lost.
+    pub surface: Option<Surface>,
+    /// Wall time of every stage that ran, seconds, in order.
+    pub stages: Vec<(&'static str, f64)>,
+}
+
+/// Why a video cannot be tracked.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TrackError {
+    /// Nothing to find the organ by.
+    #[error(
+        "the template holds no descriptors, so it cannot be found in a video; build it from frames"
+    )]
+    NoDescriptors,
+    /// Nothing to follow.
+    #[error("the template holds no albedo, so there is nothing to follow; build it from frames")]
+    NoAlbedo,
+    /// A method that is not for video.
+    #[error("method {0:?} does not track; use dsfm or joint")]
+    Method(Method),
+    /// Image and camera disagree.
+    #[error(
+        "frame {name} is {found:?} px but the camera file says {expected:?}; use the camera file of this resolution"
+    )]
+    SizeMismatch {
+        /// Name of the frame.
+        name: String,
+        /// Size of the frame or of its mask.
+        found: [usize; 2],
+        /// Size in the camera file.
+        expected: [usize; 2],
+    },
+}

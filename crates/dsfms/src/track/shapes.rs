@@ -1,0 +1,114 @@
+//! The shapes of all frames in one file, however many there are.
+
+use crate::geometry::Point3;
+use crate::io::atomic::{WriteError, write_atomic};
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Seek, Write};
+use std::path::{Path, PathBuf};
+use zip::write::{SimpleFileOptions, ZipWriter};
+
+/// Collects shapes on disk and writes them as a compressed npz: `vertices` (frames × vertices × 3,
+/// 32-bit floats, NaN where a frame is lost) and `status` (frames, 8-bit: 0 ok, 1 degraded, 2 lost).
+pub struct ShapeFile {
+    path: PathBuf,
+    vertices: usize,
+    spool: BufWriter<File>,
+    status: Vec<u8>,
+}
+
+impl ShapeFile {
+    /// A file for shapes of so many vertices; nothing appears at `path` before
+    /// [`finish`](Self::finish).
+    ///
+    /// # Errors
+    /// No temporary file can be made in the folder of `path`.
+    pub fn create(path: &Path, vertices: usize) -> Result<Self, WriteError> {
+        let fail = |error| WriteError::new(path, error);
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let spool = BufWriter::new(tempfile::tempfile_in(folder).map_err(fail)?);
+        Ok(Self { path: path.into(), vertices, spool, status: Vec::new() })
+    }
+
+    /// The next frame; `None` = lost.
+    ///
+    /// # Errors
+    /// A full disk.
+    pub fn push(&mut self, shape: Option<&[Point3]>, status: u8) -> Result<(), WriteError> {
+        self.status.push(status);
+        for v in 0..self.vertices {
+            let point = shape.and_then(|s| s.get(v)).map_or([f64::NAN; 3], |p| [p.x, p.y, p.z]);
+            for c in point {
+                let bytes = (c as f32).to_le_bytes();
+                self.spool.write_all(&bytes).map_err(|e| WriteError::new(&self.path, e))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Write the file.
+    ///
+    /// # Errors
+    /// A full disk, a folder that is gone.
+    pub fn finish(self) -> Result<(), WriteError> {
+        let fail = |error| WriteError::new(&self.path, error);
+        let mut spool = self.spool.into_inner().map_err(|e| fail(e.into_error()))?;
+        spool.rewind().map_err(fail)?;
+        let frames = self.status.len();
+        let mut packed = tempfile::tempfile().map_err(fail)?;
+        pack(&mut packed, &mut spool, &self.status, [frames, self.vertices]).map_err(fail)?;
+        packed.rewind().map_err(fail)?;
+        write_atomic(&self.path, |out| io::copy(&mut packed, out).map(|_| ()))
+    }
+}
+
+fn pack(
+    out: &mut File,
+    shapes: &mut impl Read,
+    status: &[u8],
+    [frames, vertices]: [usize; 2],
+) -> io::Result<()> {
+    let mut zip = ZipWriter::new(BufWriter::new(out));
+    // No times: the same shapes give the same file.
+    let options = SimpleFileOptions::default().compression_level(Some(6)).large_file(true);
+    zip.start_file("vertices.npy", options)?;
+    zip.write_all(&header("<f4", &format!("({frames}, {vertices}, 3)")))?;
+    io::copy(shapes, &mut zip)?;
+    zip.start_file("status.npy", options)?;
+    zip.write_all(&header("|u1", &format!("({frames},)")))?;
+    zip.write_all(status)?;
+    zip.finish()?.flush()
+}
+
+/// The head of a `.npy` file, version 1.0, padded to a multiple of 64 bytes.
+fn header(kind: &str, shape: &str) -> Vec<u8> {
+    let text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}");
+    let length = (10 + text.len() + 1).next_multiple_of(64) - 10;
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((length as u16).to_le_bytes());
+    bytes.extend(format!("{text:<width$}\n", width = length - 1).bytes());
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::{Array1, Array3};
+
+    #[test]
+    fn shapes_come_back_and_lost_frames_are_nan() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npz");
+        let mut file = ShapeFile::create(&path, 2).unwrap();
+        file.push(Some(&[Point3::new(1.0, 2.0, 3.0), Point3::new(4.0, 5.0, 6.5)]), 0).unwrap();
+        file.push(None, 2).unwrap();
+        assert!(!path.exists());
+        file.finish().unwrap();
+        let mut npz = ndarray_npy::NpzReader::new(File::open(&path).unwrap()).unwrap();
+        let shapes: Array3<f32> = npz.by_name("vertices").unwrap();
+        let status: Array1<u8> = npz.by_name("status").unwrap();
+        assert_eq!(shapes.shape(), [2, 2, 3]);
+        assert_eq!((shapes[[0, 1, 2]], shapes[[0, 0, 1]]), (6.5, 2.0));
+        assert!(shapes.slice(ndarray::s![1, .., ..]).iter().all(|v| v.is_nan()));
+        assert_eq!(status.to_vec(), [0, 2]);
+    }
+}

@@ -1,0 +1,115 @@
+//! A small clip of known truth: a moving camera, a growing push, a black frame and a cut.
+
+use dsfms::camera::CameraModel;
+use dsfms::geometry::{Isometry, Point3, Vector3};
+use dsfms::image::{Frame, ToneCurve};
+use dsfms::light::LightModel;
+use dsfms::mesh::Mesh;
+use dsfms::pipeline::Method;
+use dsfms::sfm::{SfmOptions, detect};
+use dsfms::synth::{Case, CaseOptions, Draw, RenderOptions, render};
+use dsfms::template::anchor::{AnchorOptions, FeatureView, anchor_features};
+use dsfms::template::{SurfaceTexels, Template};
+use dsfms::track::{TrackOptions, TrackStatus, Tracked, Tracker, Way};
+
+struct Clip {
+    camera: CameraModel,
+    template: Template,
+    frames: Vec<Frame>,
+    truth: Vec<Option<Vec<Point3>>>,
+}
+
+fn photograph(camera: &CameraModel, mesh: &Mesh, albedo: &SurfaceTexels, seed: u64) -> Frame {
+    let options = RenderOptions { gain: 1.0 + 0.03 * seed as f64, seed, ..Default::default() };
+    render(camera, &LightModel::Collinear, mesh, albedo, &options)
+}
+
+/// Nine frames, 7.5 per cent of the whole pull each; frame 4 is black, before frame 6 is a cut.
+fn clip() -> Clip {
+    let options = CaseOptions {
+        vertices: 300,
+        extension: 0.03,
+        light: LightModel::Collinear,
+        draw: Draw { count: 25, sigma_px: 1.0 },
+        pull: true,
+    };
+    let case = Case::new(&options, 5);
+    let (camera, mut template) = (case.camera, case.template);
+    let albedo = template.albedo.clone().unwrap();
+    let rest = template.mesh.clone();
+    let at = |x: f64, turn: f64| {
+        Isometry::new(Vector3::new(x, 0.5 * x, 75.0), Vector3::new(0.3 * turn, 0.1, turn))
+    };
+    let posed = |pose: &Isometry, shape: &[Point3]| {
+        rest.with_positions(shape.iter().map(|p| pose * p).collect())
+    };
+    let pose = at(0.0, 0.0);
+    let look = photograph(&camera, &posed(&pose, &rest.positions), &albedo, 9);
+    let found = detect(&look, None, &SfmOptions::default());
+    let (points, descriptors) = (&found.points[..], &found.descriptors[..]);
+    let view = FeatureView { camera: &camera, pose, valid: None, points, descriptors };
+    template.features = Some(anchor_features(&rest, &[view], &AnchorOptions::default()));
+    let (mut frames, mut truth) = (Vec::new(), Vec::new());
+    for k in 0..9 {
+        if k == 4 {
+            let size = camera.size;
+            frames.push(Frame { name: "black".into(), size, rgb: vec![[2; 3]; size[0] * size[1]] });
+            truth.push(None);
+            continue;
+        }
+        let part = 0.075 * k as f64;
+        let push = rest.positions.iter().zip(&case.deformation.vertices);
+        let shape: Vec<Point3> = push.map(|(a, b)| a + (b - a) * part).collect();
+        let cut = if k >= 6 { 12.0 } else { 0.0 };
+        let mesh = posed(&at(0.6 * k as f64 - cut, 0.01 * k as f64 + 0.02 * cut), &shape);
+        frames.push(photograph(&camera, &mesh, &albedo, k));
+        truth.push(Some(mesh.positions));
+    }
+    Clip { camera, template, frames, truth }
+}
+
+fn track(clip: &Clip) -> Vec<Tracked> {
+    let tone = ToneCurve::Srgb;
+    let options = TrackOptions::default();
+    let mut tracker =
+        Tracker::new(&clip.template, &clip.camera, &tone, Method::Dsfm, options).unwrap();
+    clip.frames.iter().map(|f| tracker.next(f, None).unwrap()).collect()
+}
+
+#[test]
+fn black_and_cut_are_survived_and_no_wrong_surface_is_ok() {
+    let clip = clip();
+    let tracked = track(&clip);
+    let status: Vec<TrackStatus> = tracked.iter().map(|t| t.status).collect();
+    let reasons: Vec<_> = tracked.iter().map(|t| &t.reasons).collect();
+    assert_eq!(status[4], TrackStatus::Lost);
+    assert!(tracked[4].surface.is_none() && tracked[4].reasons[0].contains("black"));
+    let good = status.iter().filter(|s| **s == TrackStatus::Ok).count();
+    assert!(good >= 7, "{status:?} {reasons:?}");
+    let way = |k: usize| tracked[k].surface.as_ref().map(|s| s.way);
+    assert_eq!((way(0), way(1)), (Some(Way::Found), Some(Way::Followed)));
+    assert!(way(6).is_some(), "not found after the cut: {reasons:?}");
+    let error = |k: usize| -> Option<f64> {
+        let (found, truth) = (tracked[k].surface.as_ref()?, clip.truth[k].as_ref()?);
+        let squares = found.vertices.iter().zip(truth).map(|(a, b)| (a - b).norm_squared());
+        Some((squares.sum::<f64>() / truth.len() as f64).sqrt())
+    };
+    let mut errors: Vec<f64> = (0..9).filter_map(error).collect();
+    errors.sort_unstable_by(f64::total_cmp);
+    let median = errors[errors.len() / 2];
+    assert!(median < 0.5, "{errors:?} mm");
+    for k in (0..9).filter(|&k| status[k] == TrackStatus::Ok) {
+        assert!(error(k).unwrap() < 2.0 * median, "frame {k}: {errors:?} mm");
+    }
+}
+
+#[test]
+fn another_organ_is_never_good() {
+    let mut clip = clip();
+    // The template's look no longer belongs to its shape: descriptors and albedo disagree.
+    if let Some(albedo) = &mut clip.template.albedo {
+        albedo.value.reverse();
+    }
+    clip.frames.truncate(3);
+    assert!(track(&clip).iter().all(|t| t.status != TrackStatus::Ok));
+}
