@@ -1,8 +1,8 @@
 //! The command line as clap reads it.
 
 use crate::commands::{
-    calibrate, demo, evaluate, experiment, export, figure, inspect, reconstruct, synth, template, track,
-    view,
+    calibrate, demo, evaluate, experiment, export, figure, inspect, reconstruct, synth, template,
+    track, view,
 };
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use dsfms::image::ToneCurve;

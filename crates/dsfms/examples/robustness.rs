@@ -60,7 +60,7 @@ fn case(draw: Draw, seed: u64) -> Case {
         extension: 0.03,
         light: LightModel::Collinear,
         draw,
-        pull: seed % 2 == 0,
+        pull: seed.is_multiple_of(2),
     };
     Case::new(&options, seed)
 }

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A module may use itself and what stands left of it.
-const ORDER: [&str; 23] = [
+const ORDER: [&str; 24] = [
     "geometry",
     "image",
     "mesh",

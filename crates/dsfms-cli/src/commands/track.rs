@@ -264,7 +264,7 @@ impl Job<'_> {
         let number = self.seen;
         self.seen += 1;
         self.reporter.step("frames", self.seen, total.unwrap_or(self.seen));
-        if number % self.args.stride as usize != 0 {
+        if !number.is_multiple_of(self.args.stride as usize) {
             return Ok(());
         }
         let masks = self.args.instrument_masks.as_ref();

@@ -95,7 +95,7 @@ fn judge(image: &Plane, x: usize, y: usize) -> Option<Saddle> {
     // Where the gradient vanishes, by one Newton step.
     let det = xx * yy - xy * xy;
     let step = Vector2::new(xy * g.y - yy * g.x, xy * g.x - xx * g.y) / det;
-    if !(step.amax() < 1.5) {
+    if step.iter().any(|s| s.is_nan()) || step.amax() >= 1.5 {
         return None;
     }
     let at = Point2::new(x as f64, y as f64) + step;

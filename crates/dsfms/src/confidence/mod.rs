@@ -1,7 +1,7 @@
 //! How far each vertex is expected to be from the truth (§8.1's error, predicted).
 //!
 //! `error = R exp(w · f)`: `R` is the radius of a disc of the visible area, `f` are dimensionless
-//! features of a vertex ([`features`]) that each grow with what makes a vertex uncertain, `w` ≥ 0 is
+//! features of a vertex ([`mod@features`]) that each grow with what makes a vertex uncertain, `w` ≥ 0 is
 //! fitted once on synthetic cases ([`model`]). So the expected error scales with the unit, is finite
 //! everywhere, and never falls with the distance to evidence.
 

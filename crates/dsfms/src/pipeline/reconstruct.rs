@@ -39,7 +39,9 @@ impl ReconstructOptions {
     pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
         let options: Self = toml::from_str(text)?;
         if options.joint.blurs.is_empty() {
-            return Err(serde::de::Error::custom("joint.blurs is empty; expected one blur or more"));
+            return Err(serde::de::Error::custom(
+                "joint.blurs is empty; expected one blur or more",
+            ));
         }
         Ok(options)
     }

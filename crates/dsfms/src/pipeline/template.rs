@@ -291,10 +291,9 @@ pub fn template_from_mesh(
 /// Points with their sightings counted in registered frames, as [`Template::views`] are.
 fn sparse_points(sparse: &sfm::Reconstruction) -> Vec<SparsePoint> {
     let mut view = vec![0; sparse.poses.len()];
-    let mut next = 0;
-    for (view, _) in view.iter_mut().zip(&sparse.poses).filter(|(_, pose)| pose.is_some()) {
+    let registered = view.iter_mut().zip(&sparse.poses).filter(|(_, pose)| pose.is_some());
+    for (next, (view, _)) in (0..).zip(registered) {
         *view = next;
-        next += 1;
     }
     let point = |p: &sfm::ScenePoint| SparsePoint {
         position: p.position,

@@ -147,9 +147,9 @@ impl Panel<'_> {
                 });
             }
         }
-        for c in self.width - self.width % 4..self.width {
+        for (c, v) in inside.iter().enumerate().skip(self.width - self.width % 4) {
             for (sum, l) in sums.iter_mut().zip(self.column(c).1) {
-                (0..K).for_each(|k| sum[k] += l * inside[c][k]);
+                (0..K).for_each(|k| sum[k] += l * v[k]);
             }
         }
         for (&row, sum) in self.below.iter().zip(sums.iter()) {
@@ -177,9 +177,9 @@ impl Panel<'_> {
                 (0..K).for_each(|k| x[k] -= sum[k]);
             }
         }
-        for c in self.width - self.width % 4..self.width {
+        for (c, v) in inside.iter_mut().enumerate().skip(self.width - self.width % 4) {
             for (x, l) in gathered.iter().zip(self.column(c).1) {
-                (0..K).for_each(|k| inside[c][k] -= l * x[k]);
+                (0..K).for_each(|k| v[k] -= l * x[k]);
             }
         }
         for c in (0..self.width).rev() {

@@ -133,7 +133,7 @@ impl Iterative {
         let mut p = z.clone();
         let (mut rz, mut since) = (dot(&r, &z), 0);
         let goal = REDUCTION * REDUCTION * rz;
-        if !(goal > 0.0) {
+        if goal.is_nan() || goal <= 0.0 {
             return None;
         }
         while rz > goal {

@@ -79,7 +79,7 @@ fn align(render: &Plane, frame: &Plane, at: Point2, start: Point2) -> Option<Poi
             .sum();
         let step = inverse * right;
         place -= step;
-        if !(step.norm() < 2.0 * RADIUS as f64) {
+        if step.norm().is_nan() || step.norm() >= 2.0 * RADIUS as f64 {
             return None;
         }
         if step.norm() < 0.02 {

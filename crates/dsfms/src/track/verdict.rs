@@ -93,9 +93,10 @@ pub fn judge(
         object(TrackStatus::Degraded, reason);
     }
     let strain = strain(rest, &surface.vertices);
-    if !(strain <= options.strain[0]) {
+    let over = |limit: f64| strain.is_nan() || strain > limit;
+    if over(options.strain[0]) {
         let reason = format!("edges change their length by {:.0} %", 100.0 * strain);
-        object(grade(!(strain <= options.strain[1])), reason);
+        object(grade(over(options.strain[1])), reason);
     }
     if let Some(jump) = before.and_then(|before| jump(rest, before, &surface.vertices))
         && jump > options.jump

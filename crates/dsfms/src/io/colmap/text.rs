@@ -105,7 +105,7 @@ pub(super) fn pose(values: &[f64], name: &str) -> Result<Isometry, String> {
     };
     let quaternion = Quaternion::new(qw, qx, qy, qz);
     let norm = quaternion.norm();
-    if !((norm - 1.0).abs() <= 1e-2) {
+    if norm.is_nan() || (norm - 1.0).abs() > 1e-2 {
         return Err(format!("the quaternion of {name:?} has norm {norm}, expected 1"));
     }
     let rotation = UnitQuaternion::from_quaternion(quaternion);
