@@ -117,7 +117,7 @@ fn case_rows(organs: &[Organ; 3], seed: u64, index: usize) -> Option<[Vec<Row>; 
         Organ::Surface { mesh, .. } if pick(2) == 0 => closed(mesh, &protocol, cell, index)?,
         _ => organ.case(&protocol, cell, index).ok()?,
     };
-    let instrument = (index % 3 == 0).then(|| instrument(&case.frame, &mut random));
+    let instrument = index.is_multiple_of(3).then(|| instrument(&case.frame, &mut random));
     Some(judge(&case, instrument.as_ref(), index))
 }
 
@@ -136,7 +136,7 @@ fn closed(organ: &Mesh, protocol: &Protocol, cell: Cell, index: usize) -> Option
     let normals = vertex_normals(&mesh.topology, &mesh.positions);
     let facing: Vec<usize> = (0..normals.len()).filter(|&v| normals[v].z < -0.8).collect();
     let v = *facing.get(random.below(facing.len().max(1)))?;
-    let pull = index % 2 == 0;
+    let pull = index.is_multiple_of(2);
     let direction = normals[v] * if pull { 1.0 } else { -1.0 };
     let point = mesh.positions[v] + direction * 20.0;
     let attraction = Attraction { direction, point, angle: (protocol.reach / 20.0).atan() };

@@ -77,11 +77,11 @@ fn it_grows_with_the_distance_from_evidence() {
     let steps = [mean(0.0, 5.0), mean(8.0, 14.0), mean(20.0, 30.0)];
     assert!(steps[1] > 1.1 * steps[0] && steps[2] > 1.1 * steps[1], "{steps:?}");
     let radius = (2000.0 / std::f64::consts::PI).sqrt();
-    for v in 0..away.len() {
-        if away[v] > 1.2 * features::REACH * radius || !case.visible[v] {
-            assert!(!found.observed[v], "vertex {v} at {} mm", away[v]);
-        } else if away[v] < 0.8 * features::REACH * radius {
-            assert!(found.observed[v], "vertex {v} at {} mm", away[v]);
+    for (v, &far) in away.iter().enumerate() {
+        if far > 1.2 * features::REACH * radius || !case.visible[v] {
+            assert!(!found.observed[v], "vertex {v} at {far} mm");
+        } else if far < 0.8 * features::REACH * radius {
+            assert!(found.observed[v], "vertex {v} at {far} mm");
         }
     }
 }
