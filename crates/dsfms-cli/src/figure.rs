@@ -1,7 +1,8 @@
 //! A sheet of pictures, labels and a colour bar, as PNG or SVG. In SVG the text stays text.
 
+use crate::outputs::encode_png;
 use crate::report::embed::{base64, escape};
-use image::{ImageEncoder, RgbImage};
+use image::RgbImage;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
 /// Height of the text, px.
@@ -73,7 +74,7 @@ impl Sheet {
             svg += &match item {
                 Item::Picture { at: [x, y], picture } => {
                     let (w, h) = picture.dimensions();
-                    let data = base64(&png(picture)?);
+                    let data = base64(&encode_png(picture)?);
                     format!(
                         "<image x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\" \
                          href=\"data:image/png;base64,{data}\"/>\n"
@@ -92,18 +93,6 @@ impl Sheet {
         }
         Ok(svg + "</svg>\n")
     }
-}
-
-fn png(picture: &RgbImage) -> anyhow::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    let (w, h) = picture.dimensions();
-    image::codecs::png::PngEncoder::new(&mut bytes).write_image(
-        picture,
-        w,
-        h,
-        image::ExtendedColorType::Rgb8,
-    )?;
-    Ok(bytes)
 }
 
 /// Width of a text in PNG, px.

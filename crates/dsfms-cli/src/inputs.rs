@@ -105,6 +105,16 @@ pub enum Purpose {
     Reconstruct,
 }
 
+/// Read an options file.
+pub fn options<T, E>(path: &Path, parse: impl FnOnce(&str) -> Result<T, E>) -> anyhow::Result<T>
+where
+    E: std::error::Error + Send + Sync + 'static,
+{
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("cannot read the options file {}", path.display()))?;
+    parse(&text).with_context(|| format!("{} is not a valid options file", path.display()))
+}
+
 /// Check a frame against the camera it is said to come from.
 pub fn check_size(frame: &Frame, camera: &CameraModel, path: &Path) -> Result<(), InputError> {
     check_camera_size(std::slice::from_ref(frame), camera.size, path)

@@ -200,6 +200,12 @@ pub fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
 
 /// A picture as PNG.
 pub fn write_png(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
+    let bytes = encode_png(picture)?;
+    Ok(write_atomic(path, |file| file.write_all(&bytes))?)
+}
+
+/// The bytes of a PNG file.
+pub fn encode_png(picture: &RgbImage) -> anyhow::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let (w, h) = picture.dimensions();
     image::codecs::png::PngEncoder::new(&mut bytes).write_image(
@@ -208,7 +214,7 @@ pub fn write_png(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
         h,
         image::ExtendedColorType::Rgb8,
     )?;
-    Ok(write_atomic(path, |file| file.write_all(&bytes))?)
+    Ok(bytes)
 }
 
 /// `OUT/summary.csv`: one row a frame.

@@ -1,9 +1,9 @@
 //! The paper's claim, on a handful of fresh cases: shading recovers what motion cannot, because no
 //! match lies in the deformed zone. `DESIGN.md` says where this ends (strong pulls and pushes).
 
-use dsfms::image::ToneCurve;
+use dsfms::experiment::observation;
 use dsfms::light::{LightModel, PointLight, Spot};
-use dsfms::pipeline::{Method, Observation, ReconstructOptions, reconstruct};
+use dsfms::pipeline::{Method, ReconstructOptions, reconstruct};
 use dsfms::synth::{Case, CaseOptions, Draw};
 
 /// Mean zone error of each method over four cases, mm.
@@ -18,18 +18,14 @@ fn zone_errors(light: &LightModel, extension: f64, methods: [Method; 3]) -> [f64
             pull: seed % 2 == 0,
         };
         let case = Case::new(&options, 40 + seed);
-        let observation = Observation {
-            frame: &case.frame,
-            camera: &case.camera,
-            tone: &ToneCurve::Srgb,
-            matches: Some(&case.matches),
-            instrument: None,
-            organ: None,
-        };
         for (sum, method) in sums.iter_mut().zip(methods) {
-            let found =
-                reconstruct(&case.template, &observation, method, &ReconstructOptions::default())
-                    .expect("25 matches and an albedo are enough");
+            let found = reconstruct(
+                &case.template,
+                &observation(&case),
+                method,
+                &ReconstructOptions::default(),
+            )
+            .expect("25 matches and an albedo are enough");
             *sum += case.zone_rms(&found.vertices) / 4.0;
         }
     }

@@ -229,7 +229,7 @@ fn prepare<'a>(
         }
     };
     let mut options = match &args.options {
-        Some(path) => read_options(path)?,
+        Some(path) => inputs::options(path, ReconstructOptions::from_toml)?,
         None => ReconstructOptions::default(),
     };
     options.seed = global.seed;
@@ -239,13 +239,6 @@ fn prepare<'a>(
     }
     let structures = Structures::read(&args.structures, &template, reporter)?;
     Ok(Job { args, structures, template, camera, tone, options, reporter })
-}
-
-fn read_options(path: &Path) -> anyhow::Result<ReconstructOptions> {
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("cannot read the options file {}", path.display()))?;
-    ReconstructOptions::from_toml(&text)
-        .with_context(|| format!("{} is not a valid options file", path.display()))
 }
 
 impl Job<'_> {

@@ -114,7 +114,7 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     let template = read_template(&args.template)?;
     let (camera, tone) = camera(args, global, &template)?;
     let mut options = match &args.options {
-        Some(path) => read_options(path)?,
+        Some(path) => inputs::options(path, TrackOptions::from_toml)?,
         None => TrackOptions::default(),
     };
     options.reconstruct.seed = global.seed;
@@ -167,13 +167,6 @@ fn camera(
     let camera =
         camera.context("the template holds no camera; give the frames' camera with --camera")?;
     Ok((camera, global.tone.map_or(template.tone.clone(), Into::into)))
-}
-
-fn read_options(path: &Path) -> anyhow::Result<TrackOptions> {
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("cannot read the options file {}", path.display()))?;
-    TrackOptions::from_toml(&text)
-        .with_context(|| format!("{} is not a valid options file", path.display()))
 }
 
 /// What the frames share.

@@ -14,7 +14,7 @@ struct Change {
 const LOOSE: f64 = 1e3;
 const FAST: f64 = 1e-6;
 
-const CHANGES: [Change; 27] = {
+const CHANGES: [Change; 29] = {
     use Method::{Dsfm, Dsfms, Joint};
     const fn change(
         name: &'static str,
@@ -47,6 +47,8 @@ const CHANGES: [Change; 27] = {
         change("joint: no shading", Joint, |o| o.joint.photometric = 0.0),
         change("joint: no conformal prior", Joint, |o| o.joint.conformal = 0.0),
         change("joint: no stretch prior", Joint, |o| o.joint.stretch = 0.0),
+        change("joint: strains squared", Joint, |o| o.joint.strain = LOOSE),
+        change("joint: one sign", Joint, |o| o.joint.mirrors = 0),
         change("joint: no smoothing", Joint, |o| o.joint.smoothing = 0.0),
         change("joint: gain at its first estimate and no ambient", Joint, |o| {
             (o.joint.gain_sigma, o.joint.ambient_sigma) = (FAST, FAST);

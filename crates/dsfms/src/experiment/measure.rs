@@ -2,7 +2,21 @@
 
 use crate::camera::Camera;
 use crate::geometry::Point3;
+use crate::image::ToneCurve;
+use crate::pipeline::Observation;
 use crate::synth::Case;
+
+/// A case as a frame to reconstruct, with its matches and without masks.
+pub fn observation(case: &Case) -> Observation<'_> {
+    Observation {
+        frame: &case.frame,
+        camera: &case.camera,
+        tone: &ToneCurve::Srgb,
+        matches: Some(&case.matches),
+        instrument: None,
+        organ: None,
+    }
+}
 
 /// Errors of one surface against the truth, absolute, root mean squares.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -37,13 +37,7 @@ impl ReconstructOptions {
     /// # Errors
     /// Malformed TOML, a field that does not exist, or no blur for the joint solve.
     pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
-        let options: Self = toml::from_str(text)?;
-        if options.joint.blurs.is_empty() {
-            return Err(serde::de::Error::custom(
-                "joint.blurs is empty; expected one blur or more",
-            ));
-        }
-        Ok(options)
+        toml::from_str(text)
     }
 }
 

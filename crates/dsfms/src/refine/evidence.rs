@@ -54,7 +54,9 @@ pub fn gather(
     options: &RefineOptions,
 ) -> Evidence {
     let raster = rasterize(photo.camera, &rest.topology, shape);
-    let visible = visible_vertices(photo.camera, &rest.topology, shape, &raster, tolerance(rest));
+    // Half a mean edge is what the z-buffer may be off at a slanted face.
+    let tolerance = 0.5 * rest.mean_edge_length();
+    let visible = visible_vertices(photo.camera, &rest.topology, shape, &raster, tolerance);
     let diagonal = diagonal(photo.grey);
     let clear = clear_mask(photo, &raster, options.halo * diagonal);
     let sigma = options.blur * diagonal;
@@ -99,14 +101,6 @@ pub fn gather(
 /// Image diagonal, px.
 pub(super) fn diagonal(plane: &Plane) -> f64 {
     (plane.size[0] as f64).hypot(plane.size[1] as f64)
-}
-
-/// Half a mean edge: what the z-buffer may be off at a slanted face.
-fn tolerance(rest: &Mesh) -> f64 {
-    let length =
-        |e: &[u32; 2]| (rest.positions[e[0] as usize] - rest.positions[e[1] as usize]).norm();
-    let edges = &rest.topology.edges;
-    0.5 * edges.iter().map(length).sum::<f64>() / edges.len().max(1) as f64
 }
 
 /// Surface pixels whose brightness is diffuse: not saturated nor in a halo, usable, albedo known.

@@ -19,7 +19,7 @@ use crate::raster::{Raster, rasterize, regions::distance_to};
 use crate::register::objective::{hold_depth, keep, motion, stay};
 use crate::register::{Match, Prior, Scene};
 use crate::solver::{Loss, Options, Summary};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, de::Error};
 
 /// Options of the joint solve. Lengths are relative to the visible radius, so they hold in any unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -52,7 +52,8 @@ pub struct JointOptions {
     pub gain_sigma: f64,
     /// Spread of the ambient light about 0.
     pub ambient_sigma: f64,
-    /// Blurs of image and albedo, coarse to fine, as fractions of the image diagonal.
+    /// Blurs of image and albedo, coarse to fine, as fractions of the image diagonal; at least one.
+    #[serde(deserialize_with = "one_or_more")]
     pub blurs: Vec<f64>,
     /// Three samples a face as long as they are no more than this, else one.
     pub max_samples: usize,
@@ -71,6 +72,14 @@ pub struct JointOptions {
     /// Regions whose movement along the viewing rays is tried the other way, in every stage but the
     /// coarsest, whose blur hides the texture that tells them apart, and the last.
     pub mirrors: usize,
+}
+
+fn one_or_more<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<f64>, D::Error> {
+    let blurs = Vec::deserialize(from)?;
+    if blurs.is_empty() {
+        return Err(D::Error::custom("blurs is empty; expected one blur or more"));
+    }
+    Ok(blurs)
 }
 
 impl Default for JointOptions {
@@ -152,8 +161,7 @@ pub fn join(
         // A near light tells the distance of everything, so the shape now knows the pose better than
         // the matches did; under a distant one only the matches hold it.
         if matches!(photo.light, LightModel::Point(_)) {
-            let anew = scene.reposed(&state.vertices);
-            reposed = Some(anew);
+            reposed = Some(scene.reposed(&state.vertices));
         }
     }
     let (summary, samples) = last.expect("there is at least one blur");
@@ -308,4 +316,16 @@ fn objective<'a>(
         .plus(3.0, Loss::Squared, stay(scene))
         .plus(1.0, Loss::Squared, prior(0, expected_log_gain, options.gain_sigma))
         .plus(1.0, Loss::Squared, prior(1, 0.0, options.ambient_sigma))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::JointOptions;
+
+    #[test]
+    fn no_blur_at_all_is_refused_where_options_are_read() {
+        let error = toml::from_str::<JointOptions>("blurs = []").unwrap_err();
+        assert!(error.to_string().contains("one blur or more"), "{error}");
+        assert!(toml::from_str::<JointOptions>("blurs = [0.01]").is_ok());
+    }
 }

@@ -15,7 +15,7 @@ const FAINT: f64 = 0.3;
 
 /// What the movement of a region is multiplied by: its mirror image, and a deeper one, since a solve
 /// that went the wrong way stopped early.
-const OTHER: [f64; 2] = [-1.0, -3.0];
+const FACTORS: [f64; 2] = [-1.0, -3.0];
 
 /// `shape` with the movement along the viewing rays since `start` turned round, one region at a
 /// time, the largest movement first, for at most `count` regions (camera axes).
@@ -35,7 +35,7 @@ pub fn mirrored(
     regions.truncate(count);
     regions
         .iter()
-        .flat_map(|region| OTHER.map(|factor| (region, factor)))
+        .flat_map(|region| FACTORS.map(|factor| (region, factor)))
         .map(|(region, factor)| {
             let mut other = shape.to_vec();
             for &v in region {

@@ -89,9 +89,5 @@ impl<'a> Scene<'a> {
 /// Which vertices of a shape the camera sees, with a z-buffer tolerance of half an edge.
 pub fn visibility(camera: &CameraModel, rest: &Mesh, shape: &[Point3]) -> Vec<bool> {
     let raster = rasterize(camera, &rest.topology, shape);
-    let edges = &rest.topology.edges;
-    let length =
-        |e: &[u32; 2]| (rest.positions[e[0] as usize] - rest.positions[e[1] as usize]).norm();
-    let mean = edges.iter().map(length).sum::<f64>() / edges.len().max(1) as f64;
-    visible_vertices(camera, &rest.topology, shape, &raster, 0.5 * mean)
+    visible_vertices(camera, &rest.topology, shape, &raster, 0.5 * rest.mean_edge_length())
 }

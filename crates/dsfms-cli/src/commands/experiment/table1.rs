@@ -10,10 +10,9 @@ use crate::outputs::{prepare_folder, write_png, write_text};
 use crate::progress::Reporter;
 use clap::Args;
 use dsfms::camera::CameraModel;
-use dsfms::experiment::measure;
+use dsfms::experiment::{measure, observation};
 use dsfms::geometry::Point3;
-use dsfms::image::ToneCurve;
-use dsfms::pipeline::{Method, Observation, Progress, ReconstructOptions, reconstruct};
+use dsfms::pipeline::{Method, Progress, ReconstructOptions, reconstruct};
 use dsfms::raster::{Raster, rasterize};
 use dsfms::synth::{Case, Cell, RenderOptions, render};
 use image::{Rgb, RgbImage, imageops};
@@ -77,15 +76,7 @@ pub fn run(args: &Table1Args, global: &Global, reporter: &Reporter) -> anyhow::R
 
 /// The surface of a method; `None` where it gives none.
 fn shape(case: &Case, method: Method, options: &ReconstructOptions) -> Option<Vec<Point3>> {
-    let observation = Observation {
-        frame: &case.frame,
-        camera: &case.camera,
-        tone: &ToneCurve::Srgb,
-        matches: Some(&case.matches),
-        instrument: None,
-        organ: None,
-    };
-    Some(reconstruct(&case.template, &observation, method, options).ok()?.vertices)
+    Some(reconstruct(&case.template, &observation(case), method, options).ok()?.vertices)
 }
 
 fn figures(name: &str, case: &Case, shapes: &[Option<Vec<Point3>>; 4]) -> String {

@@ -6,7 +6,6 @@ use anyhow::Context;
 use dsfms::io::InputError;
 use dsfms::io::images::read_frame;
 use dsfms::io::mesh::{MeshFile, MeshUnit, read_mesh};
-use dsfms::mesh::Mesh;
 use dsfms::pipeline::Progress;
 use dsfms::template::bake::choose_resolution;
 use dsfms::template::{LengthUnit, SurfaceTexels};
@@ -50,14 +49,8 @@ pub fn read_albedo(path: &Path, file: &MeshFile, global: &Global) -> anyhow::Res
         format!("{}: an albedo image needs a mesh with UV on every face; give a CSV with one value per vertex", path.display())
     })?;
     let image = read_frame(path)?.linear(&global.tone.map(Into::into).unwrap_or_default());
-    let resolution = choose_resolution(&file.mesh, mean_edge(&file.mesh) / TEXELS_PER_EDGE);
+    let resolution = choose_resolution(&file.mesh, file.mesh.mean_edge_length() / TEXELS_PER_EDGE);
     Ok(SurfaceTexels::from_uv_image(uv, &image, resolution)?)
-}
-
-fn mean_edge(mesh: &Mesh) -> f64 {
-    let length =
-        |&[a, b]: &[u32; 2]| (mesh.positions[a as usize] - mesh.positions[b as usize]).norm();
-    mesh.topology.edges.iter().map(length).sum::<f64>() / mesh.topology.edges.len() as f64
 }
 
 /// One linear value, or three, per line; a first line without numbers is a header.
