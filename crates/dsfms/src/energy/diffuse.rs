@@ -12,8 +12,8 @@ use nalgebra::SVector;
 /// `r = (I′(π(xᵢ)) − e^γ αᵢ s(xᵢ, Nᵢ) − κ) / σᵢ` for the diffuse vertices `𝒟ᵥ`, with the log gain
 /// `γ = g₀` and the ambient light `κ = g₁` as global unknowns.
 ///
-/// The image gradient is kept in the derivative of `I′(π(xᵢ))`. A vertex that leaves the image makes
-/// the trial step fail.
+/// The image gradient is kept in the derivative of `I′(π(xᵢ))`. A vertex that leaves the image goes on
+/// seeing its edge.
 #[derive(Clone, Debug)]
 pub struct Diffuse<'a, C, L> {
     /// Camera of the frame.
@@ -85,7 +85,7 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Diffuse<'_, C, L> {
         let (ring, sigma) = (&self.rings[i], self.sigma[i]);
         let normal = ring.normal(v).ok_or(Infeasible)?;
         let projection = self.camera.project(&v[0]).ok_or(Infeasible)?;
-        let (intensity, gradient) = self.image.sample(&projection.pixel).ok_or(Infeasible)?;
+        let (intensity, gradient) = self.image.sample_clamped(&projection.pixel).ok_or(Infeasible)?;
         let shade = self.light.shade(&v[0], &normal.unit);
         let brightness = g[0].exp() * self.albedo[i];
         let predicted = brightness * shade.value;

@@ -13,8 +13,8 @@ use nalgebra::SVector;
 /// light `κ = g₁` as global unknowns.
 ///
 /// Unlike eq. 4, which speaks of vertices only, the samples carry the texture between them, so the
-/// image also fixes where on the surface a point lies. A sample that leaves the image makes the
-/// trial step fail.
+/// image also fixes where on the surface a point lies. A sample that leaves the image goes on seeing
+/// its edge: refusing the step would stop an organ that crosses the border from moving at all.
 #[derive(Clone, Debug)]
 pub struct Photometric<'a, C, L> {
     /// Camera of the frame.
@@ -161,7 +161,7 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Photometric<'_, C, L> {
         let b = &sample.barycentric;
         let point = crate::geometry::point_at([&v[0], &v[1], &v[2]], *b);
         let projection = self.camera.project(&point).ok_or(Infeasible)?;
-        let (intensity, gradient) = self.image.sample(&projection.pixel).ok_or(Infeasible)?;
+        let (intensity, gradient) = self.image.sample_clamped(&projection.pixel).ok_or(Infeasible)?;
         let sums = ring.corner_sums(v);
         let (normal, _) = interpolate(&sums, b);
         let shade = self.light.shade(&point, &normal);

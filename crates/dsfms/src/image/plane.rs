@@ -62,6 +62,17 @@ impl Plane {
             Vector2::new((1.0 - v) * (b - a) + v * (d - c), (1.0 - u) * (c - a) + u * (d - b));
         Some((value, gradient))
     }
+
+    /// [`Plane::sample`] at the nearest place inside, without slope across the border: what has left
+    /// the image goes on seeing its edge.
+    pub fn sample_clamped(&self, p: &Point2) -> Option<(f64, Vector2)> {
+        let [w, h] = self.size.map(|n| n as f64 - 1.0);
+        let inside = Point2::new(p.x.clamp(0.0, w), p.y.clamp(0.0, h));
+        let (value, gradient) = self.sample(&inside)?;
+        let keep = |a: f64, b: f64| if a == b { 1.0 } else { 0.0 };
+        let slope = Vector2::new(keep(p.x, inside.x), keep(p.y, inside.y));
+        Some((value, gradient.component_mul(&slope)))
+    }
 }
 
 #[cfg(test)]
@@ -77,6 +88,9 @@ mod tests {
         assert!((value - (2.5 - 7.5)).abs() < 1e-6);
         assert!((gradient - Vector2::new(2.0, -3.0)).norm() < 1e-6);
         assert!(plane.sample(&Point2::new(4.001, 0.0)).is_none());
+        let (value, gradient) = plane.sample_clamped(&Point2::new(7.0, 1.0)).unwrap();
+        assert!((value - 5.0).abs() < 1e-6 && (gradient - Vector2::new(0.0, -3.0)).norm() < 1e-6);
+        assert!(plane.sample_clamped(&Point2::new(f64::NAN, 0.0)).is_none());
         assert!(plane.sample(&Point2::new(f64::NAN, 0.0)).is_none());
     }
 }

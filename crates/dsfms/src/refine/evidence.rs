@@ -3,11 +3,11 @@
 use super::RefineOptions;
 use crate::camera::{Camera, CameraModel};
 use crate::energy::diffuse::DiffuseVertex;
-use crate::geometry::{Point3, Vector3};
+use crate::geometry::{Point3, Vector3, point_at};
 use crate::image::filter::blur_masked;
 use crate::image::{Mask, Plane};
 use crate::light::{Light, LightModel};
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Topology};
 use crate::mesh::normals::vertex_normals;
 use crate::raster::{Raster, rasterize, regions::distance_to, visible_vertices};
 use crate::template::SurfaceTexels;
@@ -58,30 +58,29 @@ pub fn gather(
     let tolerance = 0.5 * rest.mean_edge_length();
     let visible = visible_vertices(photo.camera, &rest.topology, shape, &raster, tolerance);
     let diagonal = diagonal(photo.grey);
-    let clear = clear_mask(photo, &raster, options.halo * diagonal);
+    let normals = vertex_normals(&rest.topology, shape);
+    let mirror_deg = if options.literal { 0.0 } else { options.specular_deg };
+    let surface = Surface { topology: &rest.topology, shape, normals: &normals, raster: &raster };
+    let clear = clear_mask(photo, &surface, options.halo * diagonal, mirror_deg);
     let sigma = options.blur * diagonal;
     let (image, _) = blur_masked(photo.grey, &clear, sigma);
     let (albedo, support) = blur_masked(&render_albedo(&raster, photo.albedo), &clear, sigma);
     let contour = distance_to(&raster.discontinuities(0.05));
-    let highlights = photo.saturated.data.iter().any(|&s| s);
-    let normals = vertex_normals(&rest.topology, shape);
     let (mut diffuse, mut specular, mut ratios) = (Vec::new(), Vec::new(), Vec::new());
     for v in (0..shape.len()).filter(|&v| visible[v] && !rest.topology.boundary[v]) {
         let Some(projection) = photo.camera.project(&shape[v]) else { continue };
         let pixel = projection.pixel;
-        let mirror = photo.light.mirror_normal(&shape[v]);
         if photo.saturated.at_pixel(&pixel) {
             if photo.usable.at_pixel(&pixel) {
-                specular.push((v as u32, mirror));
+                specular.push((v as u32, photo.light.mirror_normal(&shape[v])));
             }
             continue;
         }
         let shade = photo.light.shade(&shape[v], &normals[v]).value;
         let cosine = -normals[v].dot(&shape[v].coords.normalize());
-        let glossy = highlights && normals[v].angle(&mirror).to_degrees() < options.specular_deg;
         let i = pixel.y.round() as usize * image.size[0] + pixel.x.round() as usize;
         let near_contour = (contour[i] as f64) < options.contour_blurs * sigma;
-        let excluded = cosine < options.grazing || glossy || near_contour;
+        let excluded = cosine < options.grazing || near_contour;
         if !clear.at_pixel(&pixel) || support.data[i] < 0.5 || (excluded && !options.literal) {
             continue;
         }
@@ -103,14 +102,38 @@ pub(super) fn diagonal(plane: &Plane) -> f64 {
     (plane.size[0] as f64).hypot(plane.size[1] as f64)
 }
 
-/// Surface pixels whose brightness is diffuse: not saturated nor in a halo, usable, albedo known.
-pub(super) fn clear_mask(photo: &Photograph, raster: &Raster, halo: f64) -> Mask {
+/// A shape as the camera sees it.
+pub(super) struct Surface<'a> {
+    pub(super) topology: &'a Topology,
+    pub(super) shape: &'a [Point3],
+    /// Of the vertices.
+    pub(super) normals: &'a [Vector3],
+    pub(super) raster: &'a Raster,
+}
+
+/// Surface pixels whose brightness is diffuse: usable, albedo known, not saturated nor in a halo,
+/// nor, in a frame with highlights, within `mirror_deg` of the mirror direction. What is left out
+/// here must not reach its neighbours through a blur.
+pub(super) fn clear_mask(
+    photo: &Photograph,
+    surface: &Surface,
+    halo: f64,
+    mirror_deg: f64,
+) -> Mask {
     let near_highlight = distance_to(photo.saturated);
-    let known = raster.render(false, |face, b| photo.albedo.views[photo.albedo.index(face, b)] > 0);
+    let highlights = photo.saturated.data.iter().any(|&s| s);
+    let glossy = if highlights { mirror_deg.to_radians().cos() } else { f64::INFINITY };
+    let known = surface.raster.render(false, |face, b| {
+        let corners = surface.topology.faces[face].map(|v| v as usize);
+        let point = point_at(corners.map(|v| &surface.shape[v]), b);
+        let normal = corners.iter().zip(b).map(|(&v, w)| surface.normals[v] * w).sum::<Vector3>();
+        let mirror = photo.light.mirror_normal(&point).dot(&normal) > glossy * normal.norm();
+        photo.albedo.views[photo.albedo.index(face, b)] > 0 && !mirror
+    });
     let data = (0..known.len())
         .map(|i| known[i] && photo.usable.data[i] && near_highlight[i] as f64 > halo)
         .collect();
-    Mask { size: raster.size, data }
+    Mask { size: surface.raster.size, data }
 }
 
 pub(super) fn render_albedo(raster: &Raster, texels: &SurfaceTexels) -> Plane {

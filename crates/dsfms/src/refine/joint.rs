@@ -4,7 +4,9 @@
 //! prior and the brightness of samples inside faces decide together, from coarse blur to fine, so
 //! that texture carries the surface along while shading turns its normals.
 
-use super::evidence::{Noise, Photograph, centre_and_spread, clear_mask, diagonal, render_albedo};
+use super::evidence::{
+    Noise, Photograph, Surface, centre_and_spread, clear_mask, diagonal, render_albedo,
+};
 use super::mirror::mirrored;
 use crate::camera::Camera;
 use crate::energy::photometric::Sample;
@@ -12,7 +14,7 @@ use crate::energy::{GlobalsPrior, Objective, Photometric, Smoothing, Unknowns, W
 use crate::geometry::{Point3, Vector3, point_at};
 use crate::image::Plane;
 use crate::image::filter::blur_masked;
-use crate::light::{Light, LightModel, specular_angle};
+use crate::light::{Light, LightModel};
 use crate::mesh::normals::vertex_normals;
 use crate::mesh::{Mesh, Topology};
 use crate::raster::{Raster, rasterize, regions::distance_to};
@@ -230,12 +232,13 @@ fn look(
 ) -> Look {
     let raster = rasterize(photo.camera, &rest.topology, shape);
     let sigma = blur * diagonal(photo.grey);
-    let clear = clear_mask(photo, &raster, options.halo * diagonal(photo.grey));
+    let normals = vertex_normals(&rest.topology, shape);
+    let surface = Surface { topology: &rest.topology, shape, normals: &normals, raster: &raster };
+    let halo = options.halo * diagonal(photo.grey);
+    let clear = clear_mask(photo, &surface, halo, options.specular_deg);
     let (image, _) = blur_masked(photo.grey, &clear, sigma);
     let (albedo, support) = blur_masked(&render_albedo(&raster, photo.albedo), &clear, sigma);
     let contour = distance_to(&raster.discontinuities(0.05));
-    let highlights = photo.saturated.data.iter().any(|&s| s);
-    let normals = vertex_normals(&rest.topology, shape);
     let edge = rest.mean_edge_length();
     let inside = if 3 * faces_drawn(&raster) > options.max_samples { &CENTRE[..] } else { &INSIDE };
     let (mut samples, mut ratios) = (Vec::new(), Vec::new());
@@ -255,9 +258,7 @@ fn look(
             let i = pixel.y.round() as usize * image.size[0] + pixel.x.round() as usize;
             let occluded = raster.depth[i] < point.z - 0.5 * edge;
             let near_contour = (contour[i] as f64) < options.contour_blurs * sigma;
-            let angle = specular_angle(photo.light, &point, &normal).to_degrees();
-            let glossy = highlights && angle < options.specular_deg;
-            if occluded || near_contour || glossy || support.data[i] < 0.5 {
+            if occluded || near_contour || support.data[i] < 0.5 {
                 continue;
             }
             let (Some((alpha, _)), Some((intensity, _))) =
