@@ -4,8 +4,7 @@
 //! whole process (median of the repetitions; `warm` keeps coarse mesh and symbolic factors), steps of the last solve, and RMS error against the
 //! truth over the whole surface. Arguments choose sizes and problems: `-- 432 6912 eq3 joint`.
 
-use dsfms::image::exposure::saturation;
-use dsfms::image::{Mask, ToneCurve};
+use dsfms::image::{Mask, Picture, ToneCurve};
 use dsfms::light::LightModel;
 use dsfms::refine::{JointOptions, Photograph, RefineOptions, join, refine};
 use dsfms::register::{
@@ -59,13 +58,12 @@ fn bench_shading(
     start: &Registered,
     wanted: &dyn Fn(&str) -> bool,
 ) {
-    let grey = case.frame.linear(&ToneCurve::Srgb).grey();
-    let (saturated, usable) = (saturation(&case.frame), Mask::filled(case.frame.size, true));
+    let picture = Picture::of(&case.frame, &ToneCurve::Srgb);
+    let usable = Mask::filled(case.frame.size, true);
     let (Some(light), Some(albedo)) = (&case.template.light, &case.template.albedo) else { return };
     let photo = Photograph {
         camera: &case.camera,
-        grey: &grey,
-        saturated: &saturated,
+        picture: &picture,
         usable: &usable,
         light,
         albedo,

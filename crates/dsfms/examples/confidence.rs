@@ -10,8 +10,7 @@ use dsfms::confidence::model::LARGEST;
 use dsfms::confidence::{COUNT, Features, Model, NAMES, Solved, features};
 use dsfms::experiment::Organ;
 use dsfms::geometry::{Point2, Point3};
-use dsfms::image::exposure::saturation;
-use dsfms::image::{Frame, Mask, ToneCurve, viewport};
+use dsfms::image::{Frame, Mask, Picture, ToneCurve, viewport};
 use dsfms::mesh::remesh::{RemeshOptions, remesh};
 use dsfms::mesh::{Mesh, normals::vertex_normals};
 use dsfms::pipeline::{Method, Observation, Reconstruction, reconstruct};
@@ -218,8 +217,7 @@ fn look(
     let posed = mesh.positions.iter().map(|p| found.pose * p).collect();
     let photo = Photograph {
         camera: &case.camera,
-        grey: &case.frame.linear(&ToneCurve::Srgb).grey(),
-        saturated: &saturation(&case.frame),
+        picture: &Picture::of(&case.frame, &ToneCurve::Srgb),
         usable: &usable,
         light: &case.template.light.clone().unwrap_or_default(),
         albedo: &case.template.albedo.clone().unwrap_or_default(),

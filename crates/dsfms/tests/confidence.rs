@@ -22,14 +22,12 @@ fn judged(case: &Case, keep: impl Fn(&Match) -> bool, scale: f64, model: Model) 
     let vertices = scaled(&case.truth);
     let scene = Scene::new(&case.camera, &rest, vertices.clone());
     let matches: Vec<_> = case.matches.iter().map(|m| (*m, keep(m))).collect();
-    let grey = case.frame.linear(&case.template.tone).grey();
-    let saturated = dsfms::image::saturation(&case.frame);
+    let picture = dsfms::image::Picture::of(&case.frame, &case.template.tone);
     let usable = dsfms::image::Mask::filled(case.frame.size, true);
     let albedo = case.template.albedo.clone().unwrap();
     let photo = Photograph {
         camera: &case.camera,
-        grey: &grey,
-        saturated: &saturated,
+        picture: &picture,
         usable: &usable,
         light: &LightModel::Collinear,
         albedo: &albedo,

@@ -2,6 +2,7 @@
 
 use super::Solved;
 use crate::camera::Camera;
+use crate::energy::Brightness;
 use crate::geometry::{Point3, Vector3, align_rigid_robust};
 use crate::light::Light;
 use crate::mesh::boundary::boundary_loops;
@@ -72,7 +73,7 @@ pub fn features(solved: &Solved) -> Features {
     let matched: Vec<u32> = kept().flat_map(|(m, _)| scene.face(m)).collect();
     let seen: Vec<u32> =
         (0..topology.vertex_count as u32).filter(|&v| solved.visible[v as usize]).collect();
-    let brightness = solved.photo.map(|photo| Brightness::new(photo, solved, &ways));
+    let brightness = solved.photo.map(|photo| Shading::new(photo, solved, &ways));
     let shaded = brightness.as_ref().map_or(&[][..], |b| &b.vertices);
     let [to_match, to_shading, to_sight, to_rim] =
         [&matched[..], shaded, &seen, &boundary_loops(topology).concat()]
@@ -223,7 +224,7 @@ fn strain(mesh: &Mesh, shape: &[Point3]) -> Vec<f64> {
 }
 
 /// How well the shape explains the image around every vertex.
-struct Brightness {
+struct Shading {
     /// Vertices whose brightness can be used.
     vertices: Vec<u32>,
     /// Local mean of the log ratio of image to prediction, without sign and with it.
@@ -235,7 +236,7 @@ struct Brightness {
     bland: Vec<f64>,
 }
 
-impl Brightness {
+impl Shading {
     fn new(photo: &Photograph, solved: &Solved, ways: &Ways) -> Self {
         let (rest, shape) = (solved.scene.rest, solved.vertices);
         let found = gather(photo, rest, shape, &RefineOptions::default());
@@ -246,11 +247,12 @@ impl Brightness {
         for used in &found.diffuse {
             let v = used.vertex as usize;
             let pixel = photo.camera.project(&shape[v]).map(|p| p.pixel);
-            let image = pixel.and_then(|p| found.image.sample(&p)).map_or(0.0, |s| s.0);
-            let predicted = used.albedo * photo.light.shade(&shape[v], &normals[v]).value;
+            let Brightness { weights, albedo: alpha, .. } = used.brightness;
+            let image = pixel.and_then(|p| found.image.mixed(&p, &weights)).map_or(0.0, |s| s.0);
+            let predicted = alpha * photo.light.shade(&shape[v], &normals[v]).value;
             if image > 1e-4 && predicted > 1e-4 {
                 ratios[v] = ((image / predicted).ln() - found.log_gain).clamp(-1.0, 1.0);
-                albedo[v] = used.albedo.ln();
+                albedo[v] = alpha.ln();
                 vertices.push(used.vertex);
             }
         }

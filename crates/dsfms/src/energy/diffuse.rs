@@ -1,15 +1,15 @@
 //! Diffuse condition of eq. 4: brightness is albedo times shading.
 
 use super::ring::OneRing;
-use super::{EnergyTerm, Infeasible, Jacobian};
+use super::{Brightness, EnergyTerm, Infeasible, Jacobian};
 use crate::camera::Camera;
 use crate::geometry::Point3;
-use crate::image::Plane;
+use crate::image::ColorImage;
 use crate::light::Light;
 use crate::mesh::Topology;
 use nalgebra::SVector;
 
-/// `r = (I′(π(xᵢ)) − e^γ αᵢ s(xᵢ, Nᵢ) − κ) / σᵢ` for the diffuse vertices `𝒟ᵥ`, with the log gain
+/// `r = (wᵢ·I′(π(xᵢ)) − e^γ αᵢ s(xᵢ, Nᵢ) − κ wᵢ·1) / σᵢ` for the diffuse vertices `𝒟ᵥ`, with the log gain
 /// `γ = g₀` and the ambient light `κ = g₁` as global unknowns.
 ///
 /// The image gradient is kept in the derivative of `I′(π(xᵢ))`. A vertex that leaves the image goes on
@@ -20,11 +20,10 @@ pub struct Diffuse<'a, C, L> {
     pub camera: &'a C,
     /// Light of the frame.
     pub light: &'a L,
-    /// Grey image in linear light, smoothed like the albedo.
-    pub image: &'a Plane,
+    /// Image in linear light, smoothed like the albedo.
+    pub image: &'a ColorImage,
     rings: Vec<OneRing>,
-    albedo: Vec<f64>,
-    sigma: Vec<f64>,
+    brightness: Vec<Brightness>,
 }
 
 /// What the diffuse condition knows of one vertex.
@@ -32,10 +31,8 @@ pub struct Diffuse<'a, C, L> {
 pub struct DiffuseVertex {
     /// The vertex.
     pub vertex: u32,
-    /// Grey albedo, linear.
-    pub albedo: f64,
-    /// Noise of the prediction, linear light.
-    pub sigma: f64,
+    /// What its channels say.
+    pub brightness: Brightness,
 }
 
 impl<'a, C, L> Diffuse<'a, C, L> {
@@ -43,17 +40,16 @@ impl<'a, C, L> Diffuse<'a, C, L> {
     pub fn new(
         camera: &'a C,
         light: &'a L,
-        image: &'a Plane,
+        image: &'a ColorImage,
         topology: &Topology,
         vertices: &[DiffuseVertex],
     ) -> Self {
-        let mut term =
-            Self { camera, light, image, rings: Vec::new(), albedo: Vec::new(), sigma: Vec::new() };
+        let (rings, brightness) = (Vec::new(), Vec::new());
+        let mut term = Self { camera, light, image, rings, brightness };
         for v in vertices {
             if let Some(ring) = OneRing::of(topology, v.vertex) {
                 term.rings.push(ring);
-                term.albedo.push(v.albedo);
-                term.sigma.push(v.sigma);
+                term.brightness.push(v.brightness);
             }
         }
         term
@@ -82,12 +78,14 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Diffuse<'_, C, L> {
         g: &[f64],
         jacobian: Option<Jacobian<'_, 1>>,
     ) -> Result<SVector<f64, 1>, Infeasible> {
-        let (ring, sigma) = (&self.rings[i], self.sigma[i]);
+        let ring = &self.rings[i];
+        let Brightness { weights, albedo, white, sigma } = self.brightness[i];
         let normal = ring.normal(v).ok_or(Infeasible)?;
         let projection = self.camera.project(&v[0]).ok_or(Infeasible)?;
-        let (intensity, gradient) = self.image.sample_clamped(&projection.pixel).ok_or(Infeasible)?;
+        let (intensity, gradient) =
+            self.image.mixed(&projection.pixel, &weights).ok_or(Infeasible)?;
         let shade = self.light.shade(&v[0], &normal.unit);
-        let brightness = g[0].exp() * self.albedo[i];
+        let brightness = g[0].exp() * albedo;
         let predicted = brightness * shade.value;
         if let Some(j) = jacobian {
             let slope = -brightness / sigma;
@@ -97,9 +95,9 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Diffuse<'_, C, L> {
             j.vertices[0] += gradient.transpose() * projection.jacobian / sigma;
             j.vertices[0] += shade.d_point.transpose() * slope;
             j.globals[0][0] = -predicted / sigma;
-            j.globals[1][0] = -1.0 / sigma;
+            j.globals[1][0] = -white / sigma;
         }
-        Ok(SVector::from([(intensity - predicted - g[1]) / sigma]))
+        Ok(SVector::from([(intensity - predicted - g[1] * white) / sigma]))
     }
 }
 
@@ -120,11 +118,12 @@ mod tests {
             lens: Lens::Pinhole,
         };
         // A slanted image: bilinear sampling is then smooth everywhere.
-        let data =
-            (0..64 * 48).map(|i| 0.001 * (i % 64) as f32 + 0.004 * (i / 64) as f32).collect();
-        let image = Plane { size: [64, 48], data };
-        let vertices: Vec<_> =
-            (0..25).map(|vertex| DiffuseVertex { vertex, albedo: 0.6, sigma: 0.05 }).collect();
+        let data = (0..64 * 48).map(|i| 0.001 * (i % 64) as f32 + 0.004 * (i / 64) as f32);
+        let data = data.map(|v| [v, 0.5 * v, 1.0 - v]).collect();
+        let image = ColorImage { size: [64, 48], data };
+        let brightness =
+            Brightness { weights: [0.5, 0.6, -0.2], albedo: 0.6, white: 0.9, sigma: 0.05 };
+        let vertices: Vec<_> = (0..25).map(|vertex| DiffuseVertex { vertex, brightness }).collect();
         let light = LightModel::Collinear;
         let term = Diffuse::new(&camera, &light, &image, &mesh.topology, &vertices);
         assert_jacobian(&term, &mesh.positions, &[0.1, 0.02]);

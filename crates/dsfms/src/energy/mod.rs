@@ -41,6 +41,19 @@ pub use specular::Specular;
 pub use stay::Stay;
 pub use stretch::Stretch;
 
+/// What the channels of an image say of a surface point, as one weighted sum of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Brightness {
+    /// Weights `w` of red, green and blue; not all positive where white glare has to cancel.
+    pub weights: [f64; 3],
+    /// The sum `w·α` over the linear albedo, smoothed like the image.
+    pub albedo: f64,
+    /// The sum `w·1` over white light.
+    pub white: f64,
+    /// Noise of the prediction of `w·I`, linear light.
+    pub sigma: f64,
+}
+
 /// A residual has no value here (a point behind the camera, a collapsed face): the trial step
 /// fails. Treating it as zero would let the cost fall by failing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,14 +1,14 @@
 //! Photometric condition inside faces: brightness follows the surface.
 
-use super::{EnergyTerm, Infeasible, Jacobian};
+use super::{Brightness, EnergyTerm, Infeasible, Jacobian};
 use crate::camera::Camera;
 use crate::geometry::{Point3, Vector3, area_normal};
-use crate::image::Plane;
+use crate::image::ColorImage;
 use crate::light::Light;
 use crate::mesh::Topology;
 use nalgebra::SVector;
 
-/// `r = (I′(π(p)) − e^γ α s(p, N) − κ) / σ` at points `p = v(f)·b` inside faces, with the normal
+/// `r = (w·I′(π(p)) − e^γ α s(p, N) − κ w₁) / σ` at points `p = v(f)·b` inside faces, with the normal
 /// `N` interpolated from the area-weighted vertex normals, the log gain `γ = g₀` and the ambient
 /// light `κ = g₁` as global unknowns.
 ///
@@ -21,8 +21,8 @@ pub struct Photometric<'a, C, L> {
     pub camera: &'a C,
     /// Light of the frame.
     pub light: &'a L,
-    /// Grey image in linear light, smoothed like the albedo.
-    pub image: &'a Plane,
+    /// Image in linear light, smoothed like the albedo.
+    pub image: &'a ColorImage,
     samples: Vec<Sample>,
     /// Stencil of every sampled face.
     rings: Vec<FaceRing>,
@@ -36,10 +36,8 @@ pub struct Sample {
     pub face: u32,
     /// Barycentrics on it.
     pub barycentric: [f64; 3],
-    /// Grey albedo, linear, smoothed like the image.
-    pub albedo: f64,
-    /// Noise of the prediction, linear light.
-    pub sigma: f64,
+    /// What its channels say.
+    pub brightness: Brightness,
 }
 
 /// A face, the vertices around it, and the faces around its corners in local indices.
@@ -118,7 +116,7 @@ impl<'a, C, L> Photometric<'a, C, L> {
     pub fn new(
         camera: &'a C,
         light: &'a L,
-        image: &'a Plane,
+        image: &'a ColorImage,
         topology: &Topology,
         samples: Vec<Sample>,
     ) -> Self {
@@ -161,25 +159,27 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Photometric<'_, C, L> {
         let b = &sample.barycentric;
         let point = crate::geometry::point_at([&v[0], &v[1], &v[2]], *b);
         let projection = self.camera.project(&point).ok_or(Infeasible)?;
-        let (intensity, gradient) = self.image.sample_clamped(&projection.pixel).ok_or(Infeasible)?;
+        let Brightness { weights, albedo, white, sigma } = sample.brightness;
+        let (intensity, gradient) =
+            self.image.mixed(&projection.pixel, &weights).ok_or(Infeasible)?;
         let sums = ring.corner_sums(v);
         let (normal, _) = interpolate(&sums, b);
         let shade = self.light.shade(&point, &normal);
-        let brightness = g[0].exp() * sample.albedo;
+        let brightness = g[0].exp() * albedo;
         if let Some(j) = jacobian {
-            let slope = -brightness / sample.sigma;
+            let slope = -brightness / sigma;
             ring.pull_back(v, &sums, b, &(shade.d_normal * slope), |k, d| {
                 j.vertices[k] += d.transpose();
             });
-            let d_point = gradient.transpose() * projection.jacobian / sample.sigma
+            let d_point = gradient.transpose() * projection.jacobian / sigma
                 + shade.d_point.transpose() * slope;
             for (to, weight) in j.vertices.iter_mut().zip(b) {
                 *to += d_point * *weight;
             }
             j.globals[0][0] = slope * shade.value;
-            j.globals[1][0] = -1.0 / sample.sigma;
+            j.globals[1][0] = -white / sigma;
         }
-        Ok(SVector::from([(intensity - brightness * shade.value - g[1]) / sample.sigma]))
+        Ok(SVector::from([(intensity - brightness * shade.value - g[1] * white) / sigma]))
     }
 }
 
@@ -200,14 +200,18 @@ mod tests {
             lens: Lens::Pinhole,
         };
         // A slanted image: bilinear sampling is then smooth everywhere.
-        let data =
-            (0..64 * 48).map(|i| 0.001 * (i % 64) as f32 + 0.004 * (i / 64) as f32).collect();
-        let image = Plane { size: [64, 48], data };
+        let data = (0..64 * 48).map(|i| 0.001 * (i % 64) as f32 + 0.004 * (i / 64) as f32);
+        let data = data.map(|v| [v, 0.5 * v, 1.0 - v]).collect();
+        let image = ColorImage { size: [64, 48], data };
         let samples = [0, 5, 5, 17, 31].map(|face| Sample {
             face,
             barycentric: [0.5, 0.3, 0.2],
-            albedo: 0.6,
-            sigma: 0.05,
+            brightness: Brightness {
+                weights: [0.5, 0.6, -0.2],
+                albedo: 0.6,
+                white: 0.9,
+                sigma: 0.05,
+            },
         });
         let near = LightModel::Point(PointLight {
             positions: vec![Point3::new(0.0, -3.0, 0.0)],

@@ -25,18 +25,29 @@ pub fn blur(plane: &Plane, sigma: f64) -> Plane {
 /// # Panics
 /// If the sizes differ.
 pub fn blur_masked(plane: &Plane, mask: &Mask, sigma: f64) -> (Plane, Plane) {
-    assert_eq!(plane.size, mask.size, "plane and mask differ in size");
-    let weight = mask.data.iter().map(|&m| if m { 1.0 } else { 0.0 }).collect::<Vec<f32>>();
-    let value = plane.data.iter().zip(&mask.data).map(|(&v, &m)| if m { v } else { 0.0 }).collect();
-    let mut value = Plane { size: plane.size, data: value };
-    let mut weight = Plane { size: plane.size, data: weight };
-    if half_kernel(sigma).is_some() {
-        (value, weight) = (blur(&value, sigma), blur(&weight, sigma));
-    }
-    for (v, w) in value.data.iter_mut().zip(&weight.data) {
-        *v = if *w > 1e-6 { *v / w } else { 0.0 };
-    }
-    (value, weight)
+    let (mut blurred, weight) = blur_masked_all(std::slice::from_ref(plane), mask, sigma);
+    (blurred.remove(0), weight)
+}
+
+/// [`blur_masked`] of several planes with one mask.
+///
+/// # Panics
+/// If a plane differs from the mask in size.
+pub fn blur_masked_all(planes: &[Plane], mask: &Mask, sigma: f64) -> (Vec<Plane>, Plane) {
+    let soften = |p: Plane| if half_kernel(sigma).is_some() { blur(&p, sigma) } else { p };
+    let inside = mask.data.iter().map(|&m| if m { 1.0 } else { 0.0 }).collect::<Vec<f32>>();
+    let weight = soften(Plane { size: mask.size, data: inside });
+    let blurred = planes.iter().map(|plane| {
+        assert_eq!(plane.size, mask.size, "plane and mask differ in size");
+        let inside = plane.data.iter().zip(&mask.data);
+        let data = inside.map(|(&v, &m)| if m { v } else { 0.0 }).collect();
+        let mut value = soften(Plane { size: mask.size, data });
+        for (v, w) in value.data.iter_mut().zip(&weight.data) {
+            *v = if *w > 1e-6 { *v / w } else { 0.0 };
+        }
+        value
+    });
+    (blurred.collect(), weight)
 }
 
 /// Half the size: each pixel the mean of 2x2; an odd last row or column is dropped. Pixel `x` of

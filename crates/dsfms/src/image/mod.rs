@@ -4,6 +4,7 @@ pub mod distance;
 pub mod exposure;
 pub mod filter;
 pub mod mask;
+pub mod picture;
 pub mod plane;
 mod polygon;
 pub mod tone;
@@ -11,6 +12,7 @@ pub mod viewport;
 
 pub use exposure::{halo, saturation};
 pub use mask::Mask;
+pub use picture::Picture;
 pub use plane::{ColorImage, Plane};
 pub use tone::ToneCurve;
 pub use viewport::viewport;

@@ -27,6 +27,41 @@ impl ColorImage {
         Plane { size: self.size, data }
     }
 
+    /// From its channels, all of one size.
+    pub fn of_channels([r, g, b]: [&Plane; 3]) -> Self {
+        let rest = g.data.iter().zip(&b.data);
+        let data = r.data.iter().zip(rest).map(|(&r, (&g, &b))| [r, g, b]).collect();
+        Self { size: r.size, data }
+    }
+
+    /// Bilinear value of a weighted sum of the channels at a sub-pixel position and its gradient (per
+    /// px). Outside the image the edge goes on, without slope across it; `None` where `p` is not a
+    /// number.
+    pub fn mixed(&self, p: &Point2, weights: &[f64; 3]) -> Option<(f64, Vector2)> {
+        let [w, h] = self.size.map(|n| n as f64 - 1.0);
+        let inside = Point2::new(p.x.clamp(0.0, w), p.y.clamp(0.0, h));
+        if inside.x.is_nan() || inside.y.is_nan() {
+            return None;
+        }
+        let [width, height] = self.size;
+        let (x, y) = (inside.x as usize, inside.y as usize);
+        let (x, y) = (x.min(width.saturating_sub(2)), y.min(height.saturating_sub(2)));
+        let (right, below) = ((x + 1).min(width - 1), (y + 1).min(height - 1));
+        let (u, v) = (inside.x - x as f64, inside.y - y as f64);
+        let at = |x: usize, y: usize| -> f64 {
+            let pixel = &self.data[y * width + x];
+            weights.iter().zip(pixel).map(|(w, &c)| w * c as f64).sum()
+        };
+        let (a, b, c, d) = (at(x, y), at(right, y), at(x, below), at(right, below));
+        let value = (1.0 - v) * ((1.0 - u) * a + u * b) + v * ((1.0 - u) * c + u * d);
+        let slope = |outside: bool, slope: f64| if outside { 0.0 } else { slope };
+        let gradient = Vector2::new(
+            slope(p.x != inside.x, (1.0 - v) * (b - a) + v * (d - c)),
+            slope(p.y != inside.y, (1.0 - u) * (c - a) + u * (d - b)),
+        );
+        Some((value, gradient))
+    }
+
     /// Channel `c` (0 red, 1 green, 2 blue).
     pub fn channel(&self, c: usize) -> Plane {
         Plane { size: self.size, data: self.data.iter().map(|p| p[c]).collect() }
@@ -62,17 +97,6 @@ impl Plane {
             Vector2::new((1.0 - v) * (b - a) + v * (d - c), (1.0 - u) * (c - a) + u * (d - b));
         Some((value, gradient))
     }
-
-    /// [`Plane::sample`] at the nearest place inside, without slope across the border: what has left
-    /// the image goes on seeing its edge.
-    pub fn sample_clamped(&self, p: &Point2) -> Option<(f64, Vector2)> {
-        let [w, h] = self.size.map(|n| n as f64 - 1.0);
-        let inside = Point2::new(p.x.clamp(0.0, w), p.y.clamp(0.0, h));
-        let (value, gradient) = self.sample(&inside)?;
-        let keep = |a: f64, b: f64| if a == b { 1.0 } else { 0.0 };
-        let slope = Vector2::new(keep(p.x, inside.x), keep(p.y, inside.y));
-        Some((value, gradient.component_mul(&slope)))
-    }
 }
 
 #[cfg(test)]
@@ -88,9 +112,12 @@ mod tests {
         assert!((value - (2.5 - 7.5)).abs() < 1e-6);
         assert!((gradient - Vector2::new(2.0, -3.0)).norm() < 1e-6);
         assert!(plane.sample(&Point2::new(4.001, 0.0)).is_none());
-        let (value, gradient) = plane.sample_clamped(&Point2::new(7.0, 1.0)).unwrap();
-        assert!((value - 5.0).abs() < 1e-6 && (gradient - Vector2::new(0.0, -3.0)).norm() < 1e-6);
-        assert!(plane.sample_clamped(&Point2::new(f64::NAN, 0.0)).is_none());
+        let data = plane.data.iter().map(|&v| [0.5 * v, 0.0, v]).collect();
+        let image = ColorImage { size, data };
+        let (value, gradient) = image.mixed(&Point2::new(7.0, 1.0), &[2.0, 9.0, -3.0]).unwrap();
+        // The edge shows 5 in blue; there is no slope across it.
+        assert!((value + 10.0).abs() < 1e-6 && (gradient - Vector2::new(0.0, 6.0)).norm() < 1e-6);
+        assert!(image.mixed(&Point2::new(f64::NAN, 0.0), &[1.0; 3]).is_none());
         assert!(plane.sample(&Point2::new(f64::NAN, 0.0)).is_none());
     }
 }

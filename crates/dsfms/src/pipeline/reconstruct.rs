@@ -4,8 +4,7 @@ use super::{Method, Observation, ReconstructError, Reconstruction, StageReport, 
 use crate::camera::Camera;
 use crate::confidence::{Model, Solved, confidence};
 use crate::geometry::Point3;
-use crate::image::exposure::saturation;
-use crate::image::{Mask, Plane, viewport};
+use crate::image::{Mask, Picture, viewport};
 use crate::light::LightModel;
 use crate::refine::{Joined, JointOptions, Photograph, RefineOptions, Refined, join, refine};
 use crate::register::scene::visibility;
@@ -228,8 +227,7 @@ fn join_frame(
 
 /// The planes a [`Photograph`] borrows.
 struct PhotographParts {
-    grey: Plane,
-    saturated: Mask,
+    picture: Picture,
     usable: Mask,
     light: LightModel,
     albedo: SurfaceTexels,
@@ -238,8 +236,7 @@ struct PhotographParts {
 impl PhotographParts {
     fn of(template: &Template, observation: &Observation) -> Self {
         Self {
-            grey: observation.frame.linear(observation.tone).grey(),
-            saturated: saturation(observation.frame),
+            picture: Picture::of(observation.frame, observation.tone),
             usable: usable(observation),
             light: template.light.clone().unwrap_or_default(),
             albedo: template.albedo.clone().unwrap_or_default(),
@@ -253,8 +250,7 @@ impl PhotographParts {
     ) -> Photograph<'a> {
         Photograph {
             camera: observation.camera,
-            grey: &self.grey,
-            saturated: &self.saturated,
+            picture: &self.picture,
             usable: &self.usable,
             light: &self.light,
             albedo: &self.albedo,
@@ -289,9 +285,9 @@ fn shade_alone(
         mesh: &template.mesh,
         pose: result.pose,
         camera: observation.camera,
-        grey: &parts.grey,
+        grey: &parts.picture.linear.grey(),
         usable: &parts.usable,
-        saturated: &parts.saturated,
+        saturated: &parts.picture.saturated,
         albedo: Some(&parts.albedo),
         light: &parts.light,
     };

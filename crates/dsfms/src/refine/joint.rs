@@ -4,20 +4,19 @@
 //! prior and the brightness of samples inside faces decide together, from coarse blur to fine, so
 //! that texture carries the surface along while shading turns its normals.
 
-use super::evidence::{
-    Noise, Photograph, Surface, centre_and_spread, clear_mask, diagonal, render_albedo,
-};
+use super::Photograph;
+use super::glare::{NoiseOptions, weigh};
+use super::look::{Lens, Look, diagonal};
 use super::mirror::mirrored;
-use crate::camera::Camera;
 use crate::energy::photometric::Sample;
-use crate::energy::{GlobalsPrior, Objective, Photometric, Smoothing, Unknowns, Workspace};
-use crate::geometry::{Point3, Vector3, point_at};
-use crate::image::Plane;
-use crate::image::filter::blur_masked;
-use crate::light::{Light, LightModel};
-use crate::mesh::normals::vertex_normals;
+use crate::energy::{
+    Brightness, GlobalsPrior, Objective, Photometric, Smoothing, Unknowns, Workspace,
+};
+use crate::geometry::Point3;
+use crate::image::ColorImage;
+use crate::light::LightModel;
 use crate::mesh::{Mesh, Topology};
-use crate::raster::{Raster, rasterize, regions::distance_to};
+use crate::raster::Raster;
 use crate::register::objective::{hold_depth, keep, motion, stay};
 use crate::register::{Match, Prior, Scene};
 use crate::solver::{Loss, Options, Summary};
@@ -42,6 +41,8 @@ pub struct JointOptions {
     pub sigma_relative: [f64; 2],
     /// Noise of the image model, absolute, linear light.
     pub sigma_absolute: f64,
+    /// Weigh the channels so that white glare cancels; else grey, and what may be glare is left out.
+    pub colour: bool,
     /// Geman-McClure scale of the photometric residuals, in standard deviations.
     pub robust: f64,
     /// Geman-McClure scale of the matches, px.
@@ -92,8 +93,9 @@ impl Default for JointOptions {
             stretch: 2e4,
             smoothing: 30.0,
             photometric: 4.0,
-            sigma_relative: [0.015, 0.1],
+            sigma_relative: [0.01, 0.1],
             sigma_absolute: 0.002,
+            colour: true,
             robust: 3.0,
             match_px: 4.0,
             near_depth_hold: 0.2,
@@ -199,8 +201,8 @@ fn settle<'a>(
 }
 
 /// What one shape makes of a photograph at one blur.
-struct Look {
-    image: Plane,
+struct Seen {
+    image: ColorImage,
     samples: Vec<Sample>,
     log_gain: f64,
 }
@@ -229,59 +231,42 @@ fn look(
     shape: &[Point3],
     blur: f64,
     options: &JointOptions,
-) -> Look {
-    let raster = rasterize(photo.camera, &rest.topology, shape);
-    let sigma = blur * diagonal(photo.grey);
-    let normals = vertex_normals(&rest.topology, shape);
-    let surface = Surface { topology: &rest.topology, shape, normals: &normals, raster: &raster };
-    let halo = options.halo * diagonal(photo.grey);
-    let clear = clear_mask(photo, &surface, halo, options.specular_deg);
-    let (image, _) = blur_masked(photo.grey, &clear, sigma);
-    let (albedo, support) = blur_masked(&render_albedo(&raster, photo.albedo), &clear, sigma);
-    let contour = distance_to(&raster.discontinuities(0.05));
-    let edge = rest.mean_edge_length();
-    let inside = if 3 * faces_drawn(&raster) > options.max_samples { &CENTRE[..] } else { &INSIDE };
-    let (mut samples, mut ratios) = (Vec::new(), Vec::new());
-    for (f, face) in rest.topology.faces.iter().enumerate() {
-        let corners = face.map(|v| v as usize);
+) -> Seen {
+    let diagonal = diagonal(photo.picture.linear.size);
+    let blur = blur * diagonal;
+    let lens = Lens {
+        blur,
+        grazing: options.grazing,
+        contour: options.contour_blurs * blur,
+        halo: options.halo * diagonal,
+        mirror_deg: options.specular_deg,
+        colour: options.colour,
+    };
+    let look = Look::new(photo, rest, shape, lens);
+    let fine = 3 * faces_drawn(&look.raster) > options.max_samples;
+    let inside = if fine { &CENTRE[..] } else { &INSIDE };
+    let (mut places, mut channels) = (Vec::new(), Vec::new());
+    for (f, &face) in rest.topology.faces.iter().enumerate() {
         for &b in inside {
-            let point = point_at(corners.map(|v| &shape[v]), b);
-            let normal = corners.iter().zip(b).map(|(&v, w)| normals[v] * w).sum::<Vector3>();
-            let normal = normal.normalize();
-            if -normal.dot(&point.coords.normalize()) < options.grazing {
-                continue;
+            let Some((point, pixel, normal)) = look.on_face(face, b) else { continue };
+            if let Some(found) = look.at(&point, &pixel, &normal) {
+                places.push((f as u32, b));
+                channels.push(found);
             }
-            let Some(pixel) = photo.camera.project(&point).map(|p| p.pixel) else { continue };
-            if !clear.at_pixel(&pixel) {
-                continue;
-            }
-            let i = pixel.y.round() as usize * image.size[0] + pixel.x.round() as usize;
-            let occluded = raster.depth[i] < point.z - 0.5 * edge;
-            let near_contour = (contour[i] as f64) < options.contour_blurs * sigma;
-            if occluded || near_contour || support.data[i] < 0.5 {
-                continue;
-            }
-            let (Some((alpha, _)), Some((intensity, _))) =
-                (albedo.sample(&pixel), image.sample(&pixel))
-            else {
-                continue;
-            };
-            let predicted = alpha * photo.light.shade(&point, &normal).value;
-            if predicted > 1e-4 && intensity > 0.0 {
-                ratios.push((intensity / predicted).ln());
-            }
-            samples.push(Sample {
-                face: f as u32,
-                barycentric: b,
-                albedo: alpha,
-                sigma: intensity,
-            });
         }
     }
-    let (log_gain, spread) = centre_and_spread(&mut ratios);
-    let noise = Noise::measured(spread, options.sigma_relative, options.sigma_absolute);
-    samples.iter_mut().for_each(|s| s.sigma = noise.at(s.sigma));
-    Look { image, samples, log_gain }
+    let noise = NoiseOptions {
+        relative: options.sigma_relative,
+        absolute: options.sigma_absolute,
+        colour: options.colour,
+    };
+    let weighed = weigh(&channels, &noise);
+    let sample = |(i, brightness): (usize, Brightness)| {
+        let (face, barycentric) = places[i];
+        Sample { face, barycentric, brightness }
+    };
+    let samples = weighed.brightness.into_iter().map(sample).collect();
+    Seen { image: look.image, samples, log_gain: weighed.log_gain }
 }
 
 fn objective<'a>(
@@ -289,7 +274,7 @@ fn objective<'a>(
     matches: &[Match],
     depth_sigma: f64,
     photo: &Photograph<'a>,
-    look: &'a Look,
+    look: &'a Seen,
     expected_log_gain: f64,
     options: &JointOptions,
 ) -> Objective<'a> {

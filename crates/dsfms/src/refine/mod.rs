@@ -1,7 +1,9 @@
 //! DSfMS: shading and specularities refine the coarse shape (paper §7, eq. 4).
 
 pub mod evidence;
+mod glare;
 pub mod joint;
+mod look;
 pub mod mirror;
 pub mod objective;
 pub mod options;

@@ -6,7 +6,7 @@ use super::verdict::judge;
 use super::{Surface, TrackError, TrackOptions, TrackStatus, Tracked, Way};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point3, align_rigid_robust, point_at};
-use crate::image::{Frame, Mask, ToneCurve, saturation, viewport};
+use crate::image::{Frame, Mask, Picture, ToneCurve, saturation, viewport};
 use crate::light::LightModel;
 use crate::pipeline::Method;
 use crate::refine::{Photograph, join};
@@ -293,8 +293,7 @@ impl<'a> Tracker<'a> {
     ) -> Vec<Point3> {
         let photo = Photograph {
             camera: self.camera,
-            grey: &view.frame.linear(self.tone).grey(),
-            saturated: &saturation(view.frame),
+            picture: &Picture::of(view.frame, self.tone),
             usable: &view.usable,
             light: &self.light,
             albedo: self.albedo,

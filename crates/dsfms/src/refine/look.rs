@@ -1,0 +1,162 @@
+//! What one shape makes of a photograph at one blur: light and albedo at surface points.
+
+use super::Photograph;
+use super::glare::{Channels, PALE, purity};
+use crate::camera::Camera;
+use crate::geometry::{Point2, Point3, Vector3, point_at};
+use crate::image::filter::blur_masked_all;
+use crate::image::{ColorImage, Mask, Plane};
+use crate::light::Light;
+use crate::mesh::Mesh;
+use crate::mesh::normals::vertex_normals;
+use crate::raster::{Raster, rasterize, regions::distance_to};
+
+/// How a photograph is looked at; lengths in px.
+pub(super) struct Lens {
+    /// Standard deviation of the blur of image and albedo.
+    pub(super) blur: f64,
+    /// Points with less cosine towards the camera are left out.
+    pub(super) grazing: f64,
+    /// Points nearer to a predicted contour are left out.
+    pub(super) contour: f64,
+    /// What is nearer to a saturated pixel may be glare.
+    pub(super) halo: f64,
+    /// What is nearer to the mirror direction may be glare in a frame with highlights, degrees.
+    pub(super) mirror_deg: f64,
+    /// Colours tell glare from tissue.
+    pub(super) colour: bool,
+}
+
+/// A photograph with a shape in front of it.
+pub(super) struct Look<'a> {
+    photo: &'a Photograph<'a>,
+    rest: &'a Mesh,
+    shape: &'a [Point3],
+    lens: Lens,
+    pub(super) normals: Vec<Vector3>,
+    pub(super) raster: Raster,
+    /// Blurred over the pixels that count, each channel over its own.
+    pub(super) image: ColorImage,
+    albedo: ColorImage,
+    support: Plane,
+    contour: Vec<f32>,
+    near_highlight: Vec<f32>,
+    /// Half a mean edge: what the z-buffer may be off at a slanted face.
+    tolerance: f64,
+    glossy: f64,
+}
+
+impl<'a> Look<'a> {
+    pub(super) fn new(
+        photo: &'a Photograph<'a>,
+        rest: &'a Mesh,
+        shape: &'a [Point3],
+        lens: Lens,
+    ) -> Self {
+        let raster = rasterize(photo.camera, &rest.topology, shape);
+        let normals = vertex_normals(&rest.topology, shape);
+        let (texels, picture) = (photo.albedo, photo.picture);
+        let known = raster.render(false, |face, b| texels.views[texels.index(face, b)] > 0);
+        let albedo = raster.render([0.0; 3], |face, b| texels.at(face, b));
+        let albedo = ColorImage { size: raster.size, data: albedo };
+        let near_highlight = distance_to(&picture.saturated);
+        let highlights = picture.saturated.data.iter().any(|&s| s);
+        let mut look = Self {
+            glossy: if highlights { lens.mirror_deg.to_radians().cos() } else { f64::INFINITY },
+            image: ColorImage { size: raster.size, data: Vec::new() },
+            support: Plane { size: raster.size, data: Vec::new() },
+            contour: distance_to(&raster.discontinuities(0.05)),
+            tolerance: 0.5 * rest.mean_edge_length(),
+            photo,
+            rest,
+            shape,
+            lens,
+            normals,
+            raster,
+            albedo,
+            near_highlight,
+        };
+        let glare = look.glare_of_pale_tissue(&known);
+        // One mask for all channels: blurred over different pixels, glare would not stay white.
+        let counts =
+            |i: usize| known[i] && photo.usable.data[i] && picture.clipped[i] == [false; 3];
+        let data = (0..known.len()).map(|i| counts(i) && !glare.as_ref().is_some_and(|g| g[i]));
+        let mask = Mask { size: look.raster.size, data: data.collect() };
+        let planes = [0, 1, 2].map(|c| picture.linear.channel(c)).into_iter();
+        let planes: Vec<Plane> = planes.chain([0, 1, 2].map(|c| look.albedo.channel(c))).collect();
+        let (blurred, support) = blur_masked_all(&planes, &mask, look.lens.blur);
+        look.image = ColorImage::of_channels([&blurred[0], &blurred[1], &blurred[2]]);
+        look.albedo = ColorImage::of_channels([&blurred[3], &blurred[4], &blurred[5]]);
+        let here = support.data.iter().zip(&mask.data);
+        look.support.data = here.map(|(&s, &here)| if here { s } else { 0.0 }).collect();
+        look
+    }
+
+    /// Pixels that may be glare, where their colour does not tell: they must not reach their
+    /// neighbours through the blur.
+    fn glare_of_pale_tissue(&self, known: &[bool]) -> Option<Vec<bool>> {
+        let mut mean = [0.0; 3];
+        for (albedo, _) in self.albedo.data.iter().zip(known).filter(|(_, known)| **known) {
+            (0..3).for_each(|c| mean[c] += albedo[c] as f64);
+        }
+        if self.lens.colour && purity(&mean) > PALE {
+            return None;
+        }
+        let mirror = self.raster.render(false, |face, b| {
+            let face = self.rest.topology.faces[face];
+            let on = self.on_face(face, b);
+            on.is_some_and(|(point, _, normal)| self.mirrors(&point, &normal))
+        });
+        let near = |i: usize| self.near_highlight[i] as f64 <= self.lens.halo;
+        Some((0..mirror.len()).map(|i| mirror[i] || near(i)).collect())
+    }
+
+    fn mirrors(&self, point: &Point3, normal: &Vector3) -> bool {
+        self.photo.light.mirror_normal(point).dot(normal) > self.glossy
+    }
+
+    /// A point inside a face, its pixel and its interpolated unit normal.
+    pub(super) fn on_face(&self, face: [u32; 3], b: [f64; 3]) -> Option<(Point3, Point2, Vector3)> {
+        let corners = face.map(|v| v as usize);
+        let point = point_at(corners.map(|v| &self.shape[v]), b);
+        let normal = corners.iter().zip(b).map(|(&v, w)| self.normals[v] * w).sum::<Vector3>();
+        let pixel = self.photo.camera.project(&point)?.pixel;
+        Some((point, pixel, normal.normalize()))
+    }
+
+    /// What the channels say of a point; `None` where it is hidden, grazing, near a contour, or
+    /// where no channel counts.
+    pub(super) fn at(&self, point: &Point3, pixel: &Point2, normal: &Vector3) -> Option<Channels> {
+        let [w, h] = self.image.size;
+        let (x, y) = (pixel.x.round(), pixel.y.round());
+        if !(x >= 0.0 && y >= 0.0 && x < w as f64 && y < h as f64) {
+            return None;
+        }
+        let i = y as usize * w + x as usize;
+        let occluded = self.raster.depth[i] < point.z - self.tolerance;
+        let grazing = -normal.dot(&point.coords.normalize()) < self.lens.grazing;
+        if occluded
+            || grazing
+            || (self.contour[i] as f64) < self.lens.contour
+            || self.support.data[i] < 0.5
+        {
+            return None;
+        }
+        let channel = |of: &ColorImage| {
+            [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+                .map(|w| of.mixed(pixel, &w).map_or(0.0, |s| s.0))
+        };
+        Some(Channels {
+            image: channel(&self.image),
+            albedo: channel(&self.albedo),
+            shade: self.photo.light.shade(point, normal).value,
+            maybe_glare: self.mirrors(point, normal)
+                || self.near_highlight[i] as f64 <= self.lens.halo,
+        })
+    }
+}
+
+/// Image diagonal, px.
+pub(super) fn diagonal([w, h]: [usize; 2]) -> f64 {
+    (w as f64).hypot(h as f64)
+}
