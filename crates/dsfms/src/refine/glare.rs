@@ -45,12 +45,12 @@ const TOLD_APART: f64 = 0.15;
 /// Glare below this many standard deviations is chance.
 const CHANCE: f64 = 2.5;
 
-/// Glare that is always possible, as a part of the brightness.
-const UNSEEN: f64 = 0.03;
+/// Glare possible near a highlight or the mirror direction whatever the colours say, as a part of
+/// the brightness.
+const UNSEEN: f64 = 0.1;
 
-/// Light that reaches a point by way of other tissue, as a part of its brightness over the albedo:
-/// the red of tissue is full of it, green and blue hardly know it.
-const BOUNCED: f64 = 0.15;
+/// Less glare than this, as a part of the brightness, leaves a point fit to measure noise on.
+const CLEAN: f64 = 0.06;
 
 /// Least relative noise of a single channel.
 const CHANNEL_NOISE: f64 = 0.003;
@@ -60,7 +60,7 @@ pub(super) fn weigh(points: &[Channels], options: &NoiseOptions) -> Weighed {
     let glare = Glare::of(points);
     let mix = |p: &Channels| {
         if options.colour {
-            Mix::against(p, glare.at(p)?, glare.channel_noise, options.absolute)
+            Mix::against(p, glare.at(p)?, &glare.channels, options.absolute)
         } else {
             (!p.maybe_glare).then(|| Mix::grey(p))
         }
@@ -84,8 +84,11 @@ pub(super) fn weigh(points: &[Channels], options: &NoiseOptions) -> Weighed {
 struct Glare {
     /// Its usual part of the brightness: ambient light and what the albedo is off.
     usual: f64,
-    /// Relative noise of a single channel.
-    channel_noise: f64,
+    /// Relative noise of the white part of a pure colour.
+    chance: f64,
+    /// Relative noise of every channel by itself: light that came by way of other tissue is full of
+    /// red, and blue is where pixels are dark.
+    channels: [f64; 3],
 }
 
 impl Glare {
@@ -94,20 +97,45 @@ impl Glare {
         let mut all: Vec<f64> = parts().map(|(part, _)| part).collect();
         let usual = median(&mut all);
         let mut away: Vec<f64> = parts().map(|(p, purity)| (p - usual).abs() * purity).collect();
-        Self { usual, channel_noise: (1.4826 * median(&mut away)).max(CHANNEL_NOISE) }
+        let chance = (1.4826 * median(&mut away)).max(CHANNEL_NOISE);
+        let glare = Self { usual, chance, channels: [0.0; 3] };
+        let clean = |p: &&Channels| !p.maybe_glare && glare.seen(p).is_some_and(|g| g < CLEAN);
+        let clean: Vec<&Channels> = points.iter().filter(clean).collect();
+        Self { channels: channel_noise(&clean), ..glare }
+    }
+
+    /// Glare at a point as a part of its brightness; `None` where the colours cannot tell.
+    fn seen(&self, p: &Channels) -> Option<f64> {
+        let (part, purity) = white_part(p)?;
+        (CHANCE * self.chance < TOLD_APART * purity).then(|| (part - self.usual).max(0.0))
     }
 
     /// Standard deviation of the glare at a point, linear light; `None` where there may be some and
     /// the colours cannot tell.
     fn at(&self, p: &Channels) -> Option<f64> {
-        let unknown = if p.maybe_glare { None } else { Some(0.0) };
-        let Some((part, purity)) = white_part(p) else { return unknown };
-        let chance = CHANCE * self.channel_noise / purity;
-        if chance > TOLD_APART {
-            return unknown;
+        let possible = if p.maybe_glare { UNSEEN } else { 0.0 };
+        match self.seen(p) {
+            Some(part) => Some((part + possible) * mean(&p.image)),
+            None => (!p.maybe_glare).then_some(0.0),
         }
-        Some(((part - self.usual).max(0.0) + UNSEEN) * mean(&p.image))
     }
+}
+
+/// Relative noise of every channel by itself, from the spread of the log ratios of two channels
+/// (image over albedo, so that shading cancels): `σ₀² = (V₀₁ + V₀₂ − V₁₂)/2`, and no channel better
+/// than half their mean.
+fn channel_noise(points: &[&Channels]) -> [f64; 3] {
+    let variance = |a: usize, b: usize| {
+        let ratio = |p: &&Channels| {
+            let ratio = p.image[a] * p.albedo[b] / (p.image[b] * p.albedo[a]);
+            (ratio > 0.0 && ratio.is_finite()).then(|| ratio.ln())
+        };
+        let mut ratios: Vec<f64> = points.iter().filter_map(ratio).collect();
+        centre_and_spread(&mut ratios).1.powi(2)
+    };
+    let [rg, rb, gb] = [variance(0, 1), variance(0, 2), variance(1, 2)];
+    let least = (0.25 * (rg + rb + gb) / 6.0).max(CHANNEL_NOISE * CHANNEL_NOISE);
+    [rg + rb - gb, rg + gb - rb, rb + gb - rg].map(|twice| (0.5 * twice).max(least).sqrt())
 }
 
 /// The white part of the brightness that a point's colour cannot explain, and the purity of that
@@ -154,9 +182,9 @@ impl Mix {
 
     /// The best sum for noise of its own in every channel and glare `tau` common to all:
     /// `w ∝ Σ⁻¹ α` with `Σ = diag(σ²) + τ² 1 1ᵀ`, scaled to the grey albedo.
-    fn against(p: &Channels, tau: f64, relative: f64, absolute: f64) -> Option<Self> {
+    fn against(p: &Channels, tau: f64, relative: &[f64; 3], absolute: f64) -> Option<Self> {
         let inverse = [0, 1, 2].map(|c| {
-            let sigma = (relative.hypot(BOUNCED * p.albedo[c]) * p.image[c]).hypot(absolute);
+            let sigma = (relative[c] * p.image[c]).hypot(absolute);
             1.0 / (sigma * sigma)
         });
         let dot = |a: &[f64; 3], b: &[f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
