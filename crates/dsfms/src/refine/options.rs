@@ -60,7 +60,7 @@ impl Default for RefineOptions {
             reference_count: 300.0,
             blur: 0.0045,
             sigma_absolute: 0.002,
-            sigma_relative: [0.02, 0.1],
+            sigma_relative: [0.01, 0.1],
             huber: 2.0,
             gain_sigma: 0.3,
             ambient_sigma: 0.05,
