@@ -14,7 +14,7 @@ struct Change {
 const LOOSE: f64 = 1e3;
 const FAST: f64 = 1e-6;
 
-const CHANGES: [Change; 29] = {
+const CHANGES: [Change; 31] = {
     use Method::{Dsfm, Dsfms, Joint};
     const fn change(
         name: &'static str,
@@ -38,6 +38,7 @@ const CHANGES: [Change; 29] = {
         }),
         change("dsfms: reprojection held tightly", Dsfms, |o| o.refine.reprojection = 1.0),
         change("dsfms: least squares", Dsfms, |o| o.refine.huber = LOOSE),
+        change("dsfms: grey", Dsfms, |o| o.refine.colour = false),
         change("dsfms: no halo", Dsfms, |o| o.refine.halo = 0.0),
         change("dsfms: no mirror cone", Dsfms, |o| o.refine.specular_deg = 0.0),
         change("dsfms: no specular condition", Dsfms, |o| o.refine.specular = 0.0),
@@ -58,6 +59,7 @@ const CHANGES: [Change; 29] = {
             let finest = o.joint.blurs.last().copied();
             o.joint.blurs = finest.into_iter().collect();
         }),
+        change("joint: grey", Joint, |o| o.joint.colour = false),
         change("joint: no halo", Joint, |o| o.joint.halo = 0.0),
         change("joint: no mirror cone", Joint, |o| o.joint.specular_deg = 0.0),
         change("joint: contour samples kept", Joint, |o| o.joint.contour_blurs = 0.0),

@@ -59,7 +59,7 @@ pub fn gather(
         contour: if literal { 0.0 } else { options.contour_blurs * blur },
         halo: options.halo * diagonal,
         mirror_deg: if literal { 0.0 } else { options.specular_deg },
-        colour: !literal,
+        colour: options.colour && !literal,
     };
     let look = Look::new(photo, rest, shape, lens);
     let tolerance = 0.5 * rest.mean_edge_length();
@@ -79,7 +79,7 @@ pub fn gather(
     let noise = NoiseOptions {
         relative: options.sigma_relative,
         absolute: options.sigma_absolute,
-        colour: !literal,
+        colour: options.colour && !literal,
     };
     let weighed = weigh(&channels, &noise);
     let diffuse = |(i, brightness)| DiffuseVertex { vertex: vertices[i], brightness };

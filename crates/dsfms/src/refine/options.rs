@@ -27,6 +27,8 @@ pub struct RefineOptions {
     /// Noise of the image model: bounds of the part proportional to brightness, which is measured on
     /// the coarse shape.
     pub sigma_relative: [f64; 2],
+    /// Weigh the channels so that white glare cancels; else grey, and what may be glare is left out.
+    pub colour: bool,
     /// Huber threshold of the diffuse condition, in standard deviations.
     pub huber: f64,
     /// Spread of the log gain about its expectation.
@@ -61,6 +63,7 @@ impl Default for RefineOptions {
             blur: 0.0045,
             sigma_absolute: 0.002,
             sigma_relative: [0.01, 0.1],
+            colour: true,
             huber: 2.0,
             gain_sigma: 0.3,
             ambient_sigma: 0.05,
