@@ -1,11 +1,13 @@
 //! `dsfms track`: a video of the deforming organ, frame after frame.
 
+use super::reconstruct::method_name;
 use crate::args::Global;
 use crate::draw;
 use crate::exit::{Outcome, Usage};
 use crate::inputs;
 use crate::outputs::{self, quoted};
 use crate::progress::Reporter;
+use crate::report::track::TrackReport;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use dsfms::camera::CameraModel;
@@ -39,7 +41,8 @@ Every frame ends ok, degraded (a surface with reservations, in the column reason
 surface).
 
 Written to OUT: vertices.npz (vertices: frames x vertices x 3 in camera axes, NaN where lost; status: 0
-ok, 1 degraded, 2 lost); summary.csv; with --ply frame_NNN.ply; with --overlay overlay/frame_NNN.png
+ok, 1 degraded, 2 lost); summary.csv; report.html, one page with plots and up to 96 frames in 3D, written
+anew every few seconds, so that `dsfms view OUT` shows a running video; with --ply frame_NNN.ply; with --overlay overlay/frame_NNN.png
 and, where ffmpeg is installed, overlay.mp4. NNN is the place in the sequence.";
 
 /// Follow the template through a video.
@@ -76,6 +79,9 @@ pub struct TrackArgs {
     /// A picture of every frame with the surface, and a video of them where ffmpeg is installed.
     #[arg(long)]
     overlay: bool,
+    /// Leave out OUT/report.html.
+    #[arg(long)]
+    no_report: bool,
     /// Thresholds and weights, as TOML.
     #[arg(long, value_name = "FILE")]
     options: Option<PathBuf>,
@@ -125,8 +131,12 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     let tracker = Tracker::new(&template, &camera, &tone, method, options)?;
     let path = args.output.join("vertices.npz");
     let shapes = ShapeFile::create(&path, template.mesh.positions.len())?;
+    let name = args.template.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let page = args.output.join("report.html");
+    let report = TrackReport::new(page, name, &template, &camera, method_name(method))?;
     let mut job = Job {
         args,
+        report: (!args.no_report).then_some(report),
         template: &template,
         camera: &camera,
         reporter,
@@ -177,6 +187,7 @@ struct Job<'a> {
     reporter: &'a Reporter,
     tracker: Tracker<'a>,
     shapes: ShapeFile,
+    report: Option<TrackReport<'a>>,
     live: bool,
     summary: String,
     /// Last surface, for `--keep-lost`.
@@ -279,6 +290,9 @@ impl Job<'_> {
     ) -> anyhow::Result<()> {
         self.counts[tracked.status as usize] += 1;
         self.row(number, frame, tracked, ms);
+        if let Some(report) = &mut self.report {
+            report.add(number, frame, tracked, ms)?;
+        }
         let surface = tracked.surface.as_ref();
         if let Some(surface) = surface {
             self.last = Some(surface.vertices.clone());
@@ -369,6 +383,7 @@ impl Job<'_> {
         anyhow::ensure!(total > 0, "the input holds no frame");
         self.shapes.finish()?;
         outputs::write_text(&self.args.output.join("summary.csv"), &self.summary)?;
+        self.report.map_or(Ok(()), TrackReport::finish)?;
         if self.args.overlay && !film(&self.args.output, self.args.stride) {
             self.reporter.warn("overlay.mp4 needs ffmpeg; the pictures are in OUT/overlay");
         }

@@ -87,17 +87,17 @@ pub fn flags(values: &[bool]) -> String {
 
 /// A frame as a data URI, made smaller where it is large.
 pub fn photograph(frame: &Frame) -> anyhow::Result<String> {
-    photograph_of(crate::draw::picture(frame))
+    photograph_within(crate::draw::picture(frame), LONGEST_SIDE)
 }
 
-/// A picture as a data URI, made smaller where it is large.
-pub fn photograph_of(picture: RgbImage) -> anyhow::Result<String> {
+/// A picture as a data URI, made smaller where a side is longer than `side` px.
+pub fn photograph_within(picture: RgbImage, side: u32) -> anyhow::Result<String> {
     let (w, h) = picture.dimensions();
     let longest = w.max(h);
-    if longest <= LONGEST_SIDE {
+    if longest <= side {
         return jpeg(&picture);
     }
-    let scaled = |n: u32| (n * LONGEST_SIDE / longest).max(1);
+    let scaled = |n: u32| (n * side / longest).max(1);
     let filter = image::imageops::FilterType::Triangle;
     jpeg(&image::imageops::resize(&picture, scaled(w), scaled(h), filter))
 }
