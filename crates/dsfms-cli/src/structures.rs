@@ -2,10 +2,10 @@
 
 use crate::draw;
 use crate::progress::Reporter;
-use crate::report::data::ShownStructure;
-use crate::report::embed;
-use dsfms::camera::CameraModel;
-use dsfms::geometry::{Point3, Vector3};
+use crate::report::data::{BuriedPlace, ShownStructure, pixels};
+use crate::report::embed::{self, Cloud, Numbers};
+use dsfms::camera::{Camera, CameraModel};
+use dsfms::geometry::{Point2, Point3, Vector3};
 use dsfms::image::Frame;
 use dsfms::image::distance::distance_to;
 use dsfms::io::mesh::read_mesh;
@@ -31,6 +31,37 @@ pub struct Structures {
     carrier: Carrier,
     rest: Mesh,
     half_extent: f64,
+}
+
+/// Widths of a halo at some places in the image.
+#[derive(Default)]
+struct Halo {
+    places: Vec<(Point2, f64)>,
+    widest: f64,
+}
+
+/// Points of a structure that shape its halo.
+const HALO_POINTS: usize = 120;
+
+impl Halo {
+    fn new(camera: &CameraModel, points: &[Point3], widths: &[f64]) -> Self {
+        let every = points.len().div_ceil(HALO_POINTS).max(1);
+        let place = |(p, w): (&Point3, &f64)| Some((camera.project(p)?.pixel, *w));
+        let places: Vec<(Point2, f64)> =
+            points.iter().zip(widths).step_by(every).filter_map(place).collect();
+        let widest = places.iter().map(|p| p.1).fold(0.0, f64::max);
+        Self { places, widest }
+    }
+
+    /// Between the points, by their squared distances.
+    fn at(&self, q: Point2) -> f64 {
+        let weigh = |(sum, all): (f64, f64), (p, width): &(Point2, f64)| {
+            let weight = 1.0 / ((p - q).norm_squared() + 1.0);
+            (sum + weight * width, all + weight)
+        };
+        let (sum, all) = self.places.iter().fold((0.0, 0.0), weigh);
+        (sum / all).max(1e-9)
+    }
 }
 
 struct Structure {
@@ -116,8 +147,24 @@ impl Structures {
         self.items.iter().map(of).collect()
     }
 
+    /// Per point of every structure: depth under the surface at rest, and expected error in px.
+    pub fn places(
+        &self,
+        camera: &CameraModel,
+        result: &Reconstruction,
+        places: &[Vec<Point3>],
+    ) -> Vec<BuriedPlace> {
+        let of = |(item, points): (&Structure, &Vec<Point3>)| BuriedPlace {
+            at: Cloud::of(points),
+            pixels: pixels(camera, points),
+            under: Numbers::of(&item.depths.iter().map(|d| d.distance).collect::<Vec<f64>>()),
+            halo: item.halo(camera, result, points, self.half_extent).as_deref().map(Numbers::of),
+        };
+        self.items.iter().zip(places).map(of).collect()
+    }
+
     /// The structures over the image: fainter the deeper they lie under the surface as the camera
-    /// sees it, each in a halo as wide as its expected error.
+    /// sees it, each in a halo as wide as its expected error there.
     pub fn overlay(
         &self,
         frame: &Frame,
@@ -130,24 +177,30 @@ impl Structures {
         for k in self.far_first(places) {
             let (item, points) = (&self.items[k], &places[k]);
             let colour = COLOURS[k % COLOURS.len()];
-            let halo = result
-                .confidence
-                .as_ref()
-                .map_or(0.0, |c| item.halo(c, points, self.half_extent) * camera.focal[0]);
-            item.draw(&mut canvas, camera, &surface, points, colour, (halo, self.half_extent));
+            let halo = item.halo(camera, result, points, self.half_extent);
+            let halo = halo.map(|h| Halo::new(camera, points, &h)).unwrap_or_default();
+            item.draw(&mut canvas, camera, &surface, points, colour, (&halo, self.half_extent));
         }
         canvas
     }
 }
 
 impl Structure {
-    /// Mean expected error over distance, rad.
-    fn halo(&self, confidence: &[f64], points: &[Point3], half_extent: f64) -> f64 {
-        let angle = |(d, p): (&Depth, &Point3)| {
-            expected_error(confidence[d.vertex as usize], d.distance, half_extent) / p.z.max(1e-9)
+    /// Expected error of every point, px: it grows with the expected error of the surface above and
+    /// with the depth under it. `None` where the method predicts no error.
+    fn halo(
+        &self,
+        camera: &CameraModel,
+        result: &Reconstruction,
+        points: &[Point3],
+        half_extent: f64,
+    ) -> Option<Vec<f64>> {
+        let confidence = result.confidence.as_ref()?;
+        let width = |(d, p): (&Depth, &Point3)| {
+            let error = expected_error(confidence[d.vertex as usize], d.distance, half_extent);
+            (camera.focal[0] * error / p.z.max(1e-9)).clamp(0.0, WIDEST_HALO)
         };
-        let sum: f64 = self.depths.iter().zip(points).map(angle).sum();
-        sum / points.len().max(1) as f64
+        Some(self.depths.iter().zip(points).map(width).collect())
     }
 
     fn draw(
@@ -157,21 +210,21 @@ impl Structure {
         surface: &Raster,
         points: &[Point3],
         colour: [u8; 3],
-        (halo, half_extent): (f64, f64),
+        (halo, half_extent): (&Halo, f64),
     ) {
         let topology = &self.mesh.topology;
         let normals = vertex_normals(topology, points);
         let raster = rasterize(camera, topology, points);
         let inside = raster.silhouette();
         let [away, within] = [&inside, &inside.complement()].map(distance_to);
-        let halo = halo.clamp(0.0, WIDEST_HALO);
         let width = raster.size[0];
         for i in 0..raster.face.len() {
             let (x, y) = ((i % width) as i64, (i / width) as i64);
             let Some(face) = topology.faces.get(raster.face[i] as usize) else {
                 let d = f64::from(away.data[i]);
-                if d < halo {
-                    draw::blend(canvas, x, y, colour, 0.4 * (1.0 - d / halo));
+                if d < halo.widest {
+                    let width = halo.at(Point2::new(x as f64, y as f64));
+                    draw::blend(canvas, x, y, colour, 0.45 * (1.0 - d / width).max(0.0));
                 }
                 continue;
             };

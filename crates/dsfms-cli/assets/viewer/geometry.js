@@ -29,18 +29,17 @@ function vertexNormals(p) {
   return n;
 }
 
-/** Per face, the principal stretch that differs most from 1, minus 1, in per cent. */
-function strain(p) {
-  return Float32Array.from({ length: faceCount }, (_, f) => {
-    const vs = corners(f);
-    const edges = (q) => [sub(point(q, vs[1]), point(q, vs[0])), sub(point(q, vs[2]), point(q, vs[0]))];
-    const [e, g] = edges(rest), [d, h] = edges(p);
-    const l = length(e) || 1e-12, x = dot(e, g) / l, y = Math.sqrt(Math.max(dot(g, g) - x * x, 1e-24));
-    // Deformed edges in the rest frame's orthonormal axes: F's columns u and w.
-    const u = d.map((v) => v / l), w = [0, 1, 2].map((i) => (h[i] - u[i] * x) / y);
-    const a = dot(u, u), b = dot(u, w), c = dot(w, w);
-    const mean = 0.5 * (a + c), gap = Math.sqrt(0.25 * (a - c) ** 2 + b * b);
-    const large = Math.sqrt(mean + gap) - 1, small = Math.sqrt(Math.max(mean - gap, 0)) - 1;
-    return 100 * (Math.abs(large) >= Math.abs(small) ? large : small);
-  });
+/** Of a face, the principal stretch that differs most from 1, minus 1, in per cent. */
+function faceStrain(p, f) {
+  const vs = corners(f);
+  const edges = (q) => [sub(point(q, vs[1]), point(q, vs[0])), sub(point(q, vs[2]), point(q, vs[0]))];
+  const [e, g] = edges(rest), [d, h] = edges(p);
+  const l = length(e) || 1e-12, x = dot(e, g) / l, y = Math.sqrt(Math.max(dot(g, g) - x * x, 1e-24));
+  // Deformed edges in the rest frame's orthonormal axes: F's columns u and w.
+  const u = d.map((v) => v / l), w = [0, 1, 2].map((i) => (h[i] - u[i] * x) / y);
+  const a = dot(u, u), b = dot(u, w), c = dot(w, w);
+  const mean = 0.5 * (a + c), gap = Math.sqrt(0.25 * (a - c) ** 2 + b * b);
+  const large = Math.sqrt(mean + gap) - 1, small = Math.sqrt(Math.max(mean - gap, 0)) - 1;
+  return 100 * (Math.abs(large) >= Math.abs(small) ? large : small);
 }
+const strain = (p) => Float32Array.from({ length: faceCount }, (_, f) => faceStrain(p, f));

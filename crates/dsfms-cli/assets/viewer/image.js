@@ -18,7 +18,8 @@ function drawOverlay() {
   const seen = (v) => (!s.visible || s.visible[v]) && Number.isFinite(s.pixels[2 * v]);
   const at = (v) => [s.pixels[2 * v], s.pixels[2 * v + 1]];
   ink.globalAlpha = $("opacity").value / 100;
-  if (kind === "colours" && !state.layer.texture) fillFaces(ink, s, k, seen, at);
+  if (kind === "structures") drawBuried(ink, s, out);
+  else if (kind === "colours" && !state.layer.texture) fillFaces(ink, s, k, seen, at);
   else {
     ink.strokeStyle = "#5ad2ff"; ink.lineWidth = 1;
     ink.beginPath();
@@ -43,6 +44,47 @@ function fillFaces(ink, s, k, seen, at) {
     corners(f).forEach((v, i) => (i ? ink.lineTo(...at(v)) : ink.moveTo(...at(v))));
     ink.closePath(); ink.fill();
   }
+}
+/** The structures: fainter the deeper they lie, each in a halo as wide as its expected error. */
+function drawBuried(ink, s, out) {
+  const sheet = () => {
+    const canvas = Object.assign(document.createElement("canvas"), { width: out.width, height: out.height }), pen = canvas.getContext("2d");
+    pen.setTransform(ink.getTransform());
+    return [canvas, pen];
+  };
+  /** Lay one drawing over another instead of mixing the two. */
+  const replace = (pen, canvas, alpha) => {
+    pen.save(); pen.setTransform(1, 0, 0, 1, 0, 0);
+    pen.globalAlpha = 1; pen.globalCompositeOperation = "destination-out"; pen.drawImage(canvas, 0, 0);
+    pen.globalAlpha = alpha; pen.globalCompositeOperation = "source-over"; pen.drawImage(canvas, 0, 0);
+    pen.restore();
+  };
+  s.structures.forEach((structure, i) => {
+    const colour = BURIED[i % BURIED.length], list = structureFaces[i], q = structure.pixels;
+    const inside = (v) => Number.isFinite(q[2 * v]), [layer, pen] = sheet();
+    for (const [share, alpha] of structure.halo ? [[1, 0.22], [0.66, 0.36], [0.33, 0.55]] : []) {
+      const [ring, brush] = sheet();
+      brush.fillStyle = colour;
+      structure.halo.forEach((r, v) => { if (inside(v)) { brush.beginPath(); brush.arc(q[2 * v], q[2 * v + 1], share * r, 0, 7); brush.fill(); } });
+      replace(pen, ring, alpha);
+    }
+    const [solid, brush] = sheet();
+    const depth = (f) => [0, 1, 2].reduce((z, c) => z + structure.at[3 * list[f + c] + 2], 0);
+    const order = Array.from({ length: list.length / 3 }, (_, f) => 3 * f).filter((f) => [0, 1, 2].every((c) => inside(list[f + c])));
+    order.sort((a, b) => depth(b) - depth(a));
+    for (const f of order) {
+      const vs = [list[f], list[f + 1], list[f + 2]], c = vs.map((v) => point(structure.at, v));
+      const facing = Math.abs(unitOf(cross(sub(c[1], c[0]), sub(c[2], c[0])))[2]);
+      const fade = Math.exp((-1.5 * mean(vs.map((v) => structure.under[v]))) / radius);
+      brush.fillStyle = brush.strokeStyle = `rgb(${rgb(colour.slice(1)).map((v) => Math.round(v * (0.35 + 0.25 * fade + 0.4 * facing)))})`;
+      brush.lineWidth = 0.5;
+      brush.beginPath();
+      vs.forEach((v, j) => (j ? brush.lineTo(q[2 * v], q[2 * v + 1]) : brush.moveTo(q[2 * v], q[2 * v + 1])));
+      brush.closePath(); brush.fill(); brush.stroke();
+    }
+    replace(pen, solid, 0.85);
+    ink.save(); ink.setTransform(1, 0, 0, 1, 0, 0); ink.drawImage(layer, 0, 0); ink.restore();
+  });
 }
 /** Kept: discs. Refused: crosses. */
 function drawMatches(ink, matches, r) {

@@ -42,10 +42,12 @@ if (data.flattening) {
  * half of the methods, so that one that went astray does not drown the others. */
 function usualLimit(layer) {
   const base = layer.low || 0; // the flattening's ratios start at 1
+  const step = Math.ceil(data.frames.length / 24); // of long videos, some frames
   const reach = estimated.map((k) => {
     const all = [];
     data.frames.forEach((_, f) => {
-      if (surface(f, k)) for (const v of layer.values(f, k) || []) if (Number.isFinite(v)) all.push(Math.abs(v) - base);
+      if (f % step || !surface(f, k)) return;
+      for (const v of layer.values(f, k) || []) if (Number.isFinite(v)) all.push(Math.abs(v) - base);
     });
     return Float64Array.from(all).sort()[Math.floor(0.95 * (all.length - 1))];
   }).filter(Number.isFinite).sort((a, b) => a - b);

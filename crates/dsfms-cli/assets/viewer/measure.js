@@ -47,15 +47,16 @@ function distances(p, A) {
   }
   return { d, before };
 }
+/** Shortest way from A to B: its length, its points, and the vertices that it passes. */
 function alongSurface(p, A, B) {
   const end = onFace(p, B), start = onFace(p, A);
-  if (A.face === B.face) return { length: apart(start, end), path: [start, end] };
+  if (A.face === B.face) return { length: apart(start, end), path: [start, end], passed: [] };
   const { d, before } = distances(p, A);
   const total = (v) => d[v] + apart(point(p, v), end);
   let v = corners(B.face).reduce((a, b) => (total(b) < total(a) ? b : a));
-  const result = { length: total(v), path: [end] };
-  for (; v >= 0; v = before[v]) result.path.push(point(p, v));
-  result.path.push(start);
+  const result = { length: total(v), passed: [] };
+  for (; v >= 0; v = before[v]) result.passed.unshift(v);
+  result.path = [start, ...result.passed.map((v) => point(p, v)), end];
   return result;
 }
 /** Faces within the radius of A along the surface at rest. */
@@ -66,93 +67,28 @@ function patch() {
   return [...Array(faceCount).keys()].filter((f) => mean(corners(f).map((v) => d[v])) <= r);
 }
 const total = (p, list) => list.reduce((s, f) => s + faceArea(p, f), 0);
-const interpolated = (values, s) => corners(s.face).reduce((t, v, j) => t + s.b[j] * values[v], 0);
-/** Everything measured on one surface. */
+/** Everything measured on one surface; `list`: the faces of the patch. */
 function measureOn(p, confidence, list) {
   const [A, B] = state.picks, out = { area: total(p, list) };
   out.strain = list.length ? mean(list.map((f) => strainNow(p)[f])) : NaN;
-  if (B) {
-    out.straight = apart(onFace(p, A), onFace(p, B));
-    Object.assign(out, { along: alongSurface(p, A, B) });
-    if (confidence) out.expected = Math.hypot(interpolated(confidence, A), interpolated(confidence, B));
-  }
+  if (B) Object.assign(out, { straight: apart(onFace(p, A), onFace(p, B)), along: alongSurface(p, A, B) });
+  if (confidence) out.sd = uncertainty(p, confidence, list, out);
   return out;
 }
 const strainKnown = new WeakMap();
 const strainNow = (p) => { if (!strainKnown.has(p)) strainKnown.set(p, strain(p)); return strainKnown.get(p); };
-const percent = (v) => {
-  if (!Number.isFinite(v)) return "–";
-  const shown = Math.abs(v).toFixed(1);
-  return `${shown === "0.0" ? "" : v > 0 ? "+" : "−"}${shown} %`;
-};
-
-function measured() {
-  const list = patch(), reference = state.picks.length ? measureOn(rest, null, list) : {};
-  const rows = state.picks.length ? methods.flatMap((k) => {
-    const s = surface(state.frame, k);
-    return s ? [[data.methods[k], measureOn(s.at, s.confidence, list), k]] : [];
-  }) : [];
-  const table = $("measured"), B = state.picks.length > 1, expected = rows.some((r) => r[1].expected !== undefined);
-  const against = data.moving_camera ? "" : `; change and strain against ${data.reference}`;
-  const title = `${B ? "Between A and B" : "Around A; pick a second point for distances"}, ${data.frames[state.frame].name}${against}`;
-  table.caption.textContent = state.picks.length ? title : "Pick two points to measure";
-  const head = ["", ...(B ? [`straight, ${unit}`, `along the surface, ${unit}`, "change"] : []), ...(expected && B ? [`expected error, ${unit}`] : []), `patch area, ${unit}²`, "change", "mean strain"];
-  table.tHead.innerHTML = state.picks.length ? `<tr>${head.map((h) => `<th scope="col">${h}</th>`).join("")}</tr>` : "";
-  const line = (name, m, change) => {
-    const c = (a, b) => (change ? percent(100 * (a / b - 1)) : "");
-    const two = B ? [text(m.straight, 4), text(m.along.length, 4), c(m.along.length, reference.along.length), ...(expected ? [text(m.expected, 2)] : [])] : [];
-    const cellsOf = [...two, list.length ? text(m.area, 4) : "–", list.length ? c(m.area, reference.area) : "", change ? percent(m.strain) : ""];
-    return `<tr><th scope="row">${escape(name)}</th>${cellsOf.map((v) => `<td>${v}</td>`).join("")}</tr>`;
-  };
-  const resting = state.picks.length && !data.moving_camera ? line(data.reference, reference, false) : "";
-  table.tBodies[0].innerHTML = resting + rows.map((r) => line(r[0], r[1], !data.moving_camera)).join("");
-  $("uncertainty").textContent = expected ? " Expected error: the two points' own, taken as independent." : "";
-  columns.forEach((column, k) => placePins(column, surface(state.frame, k), rows.find((r) => r[2] === k)));
-  drawOverlay(); draw();
-}
-function placePins(column, s, row) {
-  column.pins.forEach((pin, i) => {
-    pin.visible = !!s && i < state.picks.length;
-    if (!pin.visible) return;
-    pin.position.set(...onFace(s.at, state.picks[i]));
-    pin.scale.setScalar(0.014 * radius);
-  });
-  column.path.visible = !!(row && row[1].along);
-  if (!column.path.visible) return;
-  const way = row[1].along.path, list = way.slice(1).flatMap((q, i) => [...way[i], ...q]);
-  column.path.geometry.dispose();
-  column.path.geometry = new T.BufferGeometry();
-  column.path.geometry.setAttribute("position", new T.BufferAttribute(Float32Array.from(list), 3));
-}
-function csv() {
-  const list = patch(), [A, B] = state.picks;
-  const place = (s) => (s ? [s.face, ...s.b.map((v) => v.toFixed(6))] : ["", "", "", ""]);
-  const u = unit === "mm" ? "mm" : "units";
-  const rows = [["frame", "method", "status", "a_face", "a_b1", "a_b2", "a_b3", "b_face", "b_b1", "b_b2", "b_b3", `straight_${u}`, `along_surface_${u}`, `expected_error_${u}`, `patch_radius_${u}`, `patch_area_${u}2`, "patch_mean_strain_percent"]];
-  const number = (v) => (Number.isFinite(v) ? v.toPrecision(7) : "");
-  const push = (frame, name, status, p, confidence) => {
-    const m = measureOn(p, confidence, list);
-    rows.push([frame, name, status, ...place(A), ...place(B), number(m.straight), number(m.along && m.along.length), number(m.expected), $("radius").value, list.length ? number(m.area) : "", number(m.strain)]);
-  };
-  if (A) {
-    if (!data.moving_camera) push("", data.reference, "", rest, null);
-    data.frames.forEach((frame, f) => methods.forEach((k) => {
-      const s = surface(f, k);
-      if (s) push(frame.name, data.methods[k], frame.status[k], s.at, s.confidence);
-    }));
-  }
-  const quoted = (v) => (/[",\n]/.test(v) ? `"${String(v).replace(/"/g, '""')}"` : v);
-  return rows.map((r) => r.map(quoted).join(",")).join("\n") + "\n";
-}
-function save(name, content) {
-  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(new Blob([content], { type: "text/csv" })), download: name });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-}
+/** Measures of every method in the current frame, for tests. */
+const measures = () => methods.map((k) => { const s = surface(state.frame, k); return s && measureOn(s.at, s.confidence, patch()); });
 function pick(place) {
   state.picks = state.picks.length > 1 ? [place] : [...state.picks, place];
   const own = (i) => { const s = state.picks[i]; return s ? corners(s.face)[s.b.indexOf(Math.max(...s.b))] : ""; };
   $("vertex-a").value = own(0); $("vertex-b").value = own(1);
+  measured();
+}
+/** Vertices by number; null = none. */
+function pickVertices(vertices) {
+  const places = vertices.map((v) => (v === null ? null : atVertex(v)));
+  state.picks = places[0] ? places.filter(Boolean) : [];
   measured();
 }
 const atVertex = (v) => {

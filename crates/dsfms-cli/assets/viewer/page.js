@@ -63,6 +63,8 @@ function wire_up() {
   show(".matches", has((s) => s.matches.length)); show("[data-view=all]", data.camera);
   if (!data.camera) document.querySelector("[data-view=camera]").textContent = "Front";
   $("structure-names").innerHTML = data.structures.map((s, i) => `<span><b style="color:${BURIED[i % 4]}">●</b> ${escape(s.name)}</span>`).join("");
+  if (data.structures.length) $("overlay-kind").value = "structures";
+  else $("overlay-kind").querySelector("[value=structures]").remove();
   document.querySelectorAll(".unit").forEach((e) => { e.textContent = unit; });
   ["vertex-a", "vertex-b"].forEach((id) => { $(id).max = data.vertices - 1; });
   if (!has((s) => s.pixels)) document.querySelector("#image-pane figcaption").hidden = true;
@@ -71,23 +73,20 @@ function wire_up() {
   $("previous").onclick = () => go(state.frame - 1);
   $("next").onclick = () => go(state.frame + 1);
   $("play").onclick = () => play(!state.playing);
+  $("turntable").onclick = () => turntable(!turning);
   $("layer").onchange = (e) => { state.layer = layers.find((l) => l.id === e.target.value); refresh(); };
-  $("limit").onchange = (e) => { if (+e.target.value > (state.layer.low || 0)) state.layer.limit = +e.target.value; refresh(); };
+  $("limit").onchange = (e) => { if (+e.target.value > (state.layer.low || 0)) { state.layer.limit = +e.target.value; state.layer.chosen = true; } refresh(); };
   $("flat-layer").onchange = drawFlattening;
   for (const id of ["overlay-kind", "overlay-method", "opacity", "matches"]) $(id).addEventListener("input", drawOverlay);
   for (const id of ["edges", "ghost", "truth", "rig", "points", "solid"]) $(id).addEventListener("input", draw);
-  document.querySelectorAll("[data-view]").forEach((b) => { b.onclick = () => view(b.dataset.view); });
-  const typed = () => {
-    const places = ["vertex-a", "vertex-b"].map((id) => ($(id).value === "" ? null : atVertex(+$(id).value)));
-    state.picks = places[0] ? places.filter(Boolean) : [];
-    measured();
-  };
+  document.querySelectorAll("[data-view]").forEach((b) => { b.onclick = () => { turntable(false); view(b.dataset.view); }; });
+  const typed = () => pickVertices(["vertex-a", "vertex-b"].map((id) => ($(id).value === "" ? null : +$(id).value)));
   $("vertex-a").onchange = $("vertex-b").onchange = typed;
   $("radius").onchange = measured;
   $("clear").onclick = () => { state.picks = []; $("vertex-a").value = $("vertex-b").value = ""; measured(); };
   $("csv").onclick = () => save("measurements.csv", csv());
   let down = null;
-  canvas.addEventListener("pointerdown", (e) => { down = [e.clientX, e.clientY]; });
+  canvas.addEventListener("pointerdown", (e) => { down = [e.clientX, e.clientY]; turntable(false); });
   canvas.addEventListener("pointerup", (e) => {
     if (down && Math.hypot(e.clientX - down[0], e.clientY - down[1]) < 5) pickAt(e.clientX, e.clientY);
     down = null;
@@ -114,6 +113,27 @@ function orbit(yaw, pitch) {
 }
 function zoom(factor) { eye.position.sub(controls.target).multiplyScalar(factor).add(controls.target); controls.update(); draw(); }
 
+/** What must stay as it is for new frames to be taken over in place. */
+const kept = (d) => JSON.stringify([d.faces, d.methods, d.unit, d.structures.length,
+  ["positions", "pixels", "visible", "confidence"].map((key) => d.frames.some((f) => f.surfaces.some((s) => s && s[key])))]);
+/** Take over the frames and the texts of a newer page (`dsfms view`); false where it must be loaded anew.
+ * Who looks at the last frame goes on to the newest. */
+function update(page) {
+  const next = JSON.parse(page.getElementById("data").textContent);
+  if (kept(next) !== kept(data)) return false;
+  for (const id of ["summary", "sections"]) $(id).innerHTML = page.getElementById(id).innerHTML;
+  const name = data.frames[state.frame].name, follow = state.frame === data.frames.length - 1;
+  data.frames = next.frames;
+  known.clear();
+  const same = data.frames.findIndex((f) => f.name === name);
+  state.frame = follow || same < 0 ? data.frames.length - 1 : same;
+  layers.forEach((l) => { if (!l.chosen) l.limit = undefined; });
+  $("time").hidden = data.frames.length < 2;
+  $("frame").max = data.frames.length - 1;
+  refresh();
+  return true;
+}
+
 $("viewer").hidden = false;
 measureScene();
 $("radius").value = Number((0.2 * radius).toPrecision(1));
@@ -124,4 +144,4 @@ drawFlattening();
 if (controls) { controls.addEventListener("change", draw); controls.rotateSpeed = 0.9; view("camera"); }
 $("viewer").dataset.ready = "yes";
 // For tests and the curious.
-window.dsfms = { state, data, render, csv, orbit };
+window.dsfms = { state, data, render, csv, orbit, update, measures, pickVertices };

@@ -29,9 +29,20 @@ const texture = (image, mipmaps) => {
   return t;
 };
 const picture = (source) => Object.assign(new Image(), { src: source });
-const photos = data.frames.map((f) => f.image && picture(f.image));
-const photoTextures = [];
-const photoTexture = (f) => photos[f] && (photoTextures[f] ??= texture(photos[f], false));
+// Of many frames only those that were looked at last are held.
+const photoTextures = new Map(), MOST_PHOTOS = 32;
+const photoTexture = (f) => {
+  const source = data.frames[f].image;
+  if (!source) return null;
+  const known = photoTextures.get(source) || texture(picture(source), false);
+  photoTextures.delete(source);
+  photoTextures.set(source, known);
+  for (const [key, old] of photoTextures) {
+    if (photoTextures.size <= MOST_PHOTOS) break;
+    old.dispose(); photoTextures.delete(key);
+  }
+  return known;
+};
 const albedoImage = data.albedo && picture(data.albedo);
 const albedoTexture = albedoImage && texture(albedoImage, false);
 
@@ -142,7 +153,7 @@ function paint(k) {
   column.buried.forEach((mesh, i) => {
     mesh.visible = !!s.structures[i];
     if (!mesh.visible) return;
-    mesh.geometry.setAttribute("position", new T.BufferAttribute(s.structures[i], 3));
+    mesh.geometry.setAttribute("position", new T.BufferAttribute(s.structures[i].at, 3));
     mesh.geometry.computeVertexNormals();
     mesh.geometry.computeBoundingSphere();
   });

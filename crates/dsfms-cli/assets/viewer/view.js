@@ -22,6 +22,21 @@ function view(kind) {
   draw();
 }
 
+let turning = 0;
+/** A full turn in twelve seconds. */
+function turntable(on) {
+  cancelAnimationFrame(turning);
+  turning = 0;
+  $("turntable").setAttribute("aria-pressed", String(on));
+  let last = performance.now();
+  const step = (now) => {
+    orbit(((now - last) / 12000) * 2 * Math.PI, 0);
+    last = now;
+    turning = requestAnimationFrame(step);
+  };
+  if (on && controls) turning = requestAnimationFrame(step);
+}
+
 let due = false;
 /** Ask for one drawing at the next screen refresh. */
 function draw() {

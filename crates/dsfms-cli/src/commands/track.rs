@@ -4,6 +4,7 @@ use super::reconstruct::method_name;
 use crate::args::Global;
 use crate::draw;
 use crate::exit::{Outcome, Usage};
+use crate::formats::{Format, Formats, Shape};
 use crate::inputs;
 use crate::outputs::{self, quoted};
 use crate::progress::Reporter;
@@ -42,7 +43,8 @@ surface).
 
 Written to OUT: vertices.npz (vertices: frames x vertices x 3 in camera axes, NaN where lost; status: 0
 ok, 1 degraded, 2 lost); summary.csv; report.html, one page with plots and up to 96 frames in 3D, written
-anew every few seconds, so that `dsfms view OUT` shows a running video; with --ply frame_NNN.ply; with --overlay overlay/frame_NNN.png
+anew every few seconds, so that `dsfms view OUT` shows a running video; with --ply frame_NNN.ply; with --formats frame_NNN.vtp, .obj, .stl, and frames.glb, an
+animation at 25 frames a second; with --overlay overlay/frame_NNN.png
 and, where ffmpeg is installed, overlay.mp4. NNN is the place in the sequence.";
 
 /// Follow the template through a video.
@@ -79,6 +81,9 @@ pub struct TrackArgs {
     /// A picture of every frame with the surface, and a video of them where ffmpeg is installed.
     #[arg(long)]
     overlay: bool,
+    /// Further files, for other programs.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "FORMATS")]
+    formats: Vec<Format>,
     /// Leave out OUT/report.html.
     #[arg(long)]
     no_report: bool,
@@ -137,6 +142,7 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     let mut job = Job {
         args,
         report: (!args.no_report).then_some(report),
+        kept: Vec::new(),
         template: &template,
         camera: &camera,
         reporter,
@@ -155,6 +161,9 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     }
     job.conclude()
 }
+
+/// Frames a second of the animation and the overlay.
+const RATE: f64 = 25.0;
 
 const COLUMNS: &str = "frame,input,status,way,reasons,matches,matches_kept,residual_px,depth,agreement,\
                        places,ms,prepare_ms,follow_ms,find_ms,pose_ms,register_ms,joint_ms,look_ms,\
@@ -188,6 +197,8 @@ struct Job<'a> {
     tracker: Tracker<'a>,
     shapes: ShapeFile,
     report: Option<TrackReport<'a>>,
+    /// Name, seconds and shape of every frame that has one, where a format needs them.
+    kept: Vec<(String, f64, Vec<dsfms::geometry::Point3>)>,
     live: bool,
     summary: String,
     /// Last surface, for `--keep-lost`.
@@ -212,7 +223,7 @@ struct Line<'a> {
     ms: f64,
 }
 
-impl Job<'_> {
+impl<'a> Job<'a> {
     fn files(&mut self) -> anyhow::Result<()> {
         for input in &self.args.input {
             if input.is_file() && is_video(input) {
@@ -307,6 +318,13 @@ impl Job<'_> {
             let path = self.args.output.join(format!("{name}.ply"));
             write_ply(&path, &self.template.mesh.topology, shape, self.template.unit, &extras)?;
         }
+        if let Some(vertices) = shape.filter(|_| !self.args.formats.is_empty()) {
+            let seconds = number as f64 / RATE;
+            let formats = self.formats();
+            formats.write_frame(&name, seconds, &Shape { vertices, ..Default::default() })?;
+            let vertices = if formats.animated() { vertices.to_vec() } else { Vec::new() };
+            self.kept.push((name.clone(), seconds, vertices));
+        }
         if self.args.overlay {
             let path = self.args.output.join("overlay").join(format!("{name}.png"));
             outputs::write_png(&path, &self.picture(frame, tracked))?;
@@ -325,6 +343,11 @@ impl Job<'_> {
             super::to_stdout(&(serde_json::to_string(&line)? + "\n"))?;
         }
         Ok(())
+    }
+
+    fn formats(&self) -> Formats<'a> {
+        let Self { args, template, .. } = self;
+        Formats { folder: &args.output, template, list: &args.formats }
     }
 
     fn row(&mut self, number: usize, frame: &Frame, tracked: &Tracked, ms: f64) {
@@ -381,6 +404,7 @@ impl Job<'_> {
         self.reporter.finish();
         let total: usize = self.counts.iter().sum();
         anyhow::ensure!(total > 0, "the input holds no frame");
+        self.formats().write_series(&self.kept)?;
         self.shapes.finish()?;
         outputs::write_text(&self.args.output.join("summary.csv"), &self.summary)?;
         self.report.map_or(Ok(()), TrackReport::finish)?;
@@ -399,7 +423,7 @@ impl Job<'_> {
 
 /// `OUT/overlay.mp4` of the pictures; whether it was made.
 fn film(folder: &Path, stride: u32) -> bool {
-    let rate = (25.0 / f64::from(stride)).to_string();
+    let rate = (RATE / f64::from(stride)).to_string();
     let status = Command::new("ffmpeg")
         .args(["-y", "-v", "error", "-nostdin", "-framerate", &rate, "-pattern_type", "glob", "-i"])
         .arg(folder.join("overlay/frame_*.png"))

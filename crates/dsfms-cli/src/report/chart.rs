@@ -85,7 +85,8 @@ impl Axes {
     fn of(plot: &Plot, series: &[Series]) -> Self {
         let all = || series.iter().flat_map(|s| &s.points);
         let ends = all().map(|p| p.1).chain(series.iter().flat_map(|s| s.whiskers.iter().copied()));
-        let ends: Vec<f64> = ends.filter(|v| v.is_finite() && (!plot.decades || *v > 0.0)).collect();
+        let ends: Vec<f64> =
+            ends.filter(|v| v.is_finite() && (!plot.decades || *v > 0.0)).collect();
         let high = ends.iter().copied().fold(1e-9, f64::max);
         let y = match plot.decades {
             false => [0.0, nice(high)],
@@ -153,7 +154,8 @@ impl Axes {
         let points = thinned(&points);
         let path: Vec<String> =
             points.iter().map(|p| format!("{:.1},{:.1}", self.x(p.0), self.y(p.1))).collect();
-        let mut svg = format!("<polyline class=\"line s{}\" points=\"{}\"/>", k % 6, path.join(" "));
+        let mut svg =
+            format!("<polyline class=\"line s{}\" points=\"{}\"/>", k % 6, path.join(" "));
         for p in points.iter().filter(|_| points.len() <= MARKED) {
             svg += &marker(k, self.x(p.0), self.y(p.1));
         }
@@ -162,7 +164,10 @@ impl Axes {
                 // Side by side where series share their places.
                 let x = self.x(p.0) + 2.5 * (k as f64 - 2.0);
                 let (from, to) = (self.y(p.1), self.y(*end));
-                svg += &format!("<path class=\"whisker s{}\" d=\"M{x:.1} {from:.1}V{to:.1}\"/>", k % 6);
+                svg += &format!(
+                    "<path class=\"whisker s{}\" d=\"M{x:.1} {from:.1}V{to:.1}\"/>",
+                    k % 6
+                );
             }
         }
         svg

@@ -78,8 +78,7 @@ fn cases_data(cases: &[(String, Case)], arms: &[Arm]) -> anyhow::Result<PageData
 fn summary(plan: &Plan) -> String {
     let p = &plan.protocol;
     let place = if p.everywhere { "over the whole surface" } else { "outside the deformed zone" };
-    let list =
-        |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
+    let list = |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
     definition_list(&[
         ("Organ", format!("{}, {} vertices", plan.organ, p.vertices)),
         ("Cases", format!("{} of every extension and noise, seed {}", plan.count, p.seed)),

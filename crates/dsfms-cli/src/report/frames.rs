@@ -151,7 +151,11 @@ fn cost_chart(found: &[Solved], labels: &[&str]) -> String {
             let value = after(summary, label)?;
             Some(Bar { label: label.to_string(), value, strong: false })
         };
-        return bars("Weighted cost of every term", "", &labels.iter().filter_map(bar).collect::<Vec<_>>());
+        return bars(
+            "Weighted cost of every term",
+            "",
+            &labels.iter().filter_map(bar).collect::<Vec<_>>(),
+        );
     }
     let ticks: Vec<String> = found.iter().map(|(n, _)| short(n)).collect();
     let of = |label: &&str| Series {

@@ -94,9 +94,10 @@ impl<'a> TrackReport<'a> {
             ms,
             found: tracked.surface.as_ref().is_some_and(|s| s.way == Way::Found),
             stages: tracked.stages.clone(),
-            quality: tracked.surface.as_ref().map(|s| {
-                (s.matches.iter().filter(|m| m.1).count(), s.residual_px, s.agreement)
-            }),
+            quality: tracked
+                .surface
+                .as_ref()
+                .map(|s| (s.matches.iter().filter(|m| m.1).count(), s.residual_px, s.agreement)),
         });
         let due = Instant::now() >= self.next;
         let regular = place.is_multiple_of(self.stride);
@@ -183,16 +184,18 @@ impl<'a> TrackReport<'a> {
             ("Video", format!("{all} frames so far, {state}")),
             ("Status", format!("{ok} ok, {degraded} degraded, {lost} lost")),
             ("Way", format!("{found} frames by descriptors, the others from the frame before")),
-            ("Time", format!("{:.0} ms a frame (median), {:.0} ms (99th percentile)", at(50), at(99))),
+            (
+                "Time",
+                format!("{:.0} ms a frame (median), {:.0} ms (99th percentile)", at(50), at(99)),
+            ),
             ("Shown", format!("{shown} frames, evenly spaced; all of them are in the plots")),
         ])
     }
 
     fn sections(&self) -> String {
         let statuses: Vec<&str> = self.rows.iter().map(|r| r.status.label()).collect();
-        let quality = |value: fn((usize, f64, f64)) -> f64| {
-            self.series("", move |r| r.quality.map(value))
-        };
+        let quality =
+            |value: fn((usize, f64, f64)) -> f64| self.series("", move |r| r.quality.map(value));
         let plot = |value, series: &[Series]| {
             lines(&Plot { value, against: "frame", ..Default::default() }, series)
         };
@@ -248,7 +251,8 @@ impl<'a> TrackReport<'a> {
         );
         for run in runs.iter().take(MOST_EVENTS) {
             let (first, last) = (run[0].number, run[run.len() - 1].number);
-            let which = if first == last { format!("{first}") } else { format!("{first}–{last}") };
+            let which =
+                if first == last { format!("{first}") } else { format!("{first}–{last}") };
             html += &format!(
                 "<tr><th scope=\"row\">{which}</th><td class=\"text\"><span class=\"{}\">{}</span></td>\
                  <td class=\"text\">{}</td></tr>",
@@ -293,7 +297,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("report.html");
         let mut report =
-            TrackReport::new(path.clone(), "t".into(), &case.template, &case.camera, "dsfm").unwrap();
+            TrackReport::new(path.clone(), "t".into(), &case.template, &case.camera, "dsfm")
+                .unwrap();
         let frame = Frame { name: "f".into(), size: [4, 4], rgb: vec![[9; 3]; 16] };
         for k in 0..300 {
             let status = if k == 7 { TrackStatus::Lost } else { TrackStatus::Ok };

@@ -59,7 +59,8 @@ pub fn run(args: &Table1Args, global: &Global, reporter: &Reporter) -> anyhow::R
         let shapes = METHODS.map(|(_, method)| shape(&case, method, &options));
         text += &figures(name, &case, &shapes);
         write_png(&args.place.output.join(format!("table1_{name}.png")), &grid(&case, &shapes))?;
-        let what = format!("Organ {}, extension {} %, seed {}", organ.name(), args.ext, global.seed);
+        let what =
+            format!("Organ {}, extension {} %, seed {}", organ.name(), args.ext, global.seed);
         case_page(name, case, &arms_of(&METHODS.map(|m| m.1), &options), &what)?
             .write(&args.place.output.join(format!("table1_{name}.html")))?;
     }

@@ -1,7 +1,7 @@
 //! The sections of the template and of every frame.
 
 use super::super::scene::DeformedFrame;
-use super::tables::{error_table};
+use super::tables::error_table;
 use super::{FrameResult, Report};
 use crate::commands::demo::METHODS;
 use crate::commands::reconstruct::method_name;

@@ -159,4 +159,3 @@ fn overview(report: &Report) -> String {
         report.scene.exploration.len()
     )
 }
-

@@ -99,11 +99,13 @@ fn plots(report: &Report) -> String {
             points
         };
         let named = METHODS.into_iter().enumerate();
-        named.map(|(k, m)| Series {
-            label: method_name(m).into(),
-            points: of(k),
-            ..Default::default()
-        }).collect()
+        named
+            .map(|(k, m)| Series {
+                label: method_name(m).into(),
+                points: of(k),
+                ..Default::default()
+            })
+            .collect()
     };
     let value = "Mean error of the visible part, mm";
     fn plot<'a>(value: &'a str, against: &'a str, ticks: &'a [String]) -> Plot<'a> {
@@ -112,7 +114,10 @@ fn plots(report: &Report) -> String {
     format!(
         "<div class=\"plots\">{}{}</div>",
         lines(&plot(value, "frame", &ticks), &series(&|i| i as f64)),
-        lines(&plot(value, "mean absolute extension of the true edges, %", &[]), &series(&|i| stretch[i]))
+        lines(
+            &plot(value, "mean absolute extension of the true edges, %", &[]),
+            &series(&|i| stretch[i])
+        )
     )
 }
 
@@ -165,4 +170,3 @@ fn mean_table(report: &Report) -> String {
     let caption = format!("3D error in mm, mean over {} frames; best in bold", report.frames.len());
     error_table(&caption, |k, part, value| report.mean(k, part, value).map(|m| m.0))
 }
-
