@@ -64,6 +64,23 @@ impl Halo {
     }
 }
 
+/// A structure in a frame.
+pub struct Placed {
+    points: Vec<Point3>,
+    /// Expected error of every point: it grows with that of the surface above, with the depth under
+    /// it and with the deformation.
+    errors: Option<Vec<f64>>,
+}
+
+impl Placed {
+    /// The errors in the image, px.
+    fn halo(&self, camera: &CameraModel) -> Option<Vec<f64>> {
+        let width =
+            |(e, p): (&f64, &Point3)| (camera.focal[0] * e / p.z.max(1e-9)).clamp(0.0, WIDEST_HALO);
+        Some(self.errors.as_ref()?.iter().zip(&self.points).map(width).collect())
+    }
+}
+
 struct Structure {
     name: String,
     mesh: Mesh,
@@ -104,10 +121,23 @@ impl Structures {
         Ok(Some(Self { items, carrier, rest, half_extent }))
     }
 
-    /// Their places in a frame, camera axes.
-    pub fn carry(&self, vertices: &[Point3]) -> anyhow::Result<Vec<Vec<Point3>>> {
+    /// Their places in a frame, camera axes, and expected errors where `confidence` tells those of
+    /// the surface's vertices.
+    pub fn carry(
+        &self,
+        vertices: &[Point3],
+        confidence: Option<&[f64]>,
+    ) -> anyhow::Result<Vec<Placed>> {
         let carried = self.carrier.carry(vertices)?;
-        let of = |s: &Structure| s.mesh.positions.par_iter().map(|p| carried.at(p)).collect();
+        let deformation = carried.deformation();
+        let expected = |d: &Depth| {
+            let surface = confidence.map_or(0.0, |c| c[d.vertex as usize]);
+            expected_error(surface, d.distance, self.half_extent, deformation)
+        };
+        let of = |s: &Structure| Placed {
+            points: s.mesh.positions.par_iter().map(|p| carried.at(p)).collect(),
+            errors: confidence.map(|_| s.depths.iter().map(expected).collect()),
+        };
         Ok(self.items.iter().map(of).collect())
     }
 
@@ -117,9 +147,9 @@ impl Structures {
         folder: &Path,
         name: &str,
         template: &Template,
-        places: &[Vec<Point3>],
+        places: &[Placed],
     ) -> anyhow::Result<()> {
-        for (item, points) in self.items.iter().zip(places) {
+        for (item, Placed { points, .. }) in self.items.iter().zip(places) {
             // Not frame_*.ply of its own, which would be taken for a reconstructed surface.
             let path = folder.join(format!("structures/{name}_{}.ply", item.name));
             let topology = &item.mesh.topology;
@@ -129,9 +159,10 @@ impl Structures {
     }
 
     /// Structures from the farthest to the nearest.
-    fn far_first(&self, places: &[Vec<Point3>]) -> Vec<usize> {
+    fn far_first(&self, places: &[Placed]) -> Vec<usize> {
         let depth = |k: &usize| {
-            places[*k].iter().map(|p| p.z).sum::<f64>() / places[*k].len().max(1) as f64
+            let points = &places[*k].points;
+            points.iter().map(|p| p.z).sum::<f64>() / points.len().max(1) as f64
         };
         let mut order: Vec<usize> = (0..self.items.len()).collect();
         order.sort_by(|a, b| depth(b).total_cmp(&depth(a)));
@@ -147,18 +178,13 @@ impl Structures {
         self.items.iter().map(of).collect()
     }
 
-    /// Per point of every structure: depth under the surface at rest, and expected error in px.
-    pub fn places(
-        &self,
-        camera: &CameraModel,
-        result: &Reconstruction,
-        places: &[Vec<Point3>],
-    ) -> Vec<BuriedPlace> {
-        let of = |(item, points): (&Structure, &Vec<Point3>)| BuriedPlace {
-            at: Cloud::of(points),
-            pixels: pixels(camera, points),
+    /// For the report's frame.
+    pub fn places(&self, camera: &CameraModel, places: &[Placed]) -> Vec<BuriedPlace> {
+        let of = |(item, placed): (&Structure, &Placed)| BuriedPlace {
+            at: Cloud::of(&placed.points),
+            pixels: pixels(camera, &placed.points),
             under: Numbers::of(&item.depths.iter().map(|d| d.distance).collect::<Vec<f64>>()),
-            halo: item.halo(camera, result, points, self.half_extent).as_deref().map(Numbers::of),
+            halo: placed.halo(camera).as_deref().map(Numbers::of),
         };
         self.items.iter().zip(places).map(of).collect()
     }
@@ -170,14 +196,14 @@ impl Structures {
         frame: &Frame,
         camera: &CameraModel,
         result: &Reconstruction,
-        places: &[Vec<Point3>],
+        places: &[Placed],
     ) -> RgbImage {
         let mut canvas = draw::picture(frame);
         let surface = rasterize(camera, &self.rest.topology, &result.vertices);
         for k in self.far_first(places) {
-            let (item, points) = (&self.items[k], &places[k]);
+            let (item, points) = (&self.items[k], &places[k].points);
             let colour = COLOURS[k % COLOURS.len()];
-            let halo = item.halo(camera, result, points, self.half_extent);
+            let halo = places[k].halo(camera);
             let halo = halo.map(|h| Halo::new(camera, points, &h)).unwrap_or_default();
             item.draw(&mut canvas, camera, &surface, points, colour, (&halo, self.half_extent));
         }
@@ -186,23 +212,6 @@ impl Structures {
 }
 
 impl Structure {
-    /// Expected error of every point, px: it grows with the expected error of the surface above and
-    /// with the depth under it. `None` where the method predicts no error.
-    fn halo(
-        &self,
-        camera: &CameraModel,
-        result: &Reconstruction,
-        points: &[Point3],
-        half_extent: f64,
-    ) -> Option<Vec<f64>> {
-        let confidence = result.confidence.as_ref()?;
-        let width = |(d, p): (&Depth, &Point3)| {
-            let error = expected_error(confidence[d.vertex as usize], d.distance, half_extent);
-            (camera.focal[0] * error / p.z.max(1e-9)).clamp(0.0, WIDEST_HALO)
-        };
-        Some(self.depths.iter().zip(points).map(width).collect())
-    }
-
     fn draw(
         &self,
         canvas: &mut RgbImage,

@@ -32,7 +32,7 @@ function refresh() {
 function go(f) { state.frame = (f + data.frames.length) % data.frames.length; refresh(); }
 function play(on) {
   clearInterval(state.playing);
-  state.playing = on ? setInterval(() => go(state.frame + 1), 700) : 0;
+  state.playing = on ? setInterval(() => go(state.frame + 1), Math.min(Math.max(15000 / data.frames.length, 80), 700)) : 0;
   $("play").setAttribute("aria-pressed", String(on));
   $("play").textContent = on ? "Pause" : "Play";
   $("readout").setAttribute("aria-live", on ? "off" : "polite"); // a reader cannot follow the film

@@ -1,8 +1,8 @@
 // --- The table of measurements, and its CSV ------------------------------------------------------
-const percent = (v) => {
+const percent = (v, sd) => {
   if (!Number.isFinite(v)) return "–";
   const shown = Math.abs(v).toFixed(1);
-  return `${shown === "0.0" ? "" : v > 0 ? "+" : "−"}${shown} %`;
+  return `${shown === "0.0" ? "" : v > 0 ? "+" : "−"}${shown}${Number.isFinite(sd) ? ` ± ${sd.toFixed(1)}` : ""} %`;
 };
 
 function measured() {
@@ -21,7 +21,7 @@ function measured() {
     const c = (a, b) => (change ? percent(100 * (a / b - 1)) : "");
     const sd = m.sd || {}, give = (v, s) => (Number.isFinite(s) ? `${text(v, 4)} ± ${text(s, 2)}` : text(v, 4));
     const two = B ? [give(m.straight, sd.straight), give(m.along.length, sd.along), c(m.along.length, reference.along.length)] : [];
-    const bent = change ? percent(m.strain) + (Number.isFinite(sd.strain) ? ` ± ${text(sd.strain, 2)}` : "") : "";
+    const bent = change ? percent(m.strain, sd.strain) : "";
     const cellsOf = [...two, list.length ? give(m.area, sd.area) : "–", list.length ? c(m.area, reference.area) : "", bent];
     return `<tr><th scope="row">${escape(name)}</th>${cellsOf.map((v) => `<td>${v}</td>`).join("")}</tr>`;
   };

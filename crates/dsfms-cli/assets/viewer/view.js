@@ -68,6 +68,10 @@ function render() {
   if (!w || !h) return;
   renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
   renderer.setSize(w, h, false);
+  // A grid may have a cell too many.
+  renderer.setScissorTest(false);
+  renderer.setClearColor(getComputedStyle(document.documentElement).getPropertyValue("--space").trim(), 1);
+  renderer.clear();
   renderer.setScissorTest(true);
   const solid = data.structures.length ? $("solid").value / 100 : 1;
   for (const m of [painted, photographed, bare]) { m.opacity = solid; m.transparent = solid < 1; m.depthWrite = solid === 1; }
@@ -83,7 +87,6 @@ function render() {
     rig.visible = $("rig").checked; sparse.visible = $("points").checked;
     renderer.setViewport(cell.x, h - cell.y - cell.h, cell.w, cell.h);
     renderer.setScissor(cell.x, h - cell.y - cell.h, cell.w, cell.h);
-    renderer.setClearColor(getComputedStyle(document.documentElement).getPropertyValue("--space").trim(), 1);
     renderer.render(scene, eye);
     labels.push(cellLabel(cell));
   }

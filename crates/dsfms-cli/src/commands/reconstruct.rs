@@ -9,7 +9,7 @@ use crate::progress::Reporter;
 use crate::report::data::ShownFrame;
 use crate::report::frames::frames_page;
 use crate::report::template::chosen;
-use crate::structures::Structures;
+use crate::structures::{Placed, Structures};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use dsfms::camera::CameraModel;
@@ -280,9 +280,7 @@ impl Job<'_> {
                     let mut part = ShownFrame::new(name, &frame)?;
                     part.add(&report, Some(&result), &self.camera, 1.0);
                     let buried = self.structures.as_ref();
-                    part.add_structures(
-                        buried.map_or(vec![], |s| s.places(&self.camera, &result, &places)),
-                    );
+                    part.add_structures(buried.map_or(vec![], |s| s.places(&self.camera, &places)));
                     page = Some(part);
                 }
                 self.formats().write_frame(
@@ -324,9 +322,9 @@ impl Job<'_> {
         name: &str,
         frame: &Frame,
         result: &Reconstruction,
-    ) -> anyhow::Result<Vec<Vec<Point3>>> {
+    ) -> anyhow::Result<Vec<Placed>> {
         let Some(structures) = &self.structures else { return Ok(Vec::new()) };
-        let places = structures.carry(&result.vertices)?;
+        let places = structures.carry(&result.vertices, result.confidence.as_deref())?;
         structures.write(&self.args.output, name, &self.template, &places)?;
         let picture = structures.overlay(frame, &self.camera, result, &places);
         outputs::write_png(&self.args.output.join(format!("{name}_structures.png")), &picture)?;

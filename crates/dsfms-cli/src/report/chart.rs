@@ -285,7 +285,11 @@ fn power(k: i32) -> String {
 }
 
 fn tick(v: f64, top: f64) -> String {
-    let digits = (1.0 - (top / 4.0).log10().floor()).clamp(0.0, 6.0) as usize;
+    let least = (1.0 - (top / 4.0).log10().floor()).clamp(0.0, 6.0) as i32;
+    // A quarter of a round number may have one digit more.
+    let exact =
+        |d: &i32| (v * 10f64.powi(*d)).fract().min(1.0 - (v * 10f64.powi(*d)).fract()) < 1e-6;
+    let digits = (least..least + 2).find(exact).unwrap_or(least) as usize;
     let text = format!("{v:.digits$}");
     match text.contains('.') {
         true => text.trim_end_matches('0').trim_end_matches('.').to_string(),
@@ -305,6 +309,7 @@ mod tests {
             assert!((nice(v) - top).abs() < 1e-9 * top, "{v}");
         }
         assert_eq!((tick(0.5, 2.0).as_str(), tick(25.0, 100.0).as_str()), ("0.5", "25"));
+        assert_eq!((tick(3.75, 15.0).as_str(), tick(0.225, 0.3).as_str()), ("3.75", "0.225"));
     }
 
     #[test]

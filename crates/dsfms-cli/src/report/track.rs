@@ -181,7 +181,7 @@ impl<'a> TrackReport<'a> {
         let found = self.rows.iter().filter(|r| r.found).count();
         definition_list(&[
             ("Template", self.name.clone()),
-            ("Video", format!("{all} frames so far, {state}")),
+            ("Video", format!("{all} frames, {state}")),
             ("Status", format!("{ok} ok, {degraded} degraded, {lost} lost")),
             ("Way", format!("{found} frames by descriptors, the others from the frame before")),
             (
@@ -202,7 +202,10 @@ impl<'a> TrackReport<'a> {
         format!(
             "<h2>Frames</h2>{}<div class=\"plots\">{}{}{}{}</div>{}",
             status_strip("Status of every frame", &statuses),
-            plot("Time, ms", &self.timing()),
+            lines(
+                &Plot { value: "Time, ms", against: "frame", decades: true, ..Default::default() },
+                &self.timing()
+            ),
             plot("Matches kept", &[quality(|q| q.0 as f64)]),
             plot("Median residual of the kept matches, px", &[quality(|q| q.1)]),
             plot("Share of textured places that look like the template", &[quality(|q| q.2)]),
@@ -313,6 +316,6 @@ mod tests {
         assert_eq!((places.len(), places[0], places[74]), (75, 0, 296));
         report.finish().unwrap();
         let html = std::fs::read_to_string(path).unwrap();
-        assert!(html.contains("300 frames so far, complete") && html.contains("&lt;dark&gt;"));
+        assert!(html.contains("300 frames, complete") && html.contains("&lt;dark&gt;"));
     }
 }
