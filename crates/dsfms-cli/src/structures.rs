@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
 /// As the report's viewer has them.
-const COLOURS: [[u8; 3]; 4] = [[242, 169, 0], [63, 127, 208], [111, 191, 115], [200, 111, 201]];
+pub const COLOURS: [[u8; 3]; 4] = [[242, 169, 0], [63, 127, 208], [111, 191, 115], [200, 111, 201]];
 /// Widest halo, px.
 const WIDEST_HALO: f64 = 60.0;
 

@@ -144,4 +144,4 @@ drawFlattening();
 if (controls) { controls.addEventListener("change", draw); controls.rotateSpeed = 0.9; view("camera"); }
 $("viewer").dataset.ready = "yes";
 // For tests and the curious.
-window.dsfms = { state, data, render, csv, orbit, update, measures, pickVertices };
+window.dsfms = { state, data, render, csv, orbit, update, measures, pickVertices, place: () => eye.position.toArray() };

@@ -91,6 +91,15 @@ impl Report<'_> {
             }
             text.push('\n');
         }
+        let all = || self.frames.iter().flat_map(|f| &f.methods);
+        let count = |status: &str| all().filter(|m| m.report.status == status).count();
+        text += &format!(
+            "{} surfaces: {} ok, {} degraded, {} failed\n",
+            all().count(),
+            count("ok"),
+            count("degraded"),
+            count("failed")
+        );
         text += &format!(
             "{:.0} s in all, of which template {:.0} s\n",
             self.seconds, self.template_seconds
