@@ -21,6 +21,7 @@ function refresh() {
   $("frame").setAttribute("aria-valuetext", data.frames[state.frame].name);
   $("frame-name").textContent = `${data.frames[state.frame].name} (${state.frame + 1} of ${data.frames.length})`;
   legend(state.layer, $("ramp"), $("ticks"));
+  $("legend-name").textContent = state.layer.name; // on paper there is no select
   const scaled = !!state.layer.values && !state.layer.flags;
   $("limit-label").hidden = !scaled;
   if (scaled) { $("limit").value = Number(limitOf(state.layer).toPrecision(3)); $("limit-unit").textContent = state.layer.unit; }
@@ -63,7 +64,7 @@ function wire_up() {
   show(".matches", has((s) => s.matches.length)); show("[data-view=all]", data.camera);
   if (!data.camera) document.querySelector("[data-view=camera]").textContent = "Front";
   $("structure-names").innerHTML = data.structures.map((s, i) => `<span><b style="color:${BURIED[i % 4]}">●</b> ${escape(s.name)}</span>`).join("");
-  if (data.structures.length) $("overlay-kind").value = "structures";
+  if (data.structures.length) { $("overlay-kind").value = "structures"; $("matches").checked = false; }
   else $("overlay-kind").querySelector("[value=structures]").remove();
   document.querySelectorAll(".unit").forEach((e) => { e.textContent = unit; });
   ["vertex-a", "vertex-b"].forEach((id) => { $(id).max = data.vertices - 1; });
@@ -101,9 +102,8 @@ function wire_up() {
     e.preventDefault();
   });
   new ResizeObserver(draw).observe(canvas);
-  const theme = () => { buildRig(); draw(); };
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", theme);
-  addEventListener("beforeprint", () => renderer && render());
+  const theme = () => { wallpaper(); buildRig(); if (renderer) render(); };
+  for (const medium of ["(prefers-color-scheme: dark)", "print"]) matchMedia(medium).addEventListener("change", theme);
 }
 function orbit(yaw, pitch) {
   const d = eye.position.clone().sub(controls.target), r = d.length();
@@ -136,6 +136,7 @@ function update(page) {
 
 $("viewer").hidden = false;
 measureScene();
+wallpaper();
 $("radius").value = Number((0.2 * radius).toPrecision(1));
 wire_up();
 buildRig();

@@ -7,7 +7,7 @@ function software() {
 }
 let renderer;
 try {
-  renderer = new T.WebGLRenderer({ canvas, antialias: !software(), preserveDrawingBuffer: true });
+  renderer = new T.WebGLRenderer({ canvas, antialias: !software() });
 } catch (error) {
   canvas.replaceWith("This browser has no WebGL; the 3D view is left out.");
 }

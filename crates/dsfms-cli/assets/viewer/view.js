@@ -63,14 +63,25 @@ function aim(cell) {
   eye.fov = (2 * Math.atan(half) * 180) / Math.PI;
   eye.updateProjectionMatrix();
 }
+let labelled = "", sized = "";
+/** A new drawing buffer only where the size has changed. */
+function fitCanvas(w, h) {
+  const ratio = Math.min(devicePixelRatio, 2), size = `${w} ${h} ${ratio}`;
+  if (size === sized) return;
+  sized = size;
+  renderer.setPixelRatio(ratio);
+  renderer.setSize(w, h, false);
+}
+/** The background, asked of the style sheet when the theme or the medium changes. */
+function wallpaper() {
+  if (renderer) renderer.setClearColor(getComputedStyle(document.documentElement).getPropertyValue("--space").trim(), 1);
+}
 function render() {
   const w = canvas.clientWidth, h = canvas.clientHeight;
   if (!w || !h) return;
-  renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
-  renderer.setSize(w, h, false);
+  fitCanvas(w, h);
   // A grid may have a cell too many.
   renderer.setScissorTest(false);
-  renderer.setClearColor(getComputedStyle(document.documentElement).getPropertyValue("--space").trim(), 1);
   renderer.clear();
   renderer.setScissorTest(true);
   const solid = data.structures.length ? $("solid").value / 100 : 1;
@@ -90,7 +101,8 @@ function render() {
     renderer.render(scene, eye);
     labels.push(cellLabel(cell));
   }
-  $("labels").innerHTML = labels.join("");
+  const html = labels.join("");
+  if (html !== labelled) $("labels").innerHTML = labelled = html;
 }
 const escape = (t) => t.replace(/[&<>"]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" }[c]));
 function cellLabel(cell) {
