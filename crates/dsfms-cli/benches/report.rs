@@ -56,7 +56,11 @@ fn main() {
             browser.eval("[...document.getElementById('layer').options].map((o) => o.value)");
         for layer in layers.as_array().expect("layers") {
             let layer = layer.as_str().unwrap_or_default();
-            println!("orbit, {layer}: {:.1} frames a second", rate(&mut browser, layer));
+            let rate = rate(&mut browser, layer);
+            let sharp = browser.eval("dsfms.sharpness()").as_f64().unwrap_or(f64::NAN);
+            println!(
+                "orbit, {layer}: {rate:.1} frames a second at {sharp:.2} of the pixels a side"
+            );
         }
     }
 }

@@ -109,7 +109,7 @@ function orbit(yaw, pitch) {
   const d = eye.position.clone().sub(controls.target), r = d.length();
   const level = Math.atan2(d.x, d.z) + yaw, rise = Math.min(Math.max(Math.asin(d.y / r) + pitch, -1.5), 1.5);
   eye.position.set(Math.sin(level) * Math.cos(rise), Math.sin(rise), Math.cos(level) * Math.cos(rise)).multiplyScalar(r).add(controls.target);
-  controls.update(); draw();
+  controls.update(); drawMoving();
 }
 function zoom(factor) { eye.position.sub(controls.target).multiplyScalar(factor).add(controls.target); controls.update(); draw(); }
 
@@ -142,7 +142,7 @@ wire_up();
 buildRig();
 refresh();
 drawFlattening();
-if (controls) { controls.addEventListener("change", draw); controls.rotateSpeed = 0.9; view("camera"); }
+if (controls) { controls.addEventListener("change", drawMoving); controls.rotateSpeed = 0.9; view("camera"); }
 $("viewer").dataset.ready = "yes";
 // For tests and the curious.
-window.dsfms = { state, data, render, csv, orbit, update, measures, pickVertices, place: () => eye.position.toArray() };
+window.dsfms = { state, data, render, csv, orbit, update, measures, pickVertices, place: () => eye.position.toArray(), sharpness: () => coarse };

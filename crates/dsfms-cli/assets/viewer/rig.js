@@ -40,14 +40,25 @@ function buildRig() {
   else data.frames.forEach((frame, f) => {
     if (!frame.pose) return;
     const now = f === state.frame;
-    rig.add(segments(frustum(now ? 2 * length : length).map((p) => inverse(frame.pose, p)), now ? "#d81b60" : ink, now ? 1 : 0.45));
+    const lines = segments(frustum(now ? 2 * length : length).map((p) => inverse(frame.pose, p)), now ? "#d81b60" : ink, now ? 1 : 0.45);
+    if (!now) lines.userData.apex = inverse(frame.pose, [0, 0, 0]);
+    rig.add(lines);
   });
   // A light is rigid on the camera: shown at the current one.
   const pose = data.frames[state.frame].pose;
   for (const at of data.lights) {
     const ball = new T.Mesh(new T.SphereGeometry(0.03 * radius, 16, 12), new T.MeshBasicMaterial({ color: 0xf2b705 }));
-    ball.position.set(...(data.moving_camera && pose ? inverse(pose, at) : at));
+    ball.userData.apex = data.moving_camera && pose ? inverse(pose, at) : at;
+    ball.position.set(...ball.userData.apex);
     rig.add(ball);
+  }
+}
+/** What is so near to the eye that it would stand before everything is left out. */
+function clearSight() {
+  const [x, y, z] = eye.position.toArray(), least = 0.3 * eye.position.distanceTo(controls.target);
+  for (const part of rig.children) {
+    const apex = part.userData.apex;
+    part.visible = !apex || apart([apex[0], -apex[1], -apex[2]], [x, y, z]) > least;
   }
 }
 if (data.points) {

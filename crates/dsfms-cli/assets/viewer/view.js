@@ -12,7 +12,7 @@ function view(kind) {
   const back = inCamera ? place.sub(centre).divideScalar(own) : new T.Vector3(0, 0, 1);
   const [yaw, pitch] = { camera: [0, 0], left: [-65, 0], right: [65, 0], top: [0, 65], all: [-55, 25] }[kind].map((d) => (d * Math.PI) / 180);
   const level = Math.atan2(back.x, back.z) + yaw, rise = Math.min(Math.asin(back.y) + pitch, 1.5);
-  const reach = whole ? (data.moving_camera ? 1 : 0.5) * (own + radius) : radius;
+  const reach = whole ? 0.5 * own + radius : radius;
   const away = whole ? 3.2 * reach : inCamera ? own : 3 * radius;
   fit = 2 * Math.asin(Math.min(reach / away, 0.9)) * 1.04;
   eye.position.set(Math.sin(level) * Math.cos(rise), Math.sin(rise), Math.cos(level) * Math.cos(rise)).multiplyScalar(away).add(target);
@@ -44,6 +44,21 @@ function draw() {
   due = true;
   requestAnimationFrame(() => { due = false; render(); });
 }
+// Where a slow machine turns the view, it draws fewer pixels until it keeps up, and all of them again
+// when the view comes to rest.
+let coarse = 1, moving = false, resting = 0, before = 0, slow = 0;
+const SLOW_MS = 36, QUICK_MS = 18, REST_MS = 180, COARSEST = 0.4;
+function drawMoving() {
+  const now = performance.now(), took = now - before;
+  before = now;
+  if (moving) slow += took > SLOW_MS ? 1 : took < QUICK_MS ? -0.05 : 0;
+  if (slow > 3) { coarse = Math.max(0.75 * coarse, COARSEST); slow = 0; }
+  if (slow < -3) { coarse = Math.min(coarse / 0.75, 1); slow = 0; }
+  moving = true;
+  clearTimeout(resting);
+  resting = setTimeout(() => { moving = false; if (coarse < 1) draw(); }, REST_MS);
+  draw();
+}
 /** The grid in which n cells are largest. */
 function grid(n, w, h) {
   let best = { columns: 1, rows: n, size: 0 };
@@ -66,7 +81,7 @@ function aim(cell) {
 let labelled = "", sized = "";
 /** A new drawing buffer only where the size has changed. */
 function fitCanvas(w, h) {
-  const ratio = Math.min(devicePixelRatio, 2), size = `${w} ${h} ${ratio}`;
+  const ratio = Math.min(devicePixelRatio, 2) * (moving ? coarse : 1), size = `${w} ${h} ${ratio}`;
   if (size === sized) return;
   sized = size;
   renderer.setPixelRatio(ratio);
@@ -87,6 +102,7 @@ function render() {
   const solid = data.structures.length ? $("solid").value / 100 : 1;
   for (const m of [painted, photographed, bare]) { m.opacity = solid; m.transparent = solid < 1; m.depthWrite = solid === 1; }
   const labels = [];
+  clearSight();
   for (const cell of cells()) {
     aim(cell);
     columns.forEach((c, k) => {
