@@ -21,10 +21,9 @@ function drawOverlay() {
   if (kind === "structures") drawBuried(ink, s, out);
   else if (kind === "colours" && !state.layer.texture) fillFaces(ink, s, k, seen, at);
   else {
-    ink.strokeStyle = "#5ad2ff"; ink.lineWidth = 1;
-    ink.beginPath();
-    for (const [a, b] of edgeList) if (seen(a) && seen(b)) { ink.moveTo(...at(a)); ink.lineTo(...at(b)); }
-    ink.stroke();
+    const picture = new ImageData(out.width, out.height), pixel = (v) => at(v).map((x) => (x + 0.5) * scale);
+    for (const [a, b] of edgeList) if (seen(a) && seen(b)) thinLine(picture, pixel(a), pixel(b), [90, 210, 255], 255 * ink.globalAlpha);
+    ink.putImageData(picture, 0, 0);
   }
   ink.globalAlpha = 1;
   if ($("matches").checked) drawMatches(ink, s.matches, frame.size[0] / 640);
@@ -43,6 +42,22 @@ function fillFaces(ink, s, k, seen, at) {
     ink.beginPath();
     corners(f).forEach((v, i) => (i ? ink.lineTo(...at(v)) : ink.moveTo(...at(v))));
     ink.closePath(); ink.fill();
+  }
+}
+/** A line one pixel wide with soft sides: along its longer axis, the two pixels across share the opacity.
+ * A canvas would take seconds for thousands of lines where there is no graphics processor. */
+function thinLine(picture, from, to, colour, opacity) {
+  const steep = Math.abs(to[1] - from[1]) > Math.abs(to[0] - from[0]), [u, v] = steep ? [1, 0] : [0, 1];
+  const [a, b] = from[u] <= to[u] ? [from, to] : [to, from], slope = (b[v] - a[v]) / (b[u] - a[u] || 1);
+  const size = [picture.width, picture.height], pixels = picture.data;
+  for (let s = Math.max(Math.round(a[u]), 0); s <= Math.min(Math.round(b[u]), size[u] - 1); s++) {
+    const across = a[v] + slope * (s - a[u]), first = Math.floor(across);
+    for (const t of [first, first + 1]) {
+      if (t < 0 || t >= size[v]) continue;
+      const k = 4 * (steep ? s * size[0] + t : t * size[0] + s), alpha = opacity * (1 - Math.abs(across - t));
+      if (alpha <= pixels[k + 3]) continue;
+      pixels[k] = colour[0]; pixels[k + 1] = colour[1]; pixels[k + 2] = colour[2]; pixels[k + 3] = alpha;
+    }
   }
 }
 /** The structures: fainter the deeper they lie, each in a halo as wide as its expected error. */

@@ -29,7 +29,7 @@ const inverse = (m, p) => { // of a rigid motion
 function segments(list, colour, opacity) {
   const g = new T.BufferGeometry();
   g.setAttribute("position", new T.BufferAttribute(Float32Array.from(list.flat()), 3));
-  return new T.LineSegments(g, new T.LineBasicMaterial({ color: colour, transparent: true, opacity }));
+  return new T.LineSegments(g, material({ colour, opacity }));
 }
 function buildRig() {
   rig.clear();
@@ -47,7 +47,7 @@ function buildRig() {
   // A light is rigid on the camera: shown at the current one.
   const pose = data.frames[state.frame].pose;
   for (const at of data.lights) {
-    const ball = new T.Mesh(new T.SphereGeometry(0.03 * radius, 16, 12), new T.MeshBasicMaterial({ color: 0xf2b705 }));
+    const ball = new T.Mesh(new T.SphereGeometry(0.03 * radius, 16, 12), material({ colour: 0xf2b705 }));
     ball.userData.apex = data.moving_camera && pose ? inverse(pose, at) : at;
     ball.position.set(...ball.userData.apex);
     rig.add(ball);
@@ -64,5 +64,5 @@ function clearSight() {
 if (data.points) {
   const g = new T.BufferGeometry();
   g.setAttribute("position", new T.BufferAttribute(cloud(data.points), 3));
-  sparse.add(new T.Points(g, new T.PointsMaterial({ color: 0xe07b00, size: 2, sizeAttenuation: false })));
+  sparse.add(new T.Points(g, material({ colour: 0xe07b00 })));
 }

@@ -14,16 +14,12 @@ try {
 const scene = new T.Scene();
 const root = new T.Group();
 root.rotation.x = Math.PI; // camera axes (y down, z forward) to the viewer's (y up, z backward)
-scene.add(root, new T.AmbientLight(0xffffff, 1.7));
-const lamp = new T.DirectionalLight(0xffffff, 1.7);
+scene.add(root);
 const eye = new T.PerspectiveCamera(40, 1, 0.1, 1000);
-eye.add(lamp, lamp.target);
-lamp.position.set(-0.35, 0.5, 1); // a little above and left, so that relief shows
 scene.add(eye);
 
 const texture = (image, mipmaps) => {
   const t = new T.Texture(image);
-  t.colorSpace = T.SRGBColorSpace;
   t.generateMipmaps = mipmaps; t.minFilter = 1006; // LinearFilter
   image.decode().then(() => { t.needsUpdate = true; draw(); }).catch(() => {});
   return t;
@@ -46,18 +42,18 @@ const photoTexture = (f) => {
 const albedoImage = data.albedo && picture(data.albedo);
 const albedoTexture = albedoImage && texture(albedoImage, false);
 
-const side = T.DoubleSide;
-const painted = new T.MeshLambertMaterial({ vertexColors: true, side, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
-const photographed = new T.MeshBasicMaterial({ side, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
-const bare = new T.MeshLambertMaterial({ side, map: albedoTexture || null, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
-const edgeInk = new T.LineBasicMaterial({ color: 0x101418, transparent: true, opacity: 0.35 });
-const ghostInk = new T.LineBasicMaterial({ color: 0x2b6cb0, transparent: true, opacity: 0.55 });
-const truthInk = new T.LineBasicMaterial({ color: 0x1f8a55, transparent: true, opacity: 0.7 });
+const surfaceOf = (more) => material({ side: T.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1, ...more });
+const painted = surfaceOf({ lit: true, painted: true });
+const photographed = surfaceOf({});
+const bare = surfaceOf({ lit: true, map: albedoTexture || null });
+const edgeInk = material({ colour: 0x101418, opacity: 0.35 });
+const ghostInk = material({ colour: 0x2b6cb0, opacity: 0.55 });
+const truthInk = material({ colour: 0x1f8a55, opacity: 0.7 });
 // Transparent, so that they are drawn after all other lines.
-const pathInk = new T.LineBasicMaterial({ color: 0xe91e78, depthTest: false, transparent: true });
-const pinInk = new T.MeshBasicMaterial({ color: 0xe91e78, depthTest: false, transparent: true });
+const pathInk = material({ colour: 0xe91e78, depthTest: false, transparent: true });
+const pinInk = material({ colour: 0xe91e78, depthTest: false, transparent: true });
 const BURIED = ["#f2a900", "#3f7fd0", "#6fbf73", "#c86fc9"];
-const buried = BURIED.map((c) => new T.MeshLambertMaterial({ color: c, side }));
+const buried = BURIED.map((c) => material({ colour: c, lit: true, side: T.DoubleSide }));
 
 const edgeList = (() => {
   const seen = new Map();
@@ -141,8 +137,7 @@ function paint(k) {
   const first = seen ? seen.length : 0;
   if (first) g.addGroup(0, first, 0);
   g.addGroup(first, order.length - first, 1);
-  photographed.map = photo || null;
-  photographed.needsUpdate = true;
+  column.photo = photo || null;
   column.mesh.material = [photographed, layer.id === "albedo" ? bare : painted];
   for (const a of Object.values(g.attributes)) a.needsUpdate = true;
   g.computeBoundingSphere();

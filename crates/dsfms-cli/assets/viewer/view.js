@@ -100,11 +100,13 @@ function render() {
   renderer.clear();
   renderer.setScissorTest(true);
   const solid = data.structures.length ? $("solid").value / 100 : 1;
-  for (const m of [painted, photographed, bare]) { m.opacity = solid; m.transparent = solid < 1; m.depthWrite = solid === 1; }
+  for (const m of [painted, photographed, bare]) { m.uniforms.opacity.value = solid; m.transparent = solid < 1; m.depthWrite = solid === 1; }
   const labels = [];
   clearSight();
   for (const cell of cells()) {
     aim(cell);
+    const photo = columns[cell.k].photo;
+    photographed.uniforms.map.value = photo; photographed.uniforms.pictured.value = +!!photo;
     columns.forEach((c, k) => {
       c.group.visible = k === cell.k && !!surface(state.frame, k);
       c.edges.visible = $("edges").checked;

@@ -23,6 +23,7 @@ const SCRIPT: &str = concat!(
     include_str!("../../assets/viewer/data.js"),
     include_str!("../../assets/viewer/geometry.js"),
     include_str!("../../assets/viewer/layers.js"),
+    include_str!("../../assets/viewer/materials.js"),
     include_str!("../../assets/viewer/scene.js"),
     include_str!("../../assets/viewer/rig.js"),
     include_str!("../../assets/viewer/view.js"),
