@@ -113,6 +113,7 @@ impl FigureArgs {
 }
 
 const MARGIN: u32 = 16;
+const UNSEEN: &str = "grey: not seen";
 
 /// Run the command.
 pub fn run(args: &FigureArgs) -> anyhow::Result<Outcome> {
@@ -237,9 +238,11 @@ fn sheet(args: &FigureArgs, rows: &[Row], template: Option<&Template>) -> anyhow
     scale_bar(args, view, [grid.left, bottom], unit, &mut items);
     if layers.contains(&Layer::Error) {
         colour_bar(width, bottom, args.panel, limit, unit, &mut items);
-    } else if rows.iter().any(|r| r.file.attributes.contains_key("visible")) {
-        let at = [width - MARGIN, bottom + 14];
-        items.push(Item::Text { at, anchor: Anchor::End, text: "grey: not seen".into() });
+    }
+    let wide = width > 4 * text_width(UNSEEN);
+    if wide && rows.iter().any(|r| r.file.attributes.contains_key("visible")) {
+        let at = [width * 2 / 5, bottom + 14];
+        items.push(Item::Text { at, anchor: Anchor::Middle, text: UNSEEN.into() });
     }
     Ok(Sheet { size: [width, bottom + 2 * TEXT + MARGIN], items })
 }

@@ -29,6 +29,7 @@ const SCRIPT: &str = concat!(
     include_str!("../../assets/viewer/view.js"),
     include_str!("../../assets/viewer/image.js"),
     include_str!("../../assets/viewer/uncertainty.js"),
+    include_str!("../../assets/viewer/paths.js"),
     include_str!("../../assets/viewer/measure.js"),
     include_str!("../../assets/viewer/table.js"),
     include_str!("../../assets/viewer/flattening.js"),

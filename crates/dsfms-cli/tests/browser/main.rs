@@ -251,6 +251,16 @@ fn the_viewer_follows_a_running_command() {
     assert_eq!(browser.complaints(), Vec::<String>::new());
 }
 
+/// What the page measures in a frame: straight, along, area, strain, and their deviations.
+fn measure_in(browser: &mut Browser, frame: &str) -> [f64; 8] {
+    choose(browser, "frame", frame);
+    let found = browser.eval(
+        "(() => { const m = dsfms.measures()[0], s = m.sd; return [m.straight, m.along.length, \
+         m.area, m.strain, s.straight, s.along, s.area, s.strain]; })()",
+    );
+    std::array::from_fn(|i| found[i].as_f64().unwrap())
+}
+
 /// A square of 10 mm, flat at 50 mm, and the same a tenth longer along x: everything is known.
 #[test]
 fn measurements_have_the_values_they_must_have() {
@@ -280,14 +290,14 @@ fn measurements_have_the_values_they_must_have() {
     choose(&mut browser, "radius", "100");
     // Across the middle row; a square is a hundred.
     browser.eval("dsfms.pickVertices([55, 65])");
-    let mut measure = |frame: &str| -> [f64; 8] {
-        choose(&mut browser, "frame", frame);
-        let expression = "(() => { const m = dsfms.measures()[0], s = m.sd; return [m.straight, m.along.length, \
-            m.area, m.strain, s.straight, s.along, s.area, s.strain]; })()";
-        let found = browser.eval(expression);
-        std::array::from_fn(|i| found[i].as_f64().unwrap())
-    };
+    let mut measure = |frame: &str| measure_in(&mut browser, frame);
     let (rest, now) = (measure("0"), measure("1"));
+    // From corner to far side, across the edges: straight in the plane.
+    browser.eval("dsfms.pickVertices([0, 114])");
+    let slanted = measure_in(&mut browser, "0");
+    assert!((slanted[0] - 116f64.sqrt()).abs() < 0.01, "{slanted:?}");
+    assert!((1.0..1.012).contains(&(slanted[1] / slanted[0])), "{slanted:?}");
+    browser.eval("dsfms.pickVertices([55, 65])");
     for (value, expected) in rest[..4].iter().zip([10.0, 10.0, 100.0, 0.0]) {
         assert!((value - expected).abs() < 0.01, "{rest:?}");
     }
