@@ -96,6 +96,19 @@ function straightened(p, A, B, vertices) {
   for (let i = nodes[end].before; i !== start && i >= 0; i = nodes[i].before) passed.unshift(nodes[i].place);
   return { length: nodes[end].d, passed };
 }
+/** Move every crossing along its edge to where the way is straight when both faces are unfolded about it. */
+function tighten(p, passed, path) {
+  for (let sweep = 0; sweep < 40; sweep++) passed.forEach((place, i) => {
+    const [a, b] = place;
+    if (a === b) return;
+    const o = point(p, a), e = sub(point(p, b), o), l = length(e) || 1;
+    const flat = (q) => { const d = sub(q, o), x = dot(d, e) / l; return [x, Math.sqrt(Math.max(dot(d, d) - x * x, 0))]; };
+    const [x1, y1] = flat(path[i]), [x2, y2] = flat(path[i + 2]);
+    if (y1 + y2 < 1e-12) return;
+    place[2] = Math.min(Math.max((x1 + ((x2 - x1) * y1) / (y1 + y2)) / l, 0), 1);
+    path[i + 1] = onEdge(p, place);
+  });
+}
 /** Shortest way from A to B: its length, its points, and where it crosses edges. */
 function alongSurface(p, A, B) {
   const end = onFace(p, B), start = onFace(p, A);
@@ -106,6 +119,15 @@ function alongSurface(p, A, B) {
   if (!Number.isFinite(total(v))) return { length: NaN, path: [start, end], passed: [] }; // another piece
   const vertices = [];
   for (; v >= 0; v = before[v]) vertices.push(v);
-  const way = straightened(p, A, B, vertices);
-  return { ...way, path: [start, ...way.passed.map((e) => onEdge(p, e)), end] };
+  // The first way may lie beside the shortest: the strip follows it until nothing is gained.
+  let way = straightened(p, A, B, vertices);
+  for (let k = 0; k < 6; k++) {
+    const next = straightened(p, A, B, [...vertices, ...way.passed.flatMap(([a, b]) => [a, b])]);
+    const gained = next.length < 0.9995 * way.length;
+    way = next;
+    if (!gained) break;
+  }
+  const path = [start, ...way.passed.map((e) => onEdge(p, e)), end];
+  tighten(p, way.passed, path);
+  return { passed: way.passed, path, length: path.slice(1).reduce((sum, q, i) => sum + apart(path[i], q), 0) };
 }
