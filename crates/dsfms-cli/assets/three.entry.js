@@ -1,2 +1,2 @@
-export { WebGLRenderer, Scene, PerspectiveCamera, Mesh, BufferGeometry, BufferAttribute, MeshBasicMaterial, MeshLambertMaterial, DirectionalLight, AmbientLight, LineSegments, LineBasicMaterial, Points, PointsMaterial, Texture, Raycaster, Group, Vector2, Vector3, Matrix4, Quaternion, Color, SphereGeometry, SRGBColorSpace, DoubleSide } from 'three';
+export { WebGLRenderer, Scene, PerspectiveCamera, Mesh, BufferGeometry, BufferAttribute, RawShaderMaterial, LineSegments, Points, Texture, Raycaster, Group, Vector2, Vector3, Color, SphereGeometry, DoubleSide } from 'three';
 export { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';

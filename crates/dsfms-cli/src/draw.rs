@@ -5,7 +5,7 @@ use dsfms::geometry::{Isometry, Point2, Point3, Vector3};
 use dsfms::image::Frame;
 use dsfms::mesh::Topology;
 use dsfms::mesh::normals::vertex_normals;
-use dsfms::raster::rasterize;
+use dsfms::raster::{Raster, rasterize};
 use dsfms::register::Match;
 use image::RgbImage;
 
@@ -117,6 +117,17 @@ impl SideView {
     /// A length at the middle of the surface, px per length unit.
     pub fn scale(&self) -> f64 {
         self.camera.focal[0] / self.distance
+    }
+
+    /// Which face is seen in every pixel, and how far.
+    pub fn raster(&self, topology: &Topology, vertices: &[Point3]) -> Raster {
+        let turned: Vec<Point3> = vertices.iter().map(|p| self.turned(p)).collect();
+        rasterize(&self.camera, topology, &turned)
+    }
+
+    /// How much a normal faces this view, in `[0, 1]`, either way round.
+    pub fn facing(&self, normal: &Vector3) -> f64 {
+        (self.turn * normal).z.abs()
     }
 
     /// A shaded picture; `colour` per vertex, or one grey for all.

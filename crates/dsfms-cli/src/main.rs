@@ -6,6 +6,7 @@ mod demo;
 mod draw;
 mod exit;
 mod figure;
+mod formats;
 mod inputs;
 mod outputs;
 mod pictures;

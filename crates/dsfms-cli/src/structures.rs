@@ -2,10 +2,10 @@
 
 use crate::draw;
 use crate::progress::Reporter;
-use crate::report::data::ShownStructure;
-use crate::report::embed;
-use dsfms::camera::CameraModel;
-use dsfms::geometry::{Point3, Vector3};
+use crate::report::data::{BuriedPlace, ShownStructure, pixels};
+use crate::report::embed::{self, Cloud, Numbers};
+use dsfms::camera::{Camera, CameraModel};
+use dsfms::geometry::{Point2, Point3, Vector3};
 use dsfms::image::Frame;
 use dsfms::image::distance::distance_to;
 use dsfms::io::mesh::read_mesh;
@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
 /// As the report's viewer has them.
-const COLOURS: [[u8; 3]; 4] = [[242, 169, 0], [63, 127, 208], [111, 191, 115], [200, 111, 201]];
+pub const COLOURS: [[u8; 3]; 4] = [[242, 169, 0], [63, 127, 208], [111, 191, 115], [200, 111, 201]];
 /// Widest halo, px.
 const WIDEST_HALO: f64 = 60.0;
 
@@ -31,6 +31,54 @@ pub struct Structures {
     carrier: Carrier,
     rest: Mesh,
     half_extent: f64,
+}
+
+/// Widths of a halo at some places in the image.
+#[derive(Default)]
+struct Halo {
+    places: Vec<(Point2, f64)>,
+    widest: f64,
+}
+
+/// Points of a structure that shape its halo.
+const HALO_POINTS: usize = 120;
+
+impl Halo {
+    fn new(camera: &CameraModel, points: &[Point3], widths: &[f64]) -> Self {
+        let every = points.len().div_ceil(HALO_POINTS).max(1);
+        let place = |(p, w): (&Point3, &f64)| Some((camera.project(p)?.pixel, *w));
+        let places: Vec<(Point2, f64)> =
+            points.iter().zip(widths).step_by(every).filter_map(place).collect();
+        let widest = places.iter().map(|p| p.1).fold(0.0, f64::max);
+        Self { places, widest }
+    }
+
+    /// Between the points, by their squared distances.
+    fn at(&self, q: Point2) -> f64 {
+        let weigh = |(sum, all): (f64, f64), (p, width): &(Point2, f64)| {
+            let weight = 1.0 / ((p - q).norm_squared() + 1.0);
+            (sum + weight * width, all + weight)
+        };
+        let (sum, all) = self.places.iter().fold((0.0, 0.0), weigh);
+        (sum / all).max(1e-9)
+    }
+}
+
+/// A structure in a frame.
+pub struct Placed {
+    points: Vec<Point3>,
+    /// Expected error of every point: it grows with that of the surface above, with the depth under
+    /// it and with the deformation.
+    errors: Option<Vec<f64>>,
+}
+
+impl Placed {
+    /// The errors in the image, px.
+    fn halo(&self, camera: &CameraModel) -> Option<Vec<f64>> {
+        let width =
+            |(e, p): (&f64, &Point3)| (camera.focal[0] * e / p.z.max(1e-9)).clamp(0.0, WIDEST_HALO);
+        Some(self.errors.as_ref()?.iter().zip(&self.points).map(width).collect())
+    }
 }
 
 struct Structure {
@@ -73,10 +121,23 @@ impl Structures {
         Ok(Some(Self { items, carrier, rest, half_extent }))
     }
 
-    /// Their places in a frame, camera axes.
-    pub fn carry(&self, vertices: &[Point3]) -> anyhow::Result<Vec<Vec<Point3>>> {
+    /// Their places in a frame, camera axes, and expected errors where `confidence` tells those of
+    /// the surface's vertices.
+    pub fn carry(
+        &self,
+        vertices: &[Point3],
+        confidence: Option<&[f64]>,
+    ) -> anyhow::Result<Vec<Placed>> {
         let carried = self.carrier.carry(vertices)?;
-        let of = |s: &Structure| s.mesh.positions.par_iter().map(|p| carried.at(p)).collect();
+        let deformation = carried.deformation();
+        let expected = |d: &Depth| {
+            let surface = confidence.map_or(0.0, |c| c[d.vertex as usize]);
+            expected_error(surface, d.distance, self.half_extent, deformation)
+        };
+        let of = |s: &Structure| Placed {
+            points: s.mesh.positions.par_iter().map(|p| carried.at(p)).collect(),
+            errors: confidence.map(|_| s.depths.iter().map(expected).collect()),
+        };
         Ok(self.items.iter().map(of).collect())
     }
 
@@ -86,9 +147,9 @@ impl Structures {
         folder: &Path,
         name: &str,
         template: &Template,
-        places: &[Vec<Point3>],
+        places: &[Placed],
     ) -> anyhow::Result<()> {
-        for (item, points) in self.items.iter().zip(places) {
+        for (item, Placed { points, .. }) in self.items.iter().zip(places) {
             // Not frame_*.ply of its own, which would be taken for a reconstructed surface.
             let path = folder.join(format!("structures/{name}_{}.ply", item.name));
             let topology = &item.mesh.topology;
@@ -98,9 +159,10 @@ impl Structures {
     }
 
     /// Structures from the farthest to the nearest.
-    fn far_first(&self, places: &[Vec<Point3>]) -> Vec<usize> {
+    fn far_first(&self, places: &[Placed]) -> Vec<usize> {
         let depth = |k: &usize| {
-            places[*k].iter().map(|p| p.z).sum::<f64>() / places[*k].len().max(1) as f64
+            let points = &places[*k].points;
+            points.iter().map(|p| p.z).sum::<f64>() / points.len().max(1) as f64
         };
         let mut order: Vec<usize> = (0..self.items.len()).collect();
         order.sort_by(|a, b| depth(b).total_cmp(&depth(a)));
@@ -116,40 +178,40 @@ impl Structures {
         self.items.iter().map(of).collect()
     }
 
+    /// For the report's frame.
+    pub fn places(&self, camera: &CameraModel, places: &[Placed]) -> Vec<BuriedPlace> {
+        let of = |(item, placed): (&Structure, &Placed)| BuriedPlace {
+            at: Cloud::of(&placed.points),
+            pixels: pixels(camera, &placed.points),
+            under: Numbers::of(&item.depths.iter().map(|d| d.distance).collect::<Vec<f64>>()),
+            halo: placed.halo(camera).as_deref().map(Numbers::of),
+        };
+        self.items.iter().zip(places).map(of).collect()
+    }
+
     /// The structures over the image: fainter the deeper they lie under the surface as the camera
-    /// sees it, each in a halo as wide as its expected error.
+    /// sees it, each in a halo as wide as its expected error there.
     pub fn overlay(
         &self,
         frame: &Frame,
         camera: &CameraModel,
         result: &Reconstruction,
-        places: &[Vec<Point3>],
+        places: &[Placed],
     ) -> RgbImage {
         let mut canvas = draw::picture(frame);
         let surface = rasterize(camera, &self.rest.topology, &result.vertices);
         for k in self.far_first(places) {
-            let (item, points) = (&self.items[k], &places[k]);
+            let (item, points) = (&self.items[k], &places[k].points);
             let colour = COLOURS[k % COLOURS.len()];
-            let halo = result
-                .confidence
-                .as_ref()
-                .map_or(0.0, |c| item.halo(c, points, self.half_extent) * camera.focal[0]);
-            item.draw(&mut canvas, camera, &surface, points, colour, (halo, self.half_extent));
+            let halo = places[k].halo(camera);
+            let halo = halo.map(|h| Halo::new(camera, points, &h)).unwrap_or_default();
+            item.draw(&mut canvas, camera, &surface, points, colour, (&halo, self.half_extent));
         }
         canvas
     }
 }
 
 impl Structure {
-    /// Mean expected error over distance, rad.
-    fn halo(&self, confidence: &[f64], points: &[Point3], half_extent: f64) -> f64 {
-        let angle = |(d, p): (&Depth, &Point3)| {
-            expected_error(confidence[d.vertex as usize], d.distance, half_extent) / p.z.max(1e-9)
-        };
-        let sum: f64 = self.depths.iter().zip(points).map(angle).sum();
-        sum / points.len().max(1) as f64
-    }
-
     fn draw(
         &self,
         canvas: &mut RgbImage,
@@ -157,21 +219,21 @@ impl Structure {
         surface: &Raster,
         points: &[Point3],
         colour: [u8; 3],
-        (halo, half_extent): (f64, f64),
+        (halo, half_extent): (&Halo, f64),
     ) {
         let topology = &self.mesh.topology;
         let normals = vertex_normals(topology, points);
         let raster = rasterize(camera, topology, points);
         let inside = raster.silhouette();
         let [away, within] = [&inside, &inside.complement()].map(distance_to);
-        let halo = halo.clamp(0.0, WIDEST_HALO);
         let width = raster.size[0];
         for i in 0..raster.face.len() {
             let (x, y) = ((i % width) as i64, (i / width) as i64);
             let Some(face) = topology.faces.get(raster.face[i] as usize) else {
                 let d = f64::from(away.data[i]);
-                if d < halo {
-                    draw::blend(canvas, x, y, colour, 0.4 * (1.0 - d / halo));
+                if d < halo.widest {
+                    let width = halo.at(Point2::new(x as f64, y as f64));
+                    draw::blend(canvas, x, y, colour, 0.45 * (1.0 - d / width).max(0.0));
                 }
                 continue;
             };

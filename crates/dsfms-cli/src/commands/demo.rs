@@ -30,7 +30,9 @@ Examples:
 
 Writes OUT/report.html (one self-contained page), OUT/organ.template, OUT/<method>/frame_NNN.* as
 `dsfms reconstruct` does, OUT/truth/frame_NNN.ply on the same vertices, and OUT/scene: the embedded frames, masks, camera and truth, on which every
-other command can be tried. The exit code is 0 when every method gave a surface for every frame.";
+other command can be tried. The exit code is 0 when every method gave a surface for every frame, else
+2. Degraded surfaces are counted in the text and marked in the report, but do not change it: that a
+weaker method has reservations is what the comparison shows.";
 
 /// The methods compared, in the order of the report.
 pub const METHODS: [Method; 4] = [Method::Rigid, Method::Sfs, Method::Dsfm, Method::Dsfms];

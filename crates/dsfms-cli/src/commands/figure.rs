@@ -2,6 +2,7 @@
 
 use crate::draw::{self, CIVIDIS, SideView};
 use crate::exit::{Outcome, Usage};
+use crate::figure::panel::{Layer, Row, Scale, View, camera, panel, reach};
 use crate::figure::{Anchor, Item, Sheet, TEXT, text_width};
 use crate::outputs::{write_png, write_text};
 use crate::report::chart::nice;
@@ -11,6 +12,7 @@ use clap::{Args, ValueEnum};
 use dsfms::io::mesh::{MeshFile, MeshUnit, read_mesh};
 use dsfms::io::names::frame_number;
 use dsfms::io::template::read_template;
+use dsfms::mesh::Mesh;
 use dsfms::template::Template;
 use image::RgbImage;
 use rayon::prelude::*;
@@ -22,9 +24,13 @@ Examples:
   dsfms figure out --frame 3 -o frame3.png
   # All methods of the demo with their error against the truth, as SVG
   dsfms figure dsfms-demo --frame 4 --truth dsfms-demo/truth/frame_004.ply -o methods.svg
+  # All around, with the structures that were carried along
+  dsfms figure out --frame 3 --turntable 8 -o turn.png
   # A mesh with the albedo of its template
   dsfms figure out/frame_003.ply --template organ.template --views front,side,above -o organ.png
 
+Where the frames say which vertices the camera saw (output folders do), the rest of the shape is grey:
+nothing but the template speaks of it. Hidden structures show through the shape, fainter the deeper.
 Rows are methods (output folders), columns views of the shape, of the albedo (with --template) and of
 the error (with --truth) or, where the frames have one, of the expected error. The truth must have the
 vertices of the frames. Errors are distances from vertex to vertex, without alignment.";
@@ -48,6 +54,12 @@ pub struct FigureArgs {
     /// Views, in order.
     #[arg(long, value_enum, value_delimiter = ',', default_values = ["front", "side"])]
     views: Vec<ViewName>,
+    /// So many views all around, from the laparoscope's on, instead of --views.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=36), conflicts_with = "views")]
+    turntable: Option<u32>,
+    /// Leave out the hidden structures that lie in OUT/structures.
+    #[arg(long)]
+    no_structures: bool,
     /// Side of a panel, px.
     #[arg(long, value_name = "PX", default_value_t = 480, value_parser = clap::value_parser!(u32).range(120..=2000))]
     panel: u32,
@@ -74,44 +86,34 @@ enum ViewName {
 }
 
 impl ViewName {
-    fn turn(self) -> (f64, f64, &'static str) {
-        match self {
+    fn view(self) -> View {
+        let (yaw, pitch, name) = match self {
             Self::Front => (0.0, 0.0, "front"),
             Self::Side => (65.0, 0.0, "side"),
             Self::Left => (-65.0, 0.0, "left side"),
             Self::Above => (0.0, 65.0, "above"),
             Self::Back => (180.0, 0.0, "back"),
+        };
+        View { yaw, pitch, name: name.into() }
+    }
+}
+
+impl FigureArgs {
+    /// What is looked at from where.
+    fn all_views(&self) -> Vec<View> {
+        let turn = |k: u32, n: u32| {
+            let yaw = 360.0 * f64::from(k) / f64::from(n);
+            View { yaw, pitch: 0.0, name: format!("{yaw:.0} degrees") }
+        };
+        match self.turntable {
+            Some(n) => (0..n).map(|k| turn(k, n)).collect(),
+            None => self.views.iter().map(|v| v.view()).collect(),
         }
     }
 }
 
-/// What a panel shows.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Layer {
-    Shape,
-    Albedo,
-    Error,
-}
-
-/// One row.
-struct Row {
-    name: String,
-    file: MeshFile,
-    /// Error or expected error per vertex.
-    values: Option<Vec<f64>>,
-}
-
-/// What all panels share.
-#[derive(Clone, Copy)]
-struct Scale {
-    /// Error at the end of the ramp.
-    limit: f64,
-    /// Half a panel, length units.
-    reach: f64,
-}
-
 const MARGIN: u32 = 16;
-const PAPER: [u8; 3] = [255; 3];
+const UNSEEN: &str = "grey: not seen";
 
 /// Run the command.
 pub fn run(args: &FigureArgs) -> anyhow::Result<Outcome> {
@@ -144,12 +146,17 @@ fn rows(args: &FigureArgs) -> anyhow::Result<Vec<Row>> {
             anyhow::bail!("{} holds no frame_NNN.ply", path.display());
         }
         for column in found {
-            let file = read_mesh(choose(&column, path, args.frame)?)?;
+            let chosen = choose(&column, path, args.frame)?;
+            let file = read_mesh(chosen)?;
             let values = match &truth {
                 Some(truth) => Some(errors(&file, truth, &column.name)?),
                 None => file.attributes.get("confidence").cloned(),
             };
-            rows.push(Row { name: column.name, file, values });
+            let structures = match args.no_structures {
+                true => Vec::new(),
+                false => buried(chosen)?,
+            };
+            rows.push(Row { name: column.name, file, values, structures });
         }
     }
     Ok(rows)
@@ -165,6 +172,21 @@ fn choose<'a>(column: &'a Column, path: &Path, frame: Option<u64>) -> anyhow::Re
             .with_context(|| format!("{} holds no frame {n}", column.name)),
         _ => Ok(&column.paths[0]),
     }
+}
+
+/// `structures/frame_NNN_*.ply` beside a frame.
+fn buried(frame: &Path) -> anyhow::Result<Vec<Mesh>> {
+    let stem = frame.file_stem().unwrap_or_default().to_string_lossy();
+    let Ok(entries) = std::fs::read_dir(frame.with_file_name("structures")) else {
+        return Ok(Vec::new());
+    };
+    let own = |p: &PathBuf| {
+        let name = p.file_name().unwrap_or_default().to_string_lossy();
+        name.starts_with(&format!("{stem}_")) && name.ends_with(".ply")
+    };
+    let mut paths: Vec<PathBuf> = entries.flatten().map(|e| e.path()).filter(own).collect();
+    paths.sort();
+    paths.iter().map(|p| Ok(read_mesh(p)?.mesh)).collect()
 }
 
 fn errors(file: &MeshFile, truth: &MeshFile, name: &str) -> anyhow::Result<Vec<f64>> {
@@ -195,100 +217,103 @@ fn sheet(args: &FigureArgs, rows: &[Row], template: Option<&Template>) -> anyhow
         layers.push(Layer::Error);
     }
     let limit = args.max.unwrap_or_else(|| usual_limit(rows));
-    let scale = Scale { limit, reach: reach(args, rows) };
-    let cells: Vec<(Layer, ViewName)> =
-        layers.iter().flat_map(|&l| args.views.iter().map(move |&v| (l, v))).collect();
-    let names = rows.iter().map(|r| text_width(&r.name)).max().unwrap_or(0);
-    let left = if rows.len() > 1 { names + 2 * MARGIN } else { MARGIN };
-    let top = MARGIN + TEXT + 8;
-    let step = args.panel + MARGIN;
+    let views = args.all_views();
+    let scale = Scale { panel: args.panel, limit, reach: reach(&views, rows) };
+    let cells: Vec<(Layer, &View)> =
+        layers.iter().flat_map(|&l| views.iter().map(move |v| (l, v))).collect();
+    let grid = Grid::of(args, rows, cells.len() as u32);
+    let mut items = titles(args, &grid, &cells, rows);
+    let places: Vec<(u32, u32)> =
+        (0..rows.len() as u32).flat_map(|r| (0..cells.len() as u32).map(move |c| (r, c))).collect();
+    let panels: Vec<RgbImage> = places
+        .par_iter()
+        .map(|&(r, c)| panel(&rows[0], &rows[r as usize], cells[c as usize], template, scale))
+        .collect();
+    for (&(r, c), picture) in places.iter().zip(panels) {
+        items.push(Item::Picture { at: grid.at(r, c), picture });
+    }
+    let [width, bottom] = grid.size(rows.len() as u32);
+    let unit = unit_of(&rows[0].file);
+    let view = camera(&rows[0], &views[0], args.panel as usize, scale.reach);
+    scale_bar(args, view, [grid.left, bottom], unit, &mut items);
+    if layers.contains(&Layer::Error) {
+        colour_bar(width, bottom, args.panel, limit, unit, &mut items);
+    }
+    let wide = width > 4 * text_width(UNSEEN);
+    if wide && rows.iter().any(|r| r.file.attributes.contains_key("visible")) {
+        let at = [width * 2 / 5, bottom + 14];
+        items.push(Item::Text { at, anchor: Anchor::Middle, text: UNSEEN.into() });
+    }
+    Ok(Sheet { size: [width, bottom + 2 * TEXT + MARGIN], items })
+}
+
+/// Most panels of a turntable side by side.
+const TURNTABLE_ACROSS: u32 = 6;
+
+/// Where the panels lie, px.
+struct Grid {
+    left: u32,
+    top: u32,
+    across: u32,
+    /// Lines of panels that a row takes.
+    down: u32,
+    step: [u32; 2],
+}
+
+impl Grid {
+    fn of(args: &FigureArgs, rows: &[Row], cells: u32) -> Self {
+        let names = rows.iter().map(|r| text_width(&r.name)).max().unwrap_or(0);
+        let turning = args.turntable.is_some();
+        let across = if turning { cells.min(TURNTABLE_ACROSS) } else { cells };
+        let title = TEXT + 8;
+        Self {
+            left: if rows.len() > 1 { names + 2 * MARGIN } else { MARGIN },
+            top: MARGIN + title,
+            across,
+            down: cells.div_ceil(across),
+            // Every panel of a turntable has its own title.
+            step: [args.panel + MARGIN, args.panel + MARGIN + if turning { title } else { 0 }],
+        }
+    }
+
+    fn at(&self, row: u32, cell: u32) -> [u32; 2] {
+        let line = row * self.down + cell / self.across;
+        [self.left + cell % self.across * self.step[0], self.top + line * self.step[1]]
+    }
+
+    /// Right and lower end of `rows` rows.
+    fn size(&self, rows: u32) -> [u32; 2] {
+        let [x, y] = self.step;
+        [self.left + self.across * x, self.top + rows * self.down * y]
+    }
+}
+
+/// Names of the columns and of the rows.
+fn titles(args: &FigureArgs, grid: &Grid, cells: &[(Layer, &View)], rows: &[Row]) -> Vec<Item> {
     let mut items = Vec::new();
-    for (c, (layer, view)) in (0..).zip(&cells) {
+    let lines = if args.turntable.is_some() { rows.len() as u32 } else { 1 };
+    for (r, (c, (layer, view))) in
+        (0..lines).flat_map(|r| (0..).zip(cells).map(move |cell| (r, cell)))
+    {
         let what = match layer {
             Layer::Shape => "shape",
             Layer::Albedo => "albedo",
             Layer::Error if args.truth.is_some() => "error",
             Layer::Error => "expected error",
         };
-        let text = format!("{what}, {}", view.turn().2);
+        let [x, y] = grid.at(r, c);
         items.push(Item::Text {
-            at: [left + c * step + args.panel / 2, MARGIN],
+            at: [x + args.panel / 2, y - TEXT - 8],
             anchor: Anchor::Middle,
-            text,
+            text: format!("{what}, {}", view.name),
         });
     }
-    let places: Vec<(u32, u32)> =
-        (0..rows.len() as u32).flat_map(|r| (0..cells.len() as u32).map(move |c| (r, c))).collect();
-    let panels: Vec<RgbImage> = places
-        .par_iter()
-        .map(|&(r, c)| panel(args, &rows[0], &rows[r as usize], cells[c as usize], template, scale))
-        .collect();
-    for (&(r, c), picture) in places.iter().zip(panels) {
-        items.push(Item::Picture { at: [left + c * step, top + r * step], picture });
-    }
     for (r, row) in (0..).zip(rows).filter(|_| rows.len() > 1) {
-        let at = [left - MARGIN, top + r * step + args.panel / 2 - TEXT / 2];
+        let [x, y] = grid.at(r, 0);
+        let at = [x - MARGIN, y + args.panel / 2 - TEXT / 2];
         items.push(Item::Text { at, anchor: Anchor::End, text: row.name.clone() });
     }
-    let bottom = top + rows.len() as u32 * step;
-    let width = left + cells.len() as u32 * step;
-    let unit = unit_of(&rows[0].file);
-    scale_bar(
-        args,
-        camera(&rows[0], args.views[0], args.panel as usize, scale.reach),
-        [left, bottom],
-        unit,
-        &mut items,
-    );
-    if layers.contains(&Layer::Error) {
-        colour_bar(width, bottom, args.panel, limit, unit, &mut items);
-    }
-    Ok(Sheet { size: [width, bottom + 2 * TEXT + MARGIN], items })
-}
-
-/// One panel, drawn twice as large and halved, which smooths its edges.
-fn panel(
-    args: &FigureArgs,
-    first: &Row,
-    row: &Row,
-    (layer, view): (Layer, ViewName),
-    template: Option<&Template>,
-    scale: Scale,
-) -> RgbImage {
-    let side = 2 * args.panel as usize;
-    let camera = camera(first, view, side, scale.reach);
-    let mesh = &row.file.mesh;
-    let faces = &mesh.topology.faces;
-    let texels = template.and_then(|t| t.albedo.as_ref());
-    let colour = |face: usize, w: [f64; 3]| match (layer, texels, &row.values) {
-        (Layer::Albedo, Some(texels), _) => display(texels.at(face, w)),
-        (Layer::Error, _, Some(values)) => {
-            let value: f64 = faces[face].iter().zip(w).map(|(&v, w)| w * values[v as usize]).sum();
-            draw::error_colour(value, scale.limit).map(f64::from)
-        }
-        _ => draw::CLAY.map(f64::from),
-    };
-    let large = camera.render_with(&mesh.topology, &mesh.positions, PAPER, colour);
-    image::imageops::resize(&large, args.panel, args.panel, image::imageops::FilterType::Triangle)
-}
-
-/// All rows are seen from the place that the first one fixes.
-fn camera(first: &Row, view: ViewName, side: usize, reach: f64) -> SideView {
-    let (yaw, pitch, _) = view.turn();
-    let points = &first.file.mesh.positions;
-    SideView::fitted(points, [side, side], yaw, pitch, reach)
-}
-
-/// One scale for all panels.
-fn reach(args: &FigureArgs, rows: &[Row]) -> f64 {
-    let of =
-        |r: &Row, v: &ViewName| SideView::reach(&r.file.mesh.positions, v.turn().0, v.turn().1);
-    rows.iter().flat_map(|r| args.views.iter().map(move |v| of(r, v))).fold(0.0, f64::max)
-}
-
-/// Linear light for a screen; an albedo of one half looks bright.
-fn display(linear: [f32; 3]) -> [f64; 3] {
-    linear.map(|v| 255.0 * (1.6 * f64::from(v)).clamp(0.0, 1.0).powf(1.0 / 2.2))
+    items
 }
 
 fn usual_limit(rows: &[Row]) -> f64 {

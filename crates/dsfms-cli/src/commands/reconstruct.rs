@@ -2,13 +2,14 @@
 
 use crate::args::Global;
 use crate::exit::{self, Outcome};
+use crate::formats::{Format, Formats, Shape};
 use crate::inputs::{self, Source};
 use crate::outputs::{self, FrameFiles, FrameReport};
 use crate::progress::Reporter;
 use crate::report::data::ShownFrame;
 use crate::report::frames::frames_page;
 use crate::report::template::chosen;
-use crate::structures::Structures;
+use crate::structures::{Placed, Structures};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use dsfms::camera::CameraModel;
@@ -45,7 +46,8 @@ A folder holds one file per frame, of the same name or number.
 
 Written to OUT for every frame: frame_NNN.ply (the template's faces and vertex order, camera axes of
 the frame, unit in a header comment, visible per vertex), frame_NNN.json (status, pose, gain, cost of
-every energy term), frame_NNN_overlay.png; summary.csv; and report.html, one page with everything in 3D. NNN is the last number in the image's
+every energy term), frame_NNN_overlay.png; summary.csv; and report.html, one page with everything in 3D. With --formats also frame_NNN.vtp (ParaView,
+3D Slicer), .obj, .stl, and frames.glb, an animation with one frame a second. NNN is the last number in the image's
 name where all have one and no two the same, else the place in the sequence.";
 
 /// Reconstruct the deformed organ in every given frame.
@@ -88,6 +90,9 @@ pub struct ReconstructArgs {
     /// with the deformation: OUT/structures and OUT/frame_NNN_structures.png.
     #[arg(long, value_name = "MESH", num_args = 1..)]
     structures: Vec<PathBuf>,
+    /// Further files of every frame, for other programs.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "FORMATS")]
+    formats: Vec<Format>,
     /// Leave out OUT/report.html.
     #[arg(long)]
     no_report: bool,
@@ -153,6 +158,14 @@ pub fn method_name(method: Method) -> &'static str {
     }
 }
 
+/// What one frame leaves for the end.
+struct Done {
+    report: FrameReport,
+    page: Option<ShownFrame>,
+    /// Where a format needs it.
+    shape: Option<Vec<Point3>>,
+}
+
 /// Everything that the frames share.
 struct Job<'a> {
     args: &'a ReconstructArgs,
@@ -178,22 +191,26 @@ pub fn run(
     let done = AtomicUsize::new(0);
     let shown = if args.no_report { Vec::new() } else { chosen(sources.len()) };
     reporter.step("frames", 0, sources.len());
-    let (rows, frames): (Vec<FrameReport>, Vec<Option<ShownFrame>>) = sources
+    let done_frames: Vec<Done> = sources
         .par_iter()
         .zip(&names)
         .enumerate()
         .map(|(i, (source, name))| {
-            let report = job.frame(source, name, shown.contains(&i));
+            let report = job.frame(source, name, i, shown.contains(&i));
             reporter.step("frames", done.fetch_add(1, Ordering::Relaxed) + 1, sources.len());
             report
         })
-        .collect::<anyhow::Result<Vec<_>>>()?
-        .into_iter()
-        .unzip();
-    let rows: Vec<(String, FrameReport)> = names.into_iter().zip(rows).collect();
+        .collect::<anyhow::Result<_>>()?;
+    let (mut rows, mut frames, mut shapes) = (Vec::new(), Vec::new(), Vec::new());
+    for (i, (name, done)) in names.into_iter().zip(done_frames).enumerate() {
+        shapes.extend(done.shape.map(|s| (name.clone(), i as f64, s)));
+        frames.extend(done.page);
+        rows.push((name, done.report));
+    }
+    job.formats().write_series(&shapes)?;
     outputs::write_text(&args.output.join("summary.csv"), &outputs::summary_csv(&rows))?;
     if !args.no_report {
-        job.write_page(&rows, frames.into_iter().flatten().collect())?;
+        job.write_page(&rows, frames)?;
     }
     reporter.finish();
     Ok(conclude(&rows, reporter))
@@ -242,18 +259,18 @@ fn prepare<'a>(
 }
 
 impl Job<'_> {
+    fn formats(&self) -> Formats<'_> {
+        let Self { args, template, .. } = self;
+        Formats { folder: &args.output, template, list: &args.formats }
+    }
+
     /// One frame: its files are written whatever happens; an error means that they could not be.
     /// With `shown`, also the frame for the page.
-    fn frame(
-        &self,
-        source: &Source,
-        name: &str,
-        shown: bool,
-    ) -> anyhow::Result<(FrameReport, Option<ShownFrame>)> {
+    fn frame(&self, source: &Source, name: &str, i: usize, shown: bool) -> anyhow::Result<Done> {
         let input = source.name();
         let method = self.args.method.into();
         let files = FrameFiles { folder: &self.args.output, name };
-        let mut page = None;
+        let (mut page, mut shape) = (None, None);
         let report = match self.attempt(source) {
             Ok((frame, result)) => {
                 files.write_surface(&self.template, &frame, &self.camera, &result)?;
@@ -262,9 +279,21 @@ impl Job<'_> {
                 if shown {
                     let mut part = ShownFrame::new(name, &frame)?;
                     part.add(&report, Some(&result), &self.camera, 1.0);
-                    part.add_structures(&places);
+                    let buried = self.structures.as_ref();
+                    part.add_structures(buried.map_or(vec![], |s| s.places(&self.camera, &places)));
                     page = Some(part);
                 }
+                self.formats().write_frame(
+                    name,
+                    i as f64,
+                    &Shape {
+                        vertices: &result.vertices,
+                        visible: Some(&result.visible),
+                        confidence: result.confidence.as_deref(),
+                        observed: result.observed.as_deref(),
+                    },
+                )?;
+                shape = (!self.args.formats.is_empty()).then_some(result.vertices);
                 report
             }
             Err(error) => {
@@ -284,7 +313,7 @@ impl Job<'_> {
                 _ => self.reporter.warn(&what),
             }
         }
-        Ok((report, page))
+        Ok(Done { report, page, shape })
     }
 
     /// Places of the hidden structures; their files and picture.
@@ -293,9 +322,9 @@ impl Job<'_> {
         name: &str,
         frame: &Frame,
         result: &Reconstruction,
-    ) -> anyhow::Result<Vec<Vec<Point3>>> {
+    ) -> anyhow::Result<Vec<Placed>> {
         let Some(structures) = &self.structures else { return Ok(Vec::new()) };
-        let places = structures.carry(&result.vertices)?;
+        let places = structures.carry(&result.vertices, result.confidence.as_deref())?;
         structures.write(&self.args.output, name, &self.template, &places)?;
         let picture = structures.overlay(frame, &self.camera, result, &places);
         outputs::write_png(&self.args.output.join(format!("{name}_structures.png")), &picture)?;

@@ -1,11 +1,14 @@
 //! `dsfms track`: a video of the deforming organ, frame after frame.
 
+use super::reconstruct::method_name;
 use crate::args::Global;
 use crate::draw;
 use crate::exit::{Outcome, Usage};
+use crate::formats::{Format, Formats, Shape};
 use crate::inputs;
 use crate::outputs::{self, quoted};
 use crate::progress::Reporter;
+use crate::report::track::TrackReport;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use dsfms::camera::CameraModel;
@@ -39,7 +42,9 @@ Every frame ends ok, degraded (a surface with reservations, in the column reason
 surface).
 
 Written to OUT: vertices.npz (vertices: frames x vertices x 3 in camera axes, NaN where lost; status: 0
-ok, 1 degraded, 2 lost); summary.csv; with --ply frame_NNN.ply; with --overlay overlay/frame_NNN.png
+ok, 1 degraded, 2 lost); summary.csv; report.html, one page with plots and up to 96 frames in 3D, written
+anew every few seconds, so that `dsfms view OUT` shows a running video; with --ply frame_NNN.ply; with --formats frame_NNN.vtp, .obj, .stl, and frames.glb, an
+animation at 25 frames a second; with --overlay overlay/frame_NNN.png
 and, where ffmpeg is installed, overlay.mp4. NNN is the place in the sequence.";
 
 /// Follow the template through a video.
@@ -76,6 +81,12 @@ pub struct TrackArgs {
     /// A picture of every frame with the surface, and a video of them where ffmpeg is installed.
     #[arg(long)]
     overlay: bool,
+    /// Further files, for other programs.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "FORMATS")]
+    formats: Vec<Format>,
+    /// Leave out OUT/report.html.
+    #[arg(long)]
+    no_report: bool,
     /// Thresholds and weights, as TOML.
     #[arg(long, value_name = "FILE")]
     options: Option<PathBuf>,
@@ -125,8 +136,13 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     let tracker = Tracker::new(&template, &camera, &tone, method, options)?;
     let path = args.output.join("vertices.npz");
     let shapes = ShapeFile::create(&path, template.mesh.positions.len())?;
+    let name = args.template.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let page = args.output.join("report.html");
+    let report = TrackReport::new(page, name, &template, &camera, method_name(method))?;
     let mut job = Job {
         args,
+        report: (!args.no_report).then_some(report),
+        kept: Vec::new(),
         template: &template,
         camera: &camera,
         reporter,
@@ -145,6 +161,9 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     }
     job.conclude()
 }
+
+/// Frames a second of the animation and the overlay.
+const RATE: f64 = 25.0;
 
 const COLUMNS: &str = "frame,input,status,way,reasons,matches,matches_kept,residual_px,depth,agreement,\
                        places,ms,prepare_ms,follow_ms,find_ms,pose_ms,register_ms,joint_ms,look_ms,\
@@ -177,6 +196,9 @@ struct Job<'a> {
     reporter: &'a Reporter,
     tracker: Tracker<'a>,
     shapes: ShapeFile,
+    report: Option<TrackReport<'a>>,
+    /// Name, seconds and shape of every frame that has one, where a format needs them.
+    kept: Vec<(String, f64, Vec<dsfms::geometry::Point3>)>,
     live: bool,
     summary: String,
     /// Last surface, for `--keep-lost`.
@@ -201,7 +223,7 @@ struct Line<'a> {
     ms: f64,
 }
 
-impl Job<'_> {
+impl<'a> Job<'a> {
     fn files(&mut self) -> anyhow::Result<()> {
         for input in &self.args.input {
             if input.is_file() && is_video(input) {
@@ -279,6 +301,9 @@ impl Job<'_> {
     ) -> anyhow::Result<()> {
         self.counts[tracked.status as usize] += 1;
         self.row(number, frame, tracked, ms);
+        if let Some(report) = &mut self.report {
+            report.add(number, frame, tracked, ms)?;
+        }
         let surface = tracked.surface.as_ref();
         if let Some(surface) = surface {
             self.last = Some(surface.vertices.clone());
@@ -292,6 +317,13 @@ impl Job<'_> {
             let extras = PlyExtras { comments: &comments, ..Default::default() };
             let path = self.args.output.join(format!("{name}.ply"));
             write_ply(&path, &self.template.mesh.topology, shape, self.template.unit, &extras)?;
+        }
+        if let Some(vertices) = shape.filter(|_| !self.args.formats.is_empty()) {
+            let seconds = number as f64 / RATE;
+            let formats = self.formats();
+            formats.write_frame(&name, seconds, &Shape { vertices, ..Default::default() })?;
+            let vertices = if formats.animated() { vertices.to_vec() } else { Vec::new() };
+            self.kept.push((name.clone(), seconds, vertices));
         }
         if self.args.overlay {
             let path = self.args.output.join("overlay").join(format!("{name}.png"));
@@ -311,6 +343,11 @@ impl Job<'_> {
             super::to_stdout(&(serde_json::to_string(&line)? + "\n"))?;
         }
         Ok(())
+    }
+
+    fn formats(&self) -> Formats<'a> {
+        let Self { args, template, .. } = self;
+        Formats { folder: &args.output, template, list: &args.formats }
     }
 
     fn row(&mut self, number: usize, frame: &Frame, tracked: &Tracked, ms: f64) {
@@ -367,8 +404,10 @@ impl Job<'_> {
         self.reporter.finish();
         let total: usize = self.counts.iter().sum();
         anyhow::ensure!(total > 0, "the input holds no frame");
+        self.formats().write_series(&self.kept)?;
         self.shapes.finish()?;
         outputs::write_text(&self.args.output.join("summary.csv"), &self.summary)?;
+        self.report.map_or(Ok(()), TrackReport::finish)?;
         if self.args.overlay && !film(&self.args.output, self.args.stride) {
             self.reporter.warn("overlay.mp4 needs ffmpeg; the pictures are in OUT/overlay");
         }
@@ -384,7 +423,7 @@ impl Job<'_> {
 
 /// `OUT/overlay.mp4` of the pictures; whether it was made.
 fn film(folder: &Path, stride: u32) -> bool {
-    let rate = (25.0 / f64::from(stride)).to_string();
+    let rate = (RATE / f64::from(stride)).to_string();
     let status = Command::new("ffmpeg")
         .args(["-y", "-v", "error", "-nostdin", "-framerate", &rate, "-pattern_type", "glob", "-i"])
         .arg(folder.join("overlay/frame_*.png"))

@@ -18,7 +18,8 @@ Examples:
   dsfms view out/frame_003.ply --no-open
 
 Serves one page on 127.0.0.1 under an address that nobody can guess, until Ctrl-C. The page is made
-again when the files change, so a running reconstruction can be watched.";
+again when the files change, so a running `dsfms track` can be watched: who looks at its last frame
+goes on to the newest.";
 
 /// Show an output folder, a template or a mesh in the browser.
 #[derive(Debug, Args)]
@@ -123,12 +124,17 @@ fn version(source: &anyhow::Result<Source>) -> String {
     since.map_or(0, |d| d.as_millis()).to_string()
 }
 
-/// The page that loads itself again when its files change. A report itself may not connect to
-/// anything; here it may ask this server.
+/// The page that takes over what changes in its files, in place where that can be done. A report
+/// itself may not connect to anything; here it may ask this server.
 fn live(html: &str, version: &str) -> String {
     let script = format!(
-        "<script>setInterval(() => fetch(\"version\").then((r) => r.text()).then((v) => {{ \
-         if (v !== \"{version}\") location.reload(); }}).catch(() => {{}}), 2000);</script></body>"
+        "<script>(() => {{ let shown = \"{version}\", busy = false;\
+         const ask = async (path) => (await fetch(path)).text();\
+         const look = async () => {{ const now = await ask(\"version\"); if (now === shown) return;\
+         const page = new DOMParser().parseFromString(await ask(\"\"), \"text/html\");\
+         if (window.dsfms && dsfms.update(page)) shown = now; else location.reload(); }};\
+         setInterval(() => {{ if (busy) return; busy = true;\
+         look().catch(() => {{}}).finally(() => {{ busy = false; }}); }}, 1000); }})();</script></body>"
     );
     html.replacen("default-src 'none';", "default-src 'none'; connect-src 'self';", 1)
         .replacen("</body>", &script, 1)

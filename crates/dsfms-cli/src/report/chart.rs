@@ -1,5 +1,7 @@
 //! Charts as inline SVG; colours come from the page's style sheet.
 
+use super::embed::escape;
+
 const WIDTH: f64 = 560.0;
 
 /// One bar.
@@ -13,24 +15,26 @@ pub struct Bar {
 /// Horizontal bars with their values; colours come from the page's style sheet.
 pub fn bars(title: &str, unit: &str, bars: &[Bar]) -> String {
     const ROW: usize = 34;
-    const LEFT: f64 = 90.0;
+    let longest = bars.iter().map(|b| b.label.chars().count()).max().unwrap_or(0);
+    let left = (8.0 * longest as f64 + 14.0).clamp(90.0, 260.0);
     let largest = bars.iter().map(|b| b.value).fold(1e-12, f64::max);
     let height = ROW * bars.len() + 6;
     let mut svg = format!(
         "<svg class=\"chart\" role=\"img\" viewBox=\"0 0 {WIDTH} {height}\" \
-         xmlns=\"http://www.w3.org/2000/svg\"><title>{title}</title>"
+         xmlns=\"http://www.w3.org/2000/svg\"><title>{}</title>",
+        escape(title)
     );
     for (i, bar) in bars.iter().enumerate() {
         let y = i * ROW + 4;
-        let length = (WIDTH - LEFT - 90.0) * bar.value / largest;
+        let length = (WIDTH - left - 90.0) * bar.value / largest;
         let class = if bar.strong { "bar strong" } else { "bar" };
-        let (text, end) = (y + 18, LEFT + length + 8.0);
+        let (text, end) = (y + 18, left + length + 8.0);
         svg += &format!(
             "<text x=\"{:.0}\" y=\"{text}\" text-anchor=\"end\">{}</text>\
-             <rect class=\"{class}\" x=\"{LEFT}\" y=\"{y}\" width=\"{length:.1}\" height=\"26\" rx=\"3\"/>\
+             <rect class=\"{class}\" x=\"{left}\" y=\"{y}\" width=\"{length:.1}\" height=\"26\" rx=\"3\"/>\
              <text x=\"{end:.1}\" y=\"{text}\">{:.2} {unit}</text>",
-            LEFT - 8.0,
-            bar.label,
+            left - 8.0,
+            escape(&bar.label),
             bar.value
         );
     }
@@ -38,82 +42,211 @@ pub fn bars(title: &str, unit: &str, bars: &[Bar]) -> String {
 }
 
 /// One line of a plot.
+#[derive(Clone, Debug, Default)]
 pub struct Series {
     pub label: String,
     /// Place and value.
     pub points: Vec<(f64, f64)>,
+    /// Ends of thin bars that stand on the points; empty = none.
+    pub whiskers: Vec<f64>,
+}
+
+/// A plot's words and axes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Plot<'a> {
+    /// What is drawn, with its unit.
+    pub value: &'a str,
+    /// What it is drawn against.
+    pub against: &'a str,
+    /// Names of the places 0, 1, …; empty = places are numbers.
+    pub ticks: &'a [String],
+    /// Decades upwards instead of a line from zero; values that are not positive are left out.
+    pub decades: bool,
 }
 
 const HEIGHT: f64 = 250.0;
 const LEFT: f64 = 52.0;
+const RIGHT: f64 = 12.0;
 const TOP: f64 = 14.0;
 const FLOOR: f64 = HEIGHT - 44.0;
+/// More points than this have no markers.
+const MARKED: usize = 80;
+/// More points than this are thinned: of each group the largest stays.
+const MOST_POINTS: usize = 400;
 
-/// Lines with markers over named places (`ticks[i]` at `x = i`), or over numbers where there are no
-/// names. Series differ in colour, dash and marker, so that print and colour-blind eyes tell them
-/// apart.
-pub fn lines(y_title: &str, x_title: &str, ticks: &[String], series: &[Series]) -> String {
-    let all = || series.iter().flat_map(|s| &s.points);
-    let top = nice(all().map(|p| p.1).fold(1e-9, f64::max));
-    let low = if ticks.is_empty() { 0.0 } else { -0.3 };
-    let high = match ticks.len() {
-        0 => nice(all().map(|p| p.0).fold(1e-9, f64::max)),
-        n => n as f64 - 0.7,
-    };
-    let x = |v: f64| LEFT + (WIDTH - LEFT - 12.0) * (v - low) / (high - low).max(1e-9);
-    let y = |v: f64| FLOOR - (FLOOR - TOP) * v / top;
+/// From values to the drawing.
+struct Axes {
+    x: [f64; 2],
+    y: [f64; 2],
+    decades: bool,
+}
+
+impl Axes {
+    fn of(plot: &Plot, series: &[Series]) -> Self {
+        let all = || series.iter().flat_map(|s| &s.points);
+        let ends = all().map(|p| p.1).chain(series.iter().flat_map(|s| s.whiskers.iter().copied()));
+        let ends: Vec<f64> =
+            ends.filter(|v| v.is_finite() && (!plot.decades || *v > 0.0)).collect();
+        let high = ends.iter().copied().fold(1e-9, f64::max);
+        let y = match plot.decades {
+            false => [0.0, nice(high)],
+            true => {
+                // Six decades at most: what is smaller does not matter.
+                let low = ends.iter().copied().fold(high, f64::min).max(1e-6 * high);
+                let [low, high] = [low.log10().floor(), high.log10().ceil()];
+                [low, high.max(low + 1.0)]
+            }
+        };
+        let x = match plot.ticks.len() {
+            0 => [0.0, nice(all().map(|p| p.0).fold(1e-9, f64::max))],
+            n => [-0.3, n as f64 - 0.7],
+        };
+        Self { x, y, decades: plot.decades }
+    }
+
+    fn x(&self, v: f64) -> f64 {
+        LEFT + (WIDTH - LEFT - RIGHT) * (v - self.x[0]) / (self.x[1] - self.x[0]).max(1e-9)
+    }
+
+    fn y(&self, v: f64) -> f64 {
+        let v = if self.decades { v.max(1e-300).log10().max(self.y[0]) } else { v };
+        FLOOR - (FLOOR - TOP) * (v - self.y[0]) / (self.y[1] - self.y[0])
+    }
+
+    /// Places and names of the horizontal lines.
+    fn levels(&self) -> Vec<(f64, String)> {
+        if self.decades {
+            let step = ((self.y[1] - self.y[0]) / 6.0).ceil().max(1.0) as usize;
+            let levels = (self.y[0] as i32..=self.y[1] as i32).step_by(step);
+            return levels.map(|k| (10f64.powi(k), power(k))).collect();
+        }
+        let level = |k| self.y[1] * f64::from(k) / 4.0;
+        (0..=4).map(|k| (level(k), tick(level(k), self.y[1]))).collect()
+    }
+
+    fn grid(&self, plot: &Plot) -> String {
+        let mut svg = String::new();
+        for (v, name) in self.levels() {
+            svg += &format!(
+                "<line class=\"grid-line\" x1=\"{LEFT}\" x2=\"{:.1}\" y1=\"{1:.1}\" y2=\"{1:.1}\"/>\
+                 <text x=\"{2:.1}\" y=\"{3:.1}\" text-anchor=\"end\">{name}</text>",
+                WIDTH - RIGHT,
+                self.y(v),
+                LEFT - 6.0,
+                self.y(v) + 4.0
+            );
+        }
+        let every = plot.ticks.len().div_ceil(12).max(1);
+        for (i, name) in plot.ticks.iter().enumerate().step_by(every) {
+            svg += &label(self.x(i as f64), FLOOR + 17.0, name);
+        }
+        for k in (0..=4).filter(|_| plot.ticks.is_empty()) {
+            let v = self.x[1] * f64::from(k) / 4.0;
+            svg += &label(self.x(v), FLOOR + 17.0, &tick(v, self.x[1]));
+        }
+        svg + &label(0.5 * (LEFT + WIDTH), HEIGHT - 6.0, plot.against)
+    }
+
+    /// The line of the `k`th series.
+    fn line(&self, k: usize, series: &Series) -> String {
+        let shown = |p: &&(f64, f64)| p.1.is_finite() && (!self.decades || p.1 > 0.0);
+        let points: Vec<(f64, f64)> = series.points.iter().filter(shown).copied().collect();
+        let points = thinned(&points);
+        let path: Vec<String> =
+            points.iter().map(|p| format!("{:.1},{:.1}", self.x(p.0), self.y(p.1))).collect();
+        let mut svg =
+            format!("<polyline class=\"line s{}\" points=\"{}\"/>", k % 6, path.join(" "));
+        for p in points.iter().filter(|_| points.len() <= MARKED) {
+            svg += &marker(k, self.x(p.0), self.y(p.1));
+        }
+        for (p, end) in series.points.iter().zip(&series.whiskers) {
+            if end.is_finite() && p.1.is_finite() {
+                // Side by side where series share their places.
+                let x = self.x(p.0) + 2.5 * (k as f64 - 2.0);
+                let (from, to) = (self.y(p.1), self.y(*end));
+                svg += &format!(
+                    "<path class=\"whisker s{}\" d=\"M{x:.1} {from:.1}V{to:.1}\"/>",
+                    k % 6
+                );
+            }
+        }
+        svg
+    }
+}
+
+/// Lines with markers. Series differ in colour, dash and marker, so that print and colour-blind
+/// eyes tell them apart.
+pub fn lines(plot: &Plot, series: &[Series]) -> String {
+    let axes = Axes::of(plot, series);
+    let [value, against] = [plot.value, plot.against].map(escape);
     let mut svg = format!(
         "<figure class=\"plot\"><svg class=\"chart\" role=\"img\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" \
-         xmlns=\"http://www.w3.org/2000/svg\"><title>{y_title} by {x_title}</title>"
+         xmlns=\"http://www.w3.org/2000/svg\"><title>{value} by {against}</title>{}",
+        axes.grid(plot)
     );
-    for k in 0..=4 {
-        let v = top * f64::from(k) / 4.0;
-        svg += &format!(
-            "<line class=\"grid-line\" x1=\"{LEFT}\" x2=\"{:.1}\" y1=\"{1:.1}\" y2=\"{1:.1}\"/>\
-             <text x=\"{2:.1}\" y=\"{3:.1}\" text-anchor=\"end\">{4}</text>",
-            WIDTH - 12.0,
-            y(v),
-            LEFT - 6.0,
-            y(v) + 4.0,
-            tick(v, top)
-        );
-    }
-    let every = ticks.len().div_ceil(12).max(1);
-    for (i, name) in ticks.iter().enumerate().step_by(every) {
-        svg += &label(x(i as f64), FLOOR + 17.0, name);
-    }
-    if ticks.is_empty() {
-        for k in 0..=4 {
-            let v = high * f64::from(k) / 4.0;
-            svg += &label(x(v), FLOOR + 17.0, &tick(v, high));
-        }
-    }
-    svg += &label(0.5 * (LEFT + WIDTH), HEIGHT - 6.0, x_title);
     for (k, s) in series.iter().enumerate() {
-        let path: Vec<String> =
-            s.points.iter().map(|p| format!("{:.1},{:.1}", x(p.0), y(p.1))).collect();
-        svg += &format!("<polyline class=\"line s{}\" points=\"{}\"/>", k % 6, path.join(" "));
-        for p in &s.points {
-            svg += &marker(k, x(p.0), y(p.1));
-        }
+        svg += &axes.line(k, s);
     }
-    svg += "</svg><figcaption>";
-    svg += y_title;
-    svg += "<span class=\"keys\">";
-    for (k, s) in series.iter().enumerate() {
+    svg += &format!("</svg><figcaption>{value}<span class=\"keys\">");
+    for (k, s) in series.iter().enumerate().filter(|(_, s)| !s.label.is_empty()) {
         svg += &format!(
             "<span class=\"key\"><svg viewBox=\"0 0 30 12\" aria-hidden=\"true\"><line class=\"line s{}\" \
              x1=\"1\" x2=\"29\" y1=\"6\" y2=\"6\"/>{}</svg>{}</span>",
             k % 6,
             marker(k, 15.0, 6.0),
-            super::embed::escape(&s.label)
+            escape(&s.label)
         );
     }
     svg + "</span></figcaption></figure>"
 }
 
+/// Of more than [`MOST_POINTS`] points, the largest of each group.
+fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let group = points.len().div_ceil(MOST_POINTS).max(1);
+    let largest = |g: &[(f64, f64)]| g.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1));
+    points.chunks(group).filter_map(largest).collect()
+}
+
+/// A strip along the frames: ok low, degraded halfway, anything else full height.
+pub fn status_strip(title: &str, statuses: &[&str]) -> String {
+    const TALL: f64 = 34.0;
+    let count = statuses.len().max(1) as f64;
+    let mut svg = format!(
+        "<figure class=\"plot\"><svg class=\"chart strip\" role=\"img\" viewBox=\"0 0 {WIDTH} 62\" \
+         xmlns=\"http://www.w3.org/2000/svg\"><title>{}</title>",
+        escape(title)
+    );
+    let wide = (WIDTH - LEFT - RIGHT) / count;
+    let mut start = 0;
+    for run in statuses.chunk_by(|a, b| a == b) {
+        let (class, share) = match run[0] {
+            "ok" => ("ok", 0.3),
+            "degraded" => ("degraded", 0.65),
+            _ => ("failed", 1.0),
+        };
+        svg += &format!(
+            "<rect class=\"status {class}\" x=\"{:.2}\" y=\"{:.1}\" width=\"{:.2}\" height=\"{:.1}\"/>",
+            LEFT + wide * start as f64,
+            4.0 + TALL * (1.0 - share),
+            wide * run.len() as f64,
+            TALL * share
+        );
+        start += run.len();
+    }
+    let last = statuses.len().saturating_sub(1);
+    svg += &label(LEFT, 56.0, "0");
+    svg += &label(WIDTH - RIGHT - 8.0, 56.0, &last.to_string());
+    svg += &label(0.5 * (LEFT + WIDTH), 56.0, "place in the sequence");
+    svg + &format!(
+        "</svg><figcaption>{}<span class=\"keys\"><span class=\"ok\">▂ ok</span>\
+         <span class=\"degraded\">▅ degraded</span><span class=\"failed\">█ lost or failed</span></span>\
+         </figcaption></figure>",
+        escape(title)
+    )
+}
+
 fn label(x: f64, y: f64, text: &str) -> String {
-    let text = super::embed::escape(text);
+    let text = escape(text);
     format!("<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{text}</text>")
 }
 
@@ -143,8 +276,20 @@ pub fn nice(v: f64) -> f64 {
     step.unwrap_or(10.0) * decade
 }
 
+/// A power of ten.
+fn power(k: i32) -> String {
+    match k {
+        -3..=4 => format!("{}", 10f64.powi(k)),
+        _ => format!("1e{k}"),
+    }
+}
+
 fn tick(v: f64, top: f64) -> String {
-    let digits = (1.0 - (top / 4.0).log10().floor()).clamp(0.0, 6.0) as usize;
+    let least = (1.0 - (top / 4.0).log10().floor()).clamp(0.0, 6.0) as i32;
+    // A quarter of a round number may have one digit more.
+    let exact =
+        |d: &i32| (v * 10f64.powi(*d)).fract().min(1.0 - (v * 10f64.powi(*d)).fract()) < 1e-6;
+    let digits = (least..least + 2).find(exact).unwrap_or(least) as usize;
     let text = format!("{v:.digits$}");
     match text.contains('.') {
         true => text.trim_end_matches('0').trim_end_matches('.').to_string(),
@@ -164,11 +309,44 @@ mod tests {
             assert!((nice(v) - top).abs() < 1e-9 * top, "{v}");
         }
         assert_eq!((tick(0.5, 2.0).as_str(), tick(25.0, 100.0).as_str()), ("0.5", "25"));
+        assert_eq!((tick(3.75, 15.0).as_str(), tick(0.225, 0.3).as_str()), ("3.75", "0.225"));
     }
 
     #[test]
     fn names_cannot_break_a_plot() {
-        let series = [Series { label: "<b>".into(), points: vec![(0.0, 1.0)] }];
-        assert!(!lines("Error, mm", "frame", &["<i>".into()], &series).contains("<b>"));
+        let series =
+            [Series { label: "<b>".into(), points: vec![(0.0, 1.0)], ..Default::default() }];
+        let ticks = ["<i>".to_string()];
+        let plot = Plot { value: "<u>", against: "<s>", ticks: &ticks, decades: false };
+        let svg = lines(&plot, &series);
+        for tag in ["<b>", "<i>", "<u>", "<s>"] {
+            assert!(!svg.contains(tag), "{tag}");
+        }
+    }
+
+    #[test]
+    fn decades_are_evenly_spaced() {
+        let plot = Plot { decades: true, ..Default::default() };
+        let points = vec![(0.0, 0.01), (1.0, 100.0), (2.0, 0.0)];
+        let axes = Axes::of(&plot, &[Series { points, ..Default::default() }]);
+        assert_eq!((axes.y(0.01), axes.y(100.0)), (FLOOR, TOP));
+        assert!((axes.y(1.0) - 0.5 * (FLOOR + TOP)).abs() < 1e-9);
+        assert_eq!(axes.levels().len(), 5);
+    }
+
+    #[test]
+    fn a_peak_survives_thinning() {
+        let mut points: Vec<(f64, f64)> = (0..5000).map(|i| (f64::from(i), 1.0)).collect();
+        points[3217].1 = 9.0;
+        let thin = thinned(&points);
+        assert!(thin.len() <= MOST_POINTS && thin.contains(&(3217.0, 9.0)));
+        assert_eq!(thinned(&points[..300]), points[..300]);
+    }
+
+    #[test]
+    fn runs_of_a_status_are_one_bar() {
+        let strip = status_strip("Status", &["ok", "ok", "lost", "ok"]);
+        assert_eq!(strip.matches("<rect").count(), 3);
+        assert!(strip.contains("status failed"));
     }
 }

@@ -88,6 +88,18 @@ pub struct ShownStructure {
     pub faces: String,
 }
 
+/// Where a hidden structure lies in a frame; per point.
+#[derive(Clone, Debug, Serialize)]
+pub struct BuriedPlace {
+    pub at: Cloud,
+    pub pixels: String,
+    /// Depth under the surface at rest, length units.
+    pub under: Numbers,
+    /// Expected error, px.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub halo: Option<Numbers>,
+}
+
 /// One frame.
 #[derive(Clone, Debug, Serialize)]
 pub struct ShownFrame {
@@ -122,9 +134,8 @@ pub struct ShownSurface {
     /// `camera_from_template`, rigid part.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pose: Option<[[f64; 4]; 3]>,
-    /// The points of each structure.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub structures: Vec<Cloud>,
+    pub structures: Vec<BuriedPlace>,
 }
 
 /// After a number.
@@ -230,9 +241,9 @@ impl ShownFrame {
 
 impl ShownFrame {
     /// Hidden structures of the last surface.
-    pub fn add_structures(&mut self, places: &[Vec<Point3>]) {
+    pub fn add_structures(&mut self, places: Vec<BuriedPlace>) {
         if let Some(Some(surface)) = self.surfaces.last_mut() {
-            surface.structures = places.iter().map(|p| Cloud::of(p)).collect();
+            surface.structures = places;
         }
     }
 }

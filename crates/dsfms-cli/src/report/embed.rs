@@ -2,6 +2,7 @@
 
 use dsfms::geometry::{Point2, Point3};
 use dsfms::image::{ColorImage, Frame};
+pub use dsfms::io::base64::base64;
 use image::{ImageEncoder, RgbImage};
 use serde::Serialize;
 
@@ -87,17 +88,17 @@ pub fn flags(values: &[bool]) -> String {
 
 /// A frame as a data URI, made smaller where it is large.
 pub fn photograph(frame: &Frame) -> anyhow::Result<String> {
-    photograph_of(crate::draw::picture(frame))
+    photograph_within(crate::draw::picture(frame), LONGEST_SIDE)
 }
 
-/// A picture as a data URI, made smaller where it is large.
-pub fn photograph_of(picture: RgbImage) -> anyhow::Result<String> {
+/// A picture as a data URI, made smaller where a side is longer than `side` px.
+pub fn photograph_within(picture: RgbImage, side: u32) -> anyhow::Result<String> {
     let (w, h) = picture.dimensions();
     let longest = w.max(h);
-    if longest <= LONGEST_SIDE {
+    if longest <= side {
         return jpeg(&picture);
     }
-    let scaled = |n: u32| (n * LONGEST_SIDE / longest).max(1);
+    let scaled = |n: u32| (n * side / longest).max(1);
     let filter = image::imageops::FilterType::Triangle;
     jpeg(&image::imageops::resize(&picture, scaled(w), scaled(h), filter))
 }
@@ -132,21 +133,6 @@ pub fn displayed(linear: &ColorImage) -> RgbImage {
     })
 }
 
-/// Bytes in base64 (RFC 4648, padded).
-pub fn base64(bytes: &[u8]) -> String {
-    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let word =
-            chunk.iter().fold(0u32, |w, &b| w << 8 | u32::from(b)) << (8 * (3 - chunk.len()));
-        for k in 0..4 {
-            let index = (word >> (18 - 6 * k)) as usize & 63;
-            text.push(if k <= chunk.len() { ALPHABET[index] as char } else { '=' });
-        }
-    }
-    text
-}
-
 /// Text that cannot be taken for markup.
 pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
@@ -155,15 +141,6 @@ pub fn escape(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn base64_of_rfc_4648() {
-        for (plain, coded) in
-            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")]
-        {
-            assert_eq!(base64(plain.as_bytes()), coded);
-        }
-    }
 
     #[test]
     fn text_cannot_break_the_page() {

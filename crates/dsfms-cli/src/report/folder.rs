@@ -10,7 +10,11 @@ use dsfms::io::mesh::{MeshFile, MeshUnit, read_mesh};
 use dsfms::io::names::natural_order;
 use dsfms::io::template::read_template;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
+
+/// Frames that are newer than the page by less than this belong to it: `dsfms track` writes them one
+/// by one and the page every few seconds.
+const GRACE: Duration = Duration::from_secs(20);
 
 /// What a path holds.
 #[derive(Debug, PartialEq, Eq)]
@@ -46,7 +50,7 @@ impl Source {
         let meshes = columns(path)?;
         let newest = meshes.iter().flat_map(|c| &c.paths).filter_map(changed).max();
         match changed(&report) {
-            Some(written) if newest.is_none_or(|newest| newest <= written) => {
+            Some(written) if newest.is_none_or(|newest| newest <= written + GRACE) => {
                 Ok(Self::Report(report))
             }
             _ if !meshes.is_empty() => Ok(Self::Meshes(meshes)),
@@ -192,7 +196,7 @@ mod tests {
         assert_eq!(Source::of(folder.path()).unwrap(), Source::Report(at("report.html")));
         std::fs::write(at("frame_010.ply"), "").unwrap();
         std::fs::write(at("frame_9.ply"), "").unwrap();
-        let later = SystemTime::now() + std::time::Duration::from_secs(5);
+        let later = SystemTime::now() + Duration::from_secs(60);
         std::fs::File::open(at("frame_9.ply")).unwrap().set_modified(later).unwrap();
         let source = Source::of(folder.path()).unwrap();
         let Source::Meshes(columns) = &source else { panic!("{source:?}") };

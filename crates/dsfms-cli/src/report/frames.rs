@@ -1,13 +1,13 @@
 //! The report of reconstructed frames.
 
 use super::Page;
-use super::chart::{Series, lines};
+use super::chart::{Bar, Plot, Series, bars, lines, status_strip};
 use super::data::{PageData, ShownCamera, ShownFrame, unit_name};
 use super::embed::escape;
 use super::template::definition_list;
 use crate::outputs::FrameReport;
 use dsfms::camera::CameraModel;
-use dsfms::pipeline::StageReport;
+use dsfms::solver::Summary;
 use dsfms::template::Template;
 
 /// A frame's name and its report.
@@ -48,6 +48,10 @@ fn summary(rows: &[Row], template: &str) -> String {
 /// Status, matches, time and costs of one method's frames.
 fn sections(method: &str, rows: &[Row]) -> String {
     let mut html = format!("<h2>Frames: {method}</h2>");
+    if rows.len() > 1 {
+        let statuses: Vec<&str> = rows.iter().map(|(_, r)| r.status).collect();
+        html += &status_strip("Status of every frame", &statuses);
+    }
     html += &status_table(rows);
     if rows.len() > 1 {
         html += &timing(rows);
@@ -95,10 +99,12 @@ fn timing(rows: &[Row]) -> String {
         .map(|name| Series {
             label: name.to_string(),
             points: (0..).zip(rows).map(|(i, (_, r))| (f64::from(i), of(r, name))).collect(),
+            ..Default::default()
         })
         .collect();
     let ticks: Vec<String> = rows.iter().map(|(n, _)| short(n)).collect();
-    format!("<h3>Time of every stage</h3>{}", lines("Time, s", "frame", &ticks, &series))
+    let plot = Plot { value: "Time, s", against: "frame", ticks: &ticks, decades: false };
+    format!("<h3>Time of every stage</h3>{}", lines(&plot, &series))
 }
 
 /// The number of `frame_012`.
@@ -107,42 +113,85 @@ pub fn short(name: &str) -> String {
     if digits.is_empty() { name.to_string() } else { digits.to_string() }
 }
 
-/// Costs of the terms before and after, of the last stage that solved.
+/// The last stage of a frame that solved, and its frame.
+type Solved<'a> = (&'a str, &'a Summary);
+
+/// Costs of the terms: drawn, and before and after in figures.
 fn costs(method: &str, rows: &[Row]) -> String {
-    let solved = |r: &FrameReport| -> Option<StageReport> {
-        r.stages.iter().rev().find(|s| s.summary.is_some()).cloned()
-    };
-    let found: Vec<(&String, StageReport)> =
-        rows.iter().filter_map(|(n, r)| Some((n, solved(r)?))).collect();
-    let mut labels: Vec<String> = Vec::new();
-    for term in found.iter().filter_map(|(_, s)| s.summary.as_ref()).flat_map(|s| &s.terms) {
-        if !labels.contains(&term.label) {
-            labels.push(term.label.clone());
+    let solved = |r: &'_ FrameReport| r.stages.iter().rposition(|s| s.summary.is_some());
+    let found: Vec<Solved> = rows
+        .iter()
+        .filter_map(|(n, r)| Some((n.as_str(), r.stages[solved(r)?].summary.as_ref()?)))
+        .collect();
+    let mut labels: Vec<&str> = Vec::new();
+    for term in found.iter().flat_map(|(_, s)| &s.terms) {
+        if !labels.contains(&term.label.as_str()) {
+            labels.push(&term.label);
         }
     }
     if labels.is_empty() {
         return String::new();
     }
-    let mut html = format!(
-        "<details><summary>Cost of every term, {method}</summary><div class=\"scroll\" tabindex=\"0\"><table>\
-         <caption>Weighted cost before → after the last solve</caption><thead><tr><th scope=\"col\">frame</th>"
+    format!(
+        "<h3>Cost of every term after the last solve</h3>{}\
+         <details><summary>Cost of every term, {method}, in figures</summary>{}</details>",
+        cost_chart(&found, &labels),
+        cost_table(&found, &labels)
+    )
+}
+
+fn after(summary: &Summary, label: &str) -> Option<f64> {
+    summary.terms.iter().find(|t| t.label == label).map(|t| t.after)
+}
+
+/// Bars of one frame, lines over several.
+fn cost_chart(found: &[Solved], labels: &[&str]) -> String {
+    if let [(_, summary)] = found {
+        let bar = |label: &&str| {
+            let value = after(summary, label)?;
+            Some(Bar { label: label.to_string(), value, strong: false })
+        };
+        return bars(
+            "Weighted cost of every term",
+            "",
+            &labels.iter().filter_map(bar).collect::<Vec<_>>(),
+        );
+    }
+    let ticks: Vec<String> = found.iter().map(|(n, _)| short(n)).collect();
+    let of = |label: &&str| Series {
+        label: label.to_string(),
+        points: (0..)
+            .zip(found)
+            .filter_map(|(i, (_, s))| Some((f64::from(i), after(s, label)?)))
+            .collect(),
+        ..Default::default()
+    };
+    let series: Vec<Series> = labels.iter().map(of).collect();
+    let plot =
+        Plot { value: "Weighted cost, decades", against: "frame", ticks: &ticks, decades: true };
+    lines(&plot, &series)
+}
+
+fn cost_table(found: &[Solved], labels: &[&str]) -> String {
+    let mut html = String::from(
+        "<div class=\"scroll\" tabindex=\"0\"><table><caption>Weighted cost before → after the last solve\
+         </caption><thead><tr><th scope=\"col\">frame</th>",
     );
-    for label in &labels {
+    for label in labels {
         html += &format!("<th scope=\"col\">{}</th>", escape(label));
     }
     html += "<th scope=\"col\">steps</th></tr></thead><tbody>";
-    for (name, stage) in &found {
-        let Some(summary) = &stage.summary else { continue };
+    for (name, summary) in found {
         html += &format!("<tr><th scope=\"row\">{}</th>", escape(name));
-        for label in &labels {
-            html += &match summary.terms.iter().find(|t| &t.label == label) {
+        for label in labels {
+            html += &match summary.terms.iter().find(|t| t.label == *label) {
                 Some(t) => format!("<td>{} → {}</td>", figure(t.before), figure(t.after)),
                 None => "<td>–</td>".into(),
             };
         }
         html += &format!("<td>{}</td></tr>", summary.iterations);
     }
-    html + "</tbody></table></div></details>"
+    html + "</tbody></table></div>"
 }
 
 /// Three digits.
@@ -159,6 +208,7 @@ fn figure(v: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use dsfms::solver::TermCost;
 
     #[test]
     fn costs_have_three_digits() {
@@ -167,6 +217,23 @@ mod tests {
         {
             assert_eq!(figure(value), text);
         }
+    }
+
+    #[test]
+    fn a_single_frame_has_bars_and_several_have_lines() {
+        let term = TermCost { label: "motion (eq. 3)".into(), before: 9.0, after: 2.0 };
+        let summary = Summary {
+            stop: dsfms::solver::Stop::Cost,
+            iterations: 3,
+            refused: 0,
+            terms: vec![term],
+            seconds: 0.0,
+        };
+        let one = cost_chart(&[("a", &summary)], &["motion (eq. 3)"]);
+        assert!(one.contains(">2.00 <") && !one.contains("polyline"), "{one}");
+        let two = cost_chart(&[("a", &summary), ("b", &summary)], &["motion (eq. 3)"]);
+        assert!(two.contains("polyline"));
+        assert!(cost_table(&[("a", &summary)], &["motion (eq. 3)"]).contains("9.00 → 2.00"));
     }
 
     #[test]

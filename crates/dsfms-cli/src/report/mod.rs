@@ -4,9 +4,11 @@
 pub mod chart;
 pub mod data;
 pub mod embed;
+pub mod experiment;
 pub mod folder;
 pub mod frames;
 pub mod template;
+pub mod track;
 
 use crate::outputs::write_text;
 use data::PageData;
@@ -15,7 +17,25 @@ use std::path::Path;
 
 const PAGE: &str = include_str!("../../assets/report.html");
 const STYLE: &str = include_str!("../../assets/report.css");
-const SCRIPT: &str = include_str!("../../assets/report.js");
+/// The parts of the viewer, as one function that starts after text and tables are painted.
+const SCRIPT: &str = concat!(
+    "\"use strict\";\nrequestAnimationFrame(() => setTimeout(() => {\n",
+    include_str!("../../assets/viewer/data.js"),
+    include_str!("../../assets/viewer/geometry.js"),
+    include_str!("../../assets/viewer/layers.js"),
+    include_str!("../../assets/viewer/materials.js"),
+    include_str!("../../assets/viewer/scene.js"),
+    include_str!("../../assets/viewer/rig.js"),
+    include_str!("../../assets/viewer/view.js"),
+    include_str!("../../assets/viewer/image.js"),
+    include_str!("../../assets/viewer/uncertainty.js"),
+    include_str!("../../assets/viewer/paths.js"),
+    include_str!("../../assets/viewer/measure.js"),
+    include_str!("../../assets/viewer/table.js"),
+    include_str!("../../assets/viewer/flattening.js"),
+    include_str!("../../assets/viewer/page.js"),
+    "}));\n"
+);
 /// Bundled by `assets/README.md`.
 const THREE: &str = include_str!("../../assets/three.min.js");
 

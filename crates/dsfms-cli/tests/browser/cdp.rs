@@ -93,6 +93,11 @@ impl Browser {
         self.call("Emulation.setEmulatedMedia", json!({"features": [feature]}));
     }
 
+    /// As on paper.
+    pub fn print(&mut self) {
+        self.call("Emulation.setEmulatedMedia", json!({"media": "print", "features": []}));
+    }
+
     /// Send a command and wait for its result.
     pub fn call(&mut self, method: &str, parameters: Value) -> Value {
         self.next += 1;
@@ -141,6 +146,25 @@ impl Browser {
             let event = json!({"type": kind, "x": x, "y": y, "button": "left", "clickCount": 1});
             self.call("Input.dispatchMouseEvent", event);
         }
+    }
+
+    /// Press and release a key by its name.
+    pub fn key(&mut self, key: &str) {
+        let text = if key.chars().count() == 1 { key } else { "" };
+        self.call("Input.dispatchKeyEvent", json!({"type": "keyDown", "key": key, "text": text}));
+        self.call("Input.dispatchKeyEvent", json!({"type": "keyUp", "key": key}));
+    }
+
+    /// Roles and names of everything that a screen reader meets.
+    pub fn spoken(&mut self) -> Vec<(String, String)> {
+        let tree = self.call("Accessibility.getFullAXTree", json!({}));
+        let text = |node: &Value, key: &str| node[key]["value"].as_str().unwrap_or("").to_string();
+        let nodes = tree["nodes"].as_array().unwrap();
+        nodes
+            .iter()
+            .filter(|n| n["ignored"] != true)
+            .map(|n| (text(n, "role"), text(n, "name")))
+            .collect()
     }
 
     /// A screenshot as PNG bytes.

@@ -2,7 +2,9 @@
 //! everything is written to a temporary file first and renamed.
 
 pub mod albedo;
+pub mod animation;
 pub mod atomic;
+pub mod base64;
 pub mod camera;
 pub mod colmap;
 pub mod error;
@@ -23,6 +25,7 @@ mod template_glb;
 mod template_manifest;
 pub mod template_sparse;
 pub mod vertex_truth;
+pub mod vtk;
 mod yaml;
 
 pub use error::InputError;

@@ -24,14 +24,14 @@ const UNSIGNED: u32 = 5125;
 
 /// The binary chunk with its views and accessors.
 #[derive(Default)]
-struct Binary {
-    bytes: Vec<u8>,
-    views: Vec<Value>,
-    accessors: Vec<Value>,
+pub(super) struct Binary {
+    pub(super) bytes: Vec<u8>,
+    pub(super) views: Vec<Value>,
+    pub(super) accessors: Vec<Value>,
 }
 
 impl Binary {
-    fn view(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
+    pub(super) fn view(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
         let mut view =
             json!({"buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len()});
         if let Some(target) = target {
@@ -43,9 +43,27 @@ impl Binary {
         self.views.len() - 1
     }
 
-    fn floats(&mut self, kind: &str, width: usize, values: &[f32], bounds: bool) -> usize {
+    pub(super) fn floats(
+        &mut self,
+        kind: &str,
+        width: usize,
+        values: &[f32],
+        bounds: bool,
+    ) -> usize {
+        self.numbers(kind, width, values, bounds, Some(34962))
+    }
+
+    /// Floats with the target of their view, which what is no vertex attribute has not.
+    pub(super) fn numbers(
+        &mut self,
+        kind: &str,
+        width: usize,
+        values: &[f32],
+        bounds: bool,
+        target: Option<u32>,
+    ) -> usize {
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        let view = self.view(&bytes, Some(34962));
+        let view = self.view(&bytes, target);
         let mut accessor = json!({"bufferView": view, "componentType": FLOAT,
             "count": values.len() / width, "type": kind});
         if bounds {
@@ -61,7 +79,7 @@ impl Binary {
         self.accessors.len() - 1
     }
 
-    fn indices(&mut self, values: &[u32]) -> usize {
+    pub(super) fn indices(&mut self, values: &[u32]) -> usize {
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         let view = self.view(&bytes, Some(34963));
         self.accessors.push(json!({"bufferView": view, "componentType": UNSIGNED,
@@ -71,16 +89,16 @@ impl Binary {
 }
 
 /// Vertices as glTF wants them.
-struct Split {
+pub(super) struct Split {
     /// Template vertex of each.
-    vertex: Vec<u32>,
-    uv: Vec<Point2>,
+    pub(super) vertex: Vec<u32>,
+    pub(super) uv: Vec<Point2>,
     /// A face corner that uses it: face and place.
     corner: Vec<(usize, usize)>,
-    indices: Vec<u32>,
+    pub(super) indices: Vec<u32>,
 }
 
-fn split(template: &Template) -> Split {
+pub(super) fn split(template: &Template) -> Split {
     let mut known = BTreeMap::new();
     let mut out =
         Split { vertex: Vec::new(), uv: Vec::new(), corner: Vec::new(), indices: Vec::new() };
@@ -176,7 +194,7 @@ fn attributes(template: &Template, split: &Split, binary: &mut Binary) -> Value 
 }
 
 /// The albedo as an sRGB PNG laid out by the flattening.
-fn texture(template: &Template) -> io::Result<Option<Vec<u8>>> {
+pub(super) fn texture(template: &Template) -> io::Result<Option<Vec<u8>>> {
     let (Some(albedo), Some(map)) = (&template.albedo, &template.flattening) else {
         return Ok(None);
     };
@@ -197,7 +215,7 @@ fn srgb(linear: f32) -> u8 {
 }
 
 /// GLB: a 12-byte header, the JSON chunk padded with spaces, the binary chunk.
-fn container(document: &Value, binary: Vec<u8>) -> Vec<u8> {
+pub(super) fn container(document: &Value, binary: Vec<u8>) -> Vec<u8> {
     let mut text = document.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
     let total = 12 + 8 + text.len() + 8 + binary.len();

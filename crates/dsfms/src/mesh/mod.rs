@@ -10,6 +10,7 @@ pub mod paths;
 pub mod remesh;
 #[cfg(test)]
 pub(crate) mod shapes;
+pub mod strain;
 pub mod surface_points;
 pub mod topology;
 

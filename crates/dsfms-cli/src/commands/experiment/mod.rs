@@ -9,6 +9,7 @@ use crate::args::Global;
 use crate::exit::{Outcome, Usage};
 use crate::outputs::{prepare_folder, write_text};
 use crate::progress::Reporter;
+use crate::report::experiment::experiment_page;
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use dsfms::experiment::{
@@ -33,7 +34,8 @@ Examples:
 
 Every finished case is appended to OUT/cases.csv. A run that was stopped goes on where it was; the
 same folder is refused for other parameters or another build of dsfms, unless --restart drops it.
-Errors are absolute, in mm and px; nothing is aligned.";
+Errors are absolute, in mm and px; nothing is aligned. OUT/report.html shows the plots, and one case of
+every extension in 3D.";
 
 /// Run the methods on synthetic deformations of known truth.
 #[derive(Debug, Args)]
@@ -127,6 +129,7 @@ fn ext(args: &ExtArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<O
     write_text(&out.join("table.csv"), &table_csv(&rows))?;
     write_text(&out.join("times.csv"), &times_csv(&rows))?;
     write_plots(out, &plan, &rows)?;
+    experiment_page(&plan, &args.series.organ()?, &rows)?.write(&out.join("report.html"))?;
     reporter.finish();
     super::to_stdout(&text)?;
     super::to_stdout(&format!("\nTime on one thread:\n{}", times_csv(&rows)))?;
@@ -140,6 +143,7 @@ fn ablate(args: &AblationArgs, global: &Global, reporter: &Reporter) -> anyhow::
     let text = ablation::markdown(&plan, &rows);
     write_text(&out.join("ablation.md"), &text)?;
     write_text(&out.join("ablation.csv"), &table_csv(&rows))?;
+    experiment_page(&plan, &args.series.organ()?, &rows)?.write(&out.join("report.html"))?;
     reporter.finish();
     super::to_stdout(&text)?;
     Ok(outcome(&rows))

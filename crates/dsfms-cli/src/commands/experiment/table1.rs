@@ -8,9 +8,10 @@ use crate::draw::{SideView, error_colour, overlay, picture};
 use crate::exit::Outcome;
 use crate::outputs::{prepare_folder, write_png, write_text};
 use crate::progress::Reporter;
+use crate::report::experiment::case_page;
 use clap::Args;
 use dsfms::camera::CameraModel;
-use dsfms::experiment::{measure, observation};
+use dsfms::experiment::{arms_of, measure, observation};
 use dsfms::geometry::Point3;
 use dsfms::pipeline::{Method, Progress, ReconstructOptions, reconstruct};
 use dsfms::raster::{Raster, rasterize};
@@ -42,7 +43,7 @@ const HEAD: u32 = 26;
 const INK: [u8; 3] = [30, 34, 40];
 const PAPER: [u8; 3] = [246, 247, 249];
 
-/// Two cases, a pull and a push, one PNG each.
+/// Two cases, a pull and a push, one PNG and one page in 3D each.
 pub fn run(args: &Table1Args, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
     prepare_folder(&args.place.output)?;
     let organ = args.series.organ()?;
@@ -58,6 +59,10 @@ pub fn run(args: &Table1Args, global: &Global, reporter: &Reporter) -> anyhow::R
         let shapes = METHODS.map(|(_, method)| shape(&case, method, &options));
         text += &figures(name, &case, &shapes);
         write_png(&args.place.output.join(format!("table1_{name}.png")), &grid(&case, &shapes))?;
+        let what =
+            format!("Organ {}, extension {} %, seed {}", organ.name(), args.ext, global.seed);
+        case_page(name, case, &arms_of(&METHODS.map(|m| m.1), &options), &what)?
+            .write(&args.place.output.join(format!("table1_{name}.html")))?;
     }
     reporter.finish();
     let text = format!(

@@ -1,5 +1,7 @@
 //! A sheet of pictures, labels and a colour bar, as PNG or SVG. In SVG the text stays text.
 
+pub mod panel;
+
 use crate::outputs::encode_png;
 use crate::report::embed::{base64, escape};
 use image::RgbImage;

@@ -1,0 +1,148 @@
+// --- Bringing it together --------------------------------------------------------------------
+function readout() {
+  const frame = data.frames[state.frame];
+  const parts = state.shown.map((k) => {
+    const s = surface(state.frame, k), name = data.methods[k];
+    if (!s) return `${name}: ${frame.status[k]}, no surface`;
+    const bits = [];
+    if (k !== data.truth && frame.status[k] !== "ok") bits.push(frame.status[k]);
+    if (s.visible) bits.push(`${s.visible.reduce((a, b) => a + b, 0)} of ${data.vertices} vertices seen`);
+    const e = k !== data.truth && errors(state.frame, k);
+    if (e) {
+      const seen = surface(state.frame, data.truth).visible, visible = [...e].filter((_, v) => seen[v]);
+      bits.push(`error ${mean(e).toFixed(2)} ${unit} mean, ${mean(visible).toFixed(2)} where seen, ${Math.max(...e).toFixed(1)} at most`);
+    }
+    return `${name}: ${bits.join(", ")}`;
+  });
+  $("readout").textContent = `${frame.name}. ${parts.join(". ")}.`;
+}
+function refresh() {
+  $("frame").value = state.frame;
+  $("frame").setAttribute("aria-valuetext", data.frames[state.frame].name);
+  $("frame-name").textContent = `${data.frames[state.frame].name} (${state.frame + 1} of ${data.frames.length})`;
+  legend(state.layer, $("ramp"), $("ticks"));
+  $("legend-name").textContent = state.layer.name; // on paper there is no select
+  const scaled = !!state.layer.values && !state.layer.flags;
+  $("limit-label").hidden = !scaled;
+  if (scaled) { $("limit").value = Number(limitOf(state.layer).toPrecision(3)); $("limit-unit").textContent = state.layer.unit; }
+  state.shown.forEach(paint);
+  if (data.moving_camera) buildRig();
+  readout();
+  measured();
+}
+function go(f) { state.frame = (f + data.frames.length) % data.frames.length; refresh(); }
+function play(on) {
+  clearInterval(state.playing);
+  state.playing = on ? setInterval(() => go(state.frame + 1), Math.min(Math.max(15000 / data.frames.length, 80), 700)) : 0;
+  $("play").setAttribute("aria-pressed", String(on));
+  $("play").textContent = on ? "Pause" : "Play";
+  $("readout").setAttribute("aria-live", on ? "off" : "polite"); // a reader cannot follow the film
+}
+function wire_up() {
+  const option = (value, name) => Object.assign(document.createElement("option"), { value, textContent: name });
+  layers.forEach((l) => $("layer").append(option(l.id, l.name)));
+  $("layer").value = state.layer.id;
+  data.methods.forEach((m, k) => {
+    $("overlay-method").append(option(k, m));
+    const label = document.createElement("label"), box = Object.assign(document.createElement("input"), { type: "checkbox", value: k, checked: state.shown.includes(k), name: "method" });
+    label.append(box, ` ${m}`);
+    $("method-boxes").append(label);
+    box.onchange = () => {
+      state.shown = methods.filter((j) => $("method-boxes").querySelector(`[value="${j}"]`).checked);
+      if (!state.shown.length) { box.checked = true; state.shown = [k]; }
+      refresh();
+    };
+  });
+  $("overlay-method").value = data.chosen;
+  const single = data.methods.length < 2;
+  $("methods-row").hidden = single; document.querySelector(".overlay-method").hidden = single;
+  $("time").hidden = data.frames.length < 2;
+  $("frame").max = data.frames.length - 1;
+  const show = (name, yes) => document.querySelectorAll(name).forEach((e) => { e.hidden = !yes; });
+  show(".has-rest", has((s) => s.pose)); show(".has-truth", data.truth !== undefined);
+  show(".has-camera", data.camera); show(".has-points", data.points); show(".has-structures", data.structures.length);
+  show(".matches", has((s) => s.matches.length)); show("[data-view=all]", data.camera);
+  if (!data.camera) document.querySelector("[data-view=camera]").textContent = "Front";
+  $("structure-names").innerHTML = data.structures.map((s, i) => `<span><b style="color:${BURIED[i % 4]}">●</b> ${escape(s.name)}</span>`).join("");
+  if (data.structures.length) { $("overlay-kind").value = "structures"; $("matches").checked = false; }
+  else $("overlay-kind").querySelector("[value=structures]").remove();
+  document.querySelectorAll(".unit").forEach((e) => { e.textContent = unit; });
+  ["vertex-a", "vertex-b"].forEach((id) => { $(id).max = data.vertices - 1; });
+  if (!has((s) => s.pixels)) document.querySelector("#image-pane figcaption").hidden = true;
+
+  $("frame").oninput = (e) => go(+e.target.value);
+  $("previous").onclick = () => go(state.frame - 1);
+  $("next").onclick = () => go(state.frame + 1);
+  $("play").onclick = () => play(!state.playing);
+  $("turntable").onclick = () => turntable(!turning);
+  $("layer").onchange = (e) => { state.layer = layers.find((l) => l.id === e.target.value); refresh(); };
+  $("limit").onchange = (e) => { if (+e.target.value > (state.layer.low || 0)) { state.layer.limit = +e.target.value; state.layer.chosen = true; } refresh(); };
+  $("flat-layer").onchange = drawFlattening;
+  for (const id of ["overlay-kind", "overlay-method", "opacity", "matches"]) $(id).addEventListener("input", drawOverlay);
+  for (const id of ["edges", "ghost", "truth", "rig", "points", "solid"]) $(id).addEventListener("input", draw);
+  document.querySelectorAll("[data-view]").forEach((b) => { b.onclick = () => { turntable(false); view(b.dataset.view); }; });
+  const typed = () => pickVertices(["vertex-a", "vertex-b"].map((id) => ($(id).value === "" ? null : +$(id).value)));
+  $("vertex-a").onchange = $("vertex-b").onchange = typed;
+  $("radius").onchange = measured;
+  $("clear").onclick = () => { state.picks = []; $("vertex-a").value = $("vertex-b").value = ""; measured(); };
+  $("csv").onclick = () => save("measurements.csv", csv());
+  let down = null;
+  canvas.addEventListener("pointerdown", (e) => { down = [e.clientX, e.clientY]; turntable(false); });
+  canvas.addEventListener("pointerup", (e) => {
+    if (down && Math.hypot(e.clientX - down[0], e.clientY - down[1]) < 5) pickAt(e.clientX, e.clientY);
+    down = null;
+  });
+  canvas.addEventListener("keydown", (e) => {
+    const turn = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[e.key];
+    if (turn) orbit(turn[0] * 0.12, turn[1] * 0.12);
+    else if (e.key === "+" || e.key === "=") zoom(0.9);
+    else if (e.key === "-") zoom(1 / 0.9);
+    else if (e.key === "," || e.key === ".") go(state.frame + (e.key === "." ? 1 : -1));
+    else return;
+    e.preventDefault();
+  });
+  new ResizeObserver(draw).observe(canvas);
+  const theme = () => { wallpaper(); buildRig(); if (renderer) render(); };
+  for (const medium of ["(prefers-color-scheme: dark)", "print"]) matchMedia(medium).addEventListener("change", theme);
+}
+function orbit(yaw, pitch) {
+  const d = eye.position.clone().sub(controls.target), r = d.length();
+  const level = Math.atan2(d.x, d.z) + yaw, rise = Math.min(Math.max(Math.asin(d.y / r) + pitch, -1.5), 1.5);
+  eye.position.set(Math.sin(level) * Math.cos(rise), Math.sin(rise), Math.cos(level) * Math.cos(rise)).multiplyScalar(r).add(controls.target);
+  controls.update(); drawMoving();
+}
+function zoom(factor) { eye.position.sub(controls.target).multiplyScalar(factor).add(controls.target); controls.update(); draw(); }
+
+/** What must stay as it is for new frames to be taken over in place. */
+const kept = (d) => JSON.stringify([d.faces, d.methods, d.unit, d.structures.length,
+  ["positions", "pixels", "visible", "confidence"].map((key) => d.frames.some((f) => f.surfaces.some((s) => s && s[key])))]);
+/** Take over the frames and the texts of a newer page (`dsfms view`); false where it must be loaded anew.
+ * Who looks at the last frame goes on to the newest. */
+function update(page) {
+  const next = JSON.parse(page.getElementById("data").textContent);
+  if (kept(next) !== kept(data)) return false;
+  for (const id of ["summary", "sections"]) $(id).innerHTML = page.getElementById(id).innerHTML;
+  const name = data.frames[state.frame].name, follow = state.frame === data.frames.length - 1;
+  data.frames = next.frames;
+  known.clear();
+  const same = data.frames.findIndex((f) => f.name === name);
+  state.frame = follow || same < 0 ? data.frames.length - 1 : same;
+  layers.forEach((l) => { if (!l.chosen) l.limit = undefined; });
+  $("time").hidden = data.frames.length < 2;
+  $("frame").max = data.frames.length - 1;
+  refresh();
+  return true;
+}
+
+$("viewer").hidden = false;
+measureScene();
+wallpaper();
+$("radius").value = Number((0.2 * radius).toPrecision(1));
+wire_up();
+buildRig();
+refresh();
+drawFlattening();
+if (controls) { controls.addEventListener("change", drawMoving); controls.rotateSpeed = 0.9; view("camera"); }
+$("viewer").dataset.ready = "yes";
+// For tests and the curious.
+window.dsfms = { state, data, render, csv, orbit, update, measures, pickVertices, place: () => eye.position.toArray(), sharpness: () => coarse };

@@ -1,0 +1,170 @@
+//! The demo's report: four methods against the truth.
+
+mod frame;
+mod tables;
+
+use super::scene::{DeformedFrame, Scene};
+use super::truth::{FrameTruth, Tie};
+use crate::commands::demo::METHODS;
+use crate::commands::reconstruct::method_name;
+use crate::outputs::FrameReport;
+use crate::report::Page;
+use crate::report::data::{PageData, ShownFrame, ShownSurface, pixels};
+use crate::report::embed::{self, Cloud, escape};
+use dsfms::camera::CameraModel;
+use dsfms::eval::Evaluation;
+use dsfms::pipeline::{BuiltTemplate, Method, Reconstruction};
+use dsfms::register::Match;
+use frame::{frame_section, template_section};
+use tables::{Part, comparison};
+
+/// One method on one frame.
+pub struct MethodResult {
+    pub report: FrameReport,
+    /// `None` where it failed.
+    pub surface: Option<(Reconstruction, Evaluation)>,
+}
+
+/// One deformed frame.
+pub struct FrameResult {
+    pub name: String,
+    pub matches: Vec<Match>,
+    /// Matches of the scene, before those off the template were left out.
+    pub given_matches: usize,
+    pub truth: FrameTruth,
+    /// In the order of [`METHODS`].
+    pub methods: Vec<MethodResult>,
+}
+
+impl FrameResult {
+    pub fn new(deformed: &DeformedFrame, matches: Vec<Match>, truth: FrameTruth) -> Self {
+        let (name, given_matches) = (deformed.frame.name.clone(), deformed.matches.len());
+        Self { name, matches, given_matches, truth, methods: Vec::new() }
+    }
+
+    /// Add the result of the next method.
+    pub fn add(
+        &mut self,
+        method: Method,
+        outcome: (FrameReport, Option<(Reconstruction, Evaluation)>),
+    ) {
+        debug_assert_eq!(METHODS[self.methods.len()], method);
+        let (report, surface) = outcome;
+        self.methods.push(MethodResult { report, surface });
+    }
+}
+
+/// All that the report shows.
+pub struct Report<'a> {
+    pub scene: &'a Scene,
+    pub built: &'a BuiltTemplate,
+    pub tie: &'a Tie,
+    pub frames: &'a [FrameResult],
+    pub template_seconds: f64,
+    pub seconds: f64,
+}
+
+impl Report<'_> {
+    /// The table for the terminal.
+    pub fn text(&self) -> String {
+        let mut text = format!(
+            "camera centres {:.3} mm rms from the truth ({} of {} frames), template surface {:.3} mm rms\n",
+            self.tie.centres.rms,
+            self.tie.centres.count,
+            self.scene.exploration.len(),
+            self.tie.surface.rms
+        );
+        text += "3D error in mm, mean over frames (rms / mean)\n";
+        text += &format!("{:<8}", "");
+        for part in Part::ALL {
+            text += &format!("{:>24}", part.name());
+        }
+        text.push('\n');
+        for (k, method) in METHODS.into_iter().enumerate() {
+            text += &format!("{:<8}", method_name(method));
+            for part in Part::ALL {
+                let cell = match (self.mean(k, part, |s| s.rms), self.mean(k, part, |s| s.mean)) {
+                    (Some((rms, _)), Some((mean, _))) => format!("{rms:.2} / {mean:.2}"),
+                    _ => "-".into(),
+                };
+                text += &format!("{cell:>24}");
+            }
+            text.push('\n');
+        }
+        let all = || self.frames.iter().flat_map(|f| &f.methods);
+        let count = |status: &str| all().filter(|m| m.report.status == status).count();
+        text += &format!(
+            "{} surfaces: {} ok, {} degraded, {} failed\n",
+            all().count(),
+            count("ok"),
+            count("degraded"),
+            count("failed")
+        );
+        text += &format!(
+            "{:.0} s in all, of which template {:.0} s\n",
+            self.seconds, self.template_seconds
+        );
+        text
+    }
+}
+
+/// The page.
+pub fn page(report: &Report) -> anyhow::Result<Page> {
+    let mut sections = comparison(report);
+    sections += &template_section(report)?;
+    for (i, frame) in report.frames.iter().enumerate() {
+        sections += &frame_section(report, i, frame)?;
+    }
+    let title = "A deforming organ from one laparoscope".into();
+    Ok(Page { title, summary: overview(report), sections, data: data(report)? })
+}
+
+/// Everything in mm, the truth beside the methods.
+fn data(report: &Report) -> anyhow::Result<PageData> {
+    let camera = &report.scene.camera.file.camera;
+    let scale = report.tie.world_from_template.scaling();
+    let mut data = PageData::of_template(&report.built.template, scale, "mm")?;
+    data.methods = METHODS.into_iter().map(|m| method_name(m).to_string()).collect();
+    data.truth = Some(data.methods.len());
+    data.methods.push("truth".into());
+    data.chosen = METHODS.len() - 1;
+    for (frame, deformed) in report.frames.iter().zip(&report.scene.deformed) {
+        let mut shown = ShownFrame::new(&frame.name, &deformed.frame)?;
+        for method in &frame.methods {
+            let surface = method.surface.as_ref().map(|s| &s.0);
+            shown.add(&method.report, surface, camera, scale);
+        }
+        shown.surfaces.push(Some(true_surface(&frame.truth, camera)));
+        shown.status.push("ok");
+        data.frames.push(shown);
+    }
+    Ok(data)
+}
+
+fn true_surface(truth: &FrameTruth, camera: &CameraModel) -> ShownSurface {
+    ShownSurface {
+        positions: Some(Cloud::of(&truth.mesh.positions)),
+        pixels: Some(pixels(camera, &truth.mesh.positions)),
+        visible: Some(embed::flags(&truth.visible)),
+        ..Default::default()
+    }
+}
+
+fn overview(report: &Report) -> String {
+    let links: String = report
+        .frames
+        .iter()
+        .map(|f| format!("<a href=\"#{0}\">{0}</a>", escape(&f.name)))
+        .collect();
+    format!(
+        "<p>The template was built from {} exploration frames of an organ-like body at rest. Every \
+         deformed frame was then reconstructed by rigid pose, shape from shading (sfs), motion \
+         (dsfm, eq. 3) and motion with shading (dsfms, eq. 4), and compared with the truth of this \
+         path-traced scene. Errors are distances between every template vertex and its true place, \
+         in mm, without any alignment of the deformed shapes: one similarity, from the camera \
+         centres of the exploration to the true ones, gives the template its scale and frame.</p>\
+         <nav aria-label=\"Sections\"><a href=\"#viewer\">viewer</a><a href=\"#methods\">methods</a>\
+         <a href=\"#template\">template</a>{links}</nav>",
+        report.scene.exploration.len()
+    )
+}

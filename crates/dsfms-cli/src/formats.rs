@@ -1,0 +1,112 @@
+//! `--formats`: reconstructed frames for other programs, beside the PLY files.
+
+use clap::ValueEnum;
+use dsfms::geometry::Point3;
+use dsfms::io::animation::{Moment, write_animation};
+use dsfms::io::obj::write_obj;
+use dsfms::io::stl::write_stl;
+use dsfms::io::vtk::{Array, VtkExtras, write_pvd, write_vtp};
+use dsfms::mesh::strain::{face_strains, vertex_means};
+use dsfms::template::Template;
+use std::path::Path;
+
+/// A format of the frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// frame_NNN.vtp and frames.pvd for ParaView and 3D Slicer, with strain, visible, confidence and
+    /// observed.
+    Vtp,
+    /// frame_NNN.obj with the template's UV.
+    Obj,
+    /// frame_NNN.stl.
+    Stl,
+    /// frames.glb: all frames as one animation with the template's albedo.
+    Glb,
+}
+
+/// Most frames of an animation: every target is held by the viewer at once.
+const MOST_MOMENTS: usize = 250;
+
+/// Where and what.
+#[derive(Clone, Copy)]
+pub struct Formats<'a> {
+    pub folder: &'a Path,
+    pub template: &'a Template,
+    pub list: &'a [Format],
+}
+
+/// A surface and what is known of its vertices.
+#[derive(Clone, Copy, Default)]
+pub struct Shape<'a> {
+    pub vertices: &'a [Point3],
+    pub visible: Option<&'a [bool]>,
+    pub confidence: Option<&'a [f64]>,
+    pub observed: Option<&'a [bool]>,
+}
+
+impl Formats<'_> {
+    /// Whether the shapes of all frames are needed at the end.
+    pub fn animated(&self) -> bool {
+        self.list.contains(&Format::Glb)
+    }
+
+    /// The files of one frame, which lies `seconds` after the start.
+    pub fn write_frame(&self, name: &str, seconds: f64, shape: &Shape) -> anyhow::Result<()> {
+        let path = |ending: &str| self.folder.join(format!("{name}.{ending}"));
+        for format in self.list {
+            let mesh = || self.template.mesh.with_positions(shape.vertices.to_vec());
+            match format {
+                Format::Vtp => self.write_vtp(&path("vtp"), seconds, shape)?,
+                Format::Obj => {
+                    let uv = self.template.flattening.as_ref().map(|f| f.corners.as_slice());
+                    write_obj(&path("obj"), &mesh(), uv, self.template.unit, &[])?;
+                }
+                Format::Stl => write_stl(&path("stl"), &mesh())?,
+                Format::Glb => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn write_vtp(&self, path: &Path, seconds: f64, shape: &Shape) -> anyhow::Result<()> {
+        let rest = &self.template.mesh;
+        let strain = face_strains(&rest.topology, &rest.positions, shape.vertices);
+        let smooth = vertex_means(&rest.topology, &rest.positions, &strain);
+        let flags = |f: &[bool]| f.iter().map(|&b| f64::from(u8::from(b))).collect::<Vec<f64>>();
+        let (visible, observed) = (shape.visible.map(flags), shape.observed.map(flags));
+        let optional = [
+            ("visible", visible.as_deref()),
+            ("confidence", shape.confidence),
+            ("observed", observed.as_deref()),
+        ];
+        let mut vertices = vec![Array { name: "strain", values: &smooth }];
+        vertices
+            .extend(optional.into_iter().filter_map(|(name, v)| Some(Array { name, values: v? })));
+        let extras = VtkExtras {
+            vertices: &vertices,
+            faces: &[Array { name: "strain", values: &strain }],
+            time: Some(seconds),
+            comment: "camera axes of the frame: x right, y down, z forward",
+        };
+        Ok(write_vtp(path, &rest.topology, shape.vertices, self.template.unit, &extras)?)
+    }
+
+    /// The files of the sequence: name, seconds and shape of every frame that has one.
+    pub fn write_series(&self, frames: &[(String, f64, Vec<Point3>)]) -> anyhow::Result<()> {
+        if self.list.contains(&Format::Vtp) {
+            let files: Vec<(f64, String)> =
+                frames.iter().map(|(name, t, _)| (*t, format!("{name}.vtp"))).collect();
+            write_pvd(&self.folder.join("frames.pvd"), &files)?;
+        }
+        if self.animated() && !frames.is_empty() {
+            let every = frames.len().div_ceil(MOST_MOMENTS);
+            let moments: Vec<Moment> = frames
+                .iter()
+                .step_by(every)
+                .map(|(_, seconds, vertices)| Moment { seconds: *seconds, vertices })
+                .collect();
+            write_animation(&self.folder.join("frames.glb"), self.template, &moments)?;
+        }
+        Ok(())
+    }
+}
