@@ -62,7 +62,7 @@ fn components(faces: &[[u32; 3]]) -> Vec<u32> {
 }
 
 /// Undirected edges with their faces, sorted.
-fn edge_list(faces: &[[u32; 3]]) -> Vec<([u32; 2], u32)> {
+pub(super) fn edge_list(faces: &[[u32; 3]]) -> Vec<([u32; 2], u32)> {
     let mut edges: Vec<([u32; 2], u32)> = faces
         .iter()
         .enumerate()

@@ -53,10 +53,10 @@ impl Default for DenseOptions {
     fn default() -> Self {
         Self {
             max_pixels: 4_000_000,
-            max_sources: 8,
+            max_sources: 16,
             best_sources: 3,
             min_parallax_deg: 2.0,
-            max_parallax_deg: 45.0,
+            max_parallax_deg: 60.0,
             iterations: [6, 3, 1],
             min_correlation: 0.5,
             max_relative_depth: 0.01,
