@@ -5,7 +5,8 @@
 //! SCENE holds `exploration/`, `camera.json`, `masks/exploration/` and `ground_truth/` (rest mesh with
 //! UV and albedo, poses, views per vertex). Prints Markdown: poses after one similarity of the camera
 //! centres, then, under that similarity and no other alignment, surface, completeness and albedo.
-//! DIR gets `surface.ply` (aligned) and `truth.csv` (a row per vertex of the truth), to look at.
+//! DIR gets `surface.ply` (aligned), `truth.csv` (a row per vertex of the truth) and `albedo.csv` (found
+//! over true for each face), to look at.
 
 use dsfms::camera::Camera;
 use dsfms::eval::transformed;
@@ -152,7 +153,7 @@ fn report(
     let aligned = Mesh { topology: template.mesh.topology.clone(), positions };
     let distances = surface(&aligned, &truth.rest.mesh, on_organ);
     let gaps = completeness(&aligned, truth);
-    albedo(template, &aligned, truth, on_organ);
+    let shades = albedo(template, &aligned, truth, on_organ);
     if let Some(light) = &built.light {
         let [name, residual] = [&light.candidates[0].name, &percent(light.relative_residual)];
         println!("| light found | {name}, residual {residual} |");
@@ -166,7 +167,12 @@ fn report(
     for ((p, seen), gap) in truth.rest.mesh.positions.iter().zip(&truth.seen).zip(gaps) {
         writeln!(rows, "{},{},{},{seen},{gap}", p.x, p.y, p.z)?;
     }
-    Ok(std::fs::write(out.join("truth.csv"), rows)?)
+    std::fs::write(out.join("truth.csv"), rows)?;
+    let mut rows = String::from("x,y,z,red,green,blue,views,area\n");
+    for Shade { centre: p, ratio: [r, g, b], area, views } in shades {
+        writeln!(rows, "{},{},{},{r},{g},{b},{views},{area}", p.x, p.y, p.z)?;
+    }
+    Ok(std::fs::write(out.join("albedo.csv"), rows)?)
 }
 
 /// The similarity that takes camera centres to the true ones, and what is left of the poses.
@@ -242,51 +248,85 @@ fn completeness(found: &Mesh, truth: &Truth) -> Vec<f64> {
     gaps
 }
 
-/// Relative error of the albedo up to one factor (a channel), by the number of views.
-fn albedo(template: &Template, aligned: &Mesh, truth: &Truth, on_organ: &dyn Fn(&Point3) -> bool) {
-    let Some(texels) = &template.albedo else { return };
+/// Albedo of one face, or one texel of it, found over true, with its area and views.
+struct Shade {
+    centre: Point3,
+    ratio: [f64; 3],
+    area: f64,
+    views: f64,
+}
+
+/// Relative error of the albedo up to one factor a channel (the light's colour), by number of views.
+fn albedo(
+    template: &Template,
+    aligned: &Mesh,
+    truth: &Truth,
+    on_organ: &dyn Fn(&Point3) -> bool,
+) -> Vec<Shade> {
+    let Some(texels) = &template.albedo else { return Vec::new() };
     let closest = ClosestPoints::new(&truth.rest.mesh);
-    let mut samples = Vec::new();
+    let (mut fine, mut coarse, mut filled) = (Vec::new(), Vec::new(), 0.0);
     for (face, area) in aligned.face_areas().into_iter().enumerate() {
         if !aligned.corners(face).iter().all(|p| on_organ(p)) {
             continue;
         }
         let area = area / f64::from(texels.resolution[face]).powi(2);
+        let (mut sums, mut views, mut count) = ([[0.0; 2]; 3], 0.0, 0.0);
         for (k, w) in texels.centres(face).enumerate() {
             let i = texels.offset[face] as usize + k;
             let place = closest.closest(&point_at(aligned.corners(face), w));
             let known = place.and_then(|at| truth.albedo_at(at.face as usize, at.barycentric));
             let Some(known) = known else { continue };
-            let ratio = [0, 1, 2].map(|c| f64::from(texels.value[i][c]) / known[c].max(1e-6));
-            samples.push((ratio, texels.views[i], area));
+            if texels.views[i] == 0 {
+                filled += area;
+                continue;
+            }
+            let found = texels.value[i].map(f64::from);
+            let ratio = [0, 1, 2].map(|c| found[c] / known[c].max(1e-6));
+            fine.push(Shade {
+                centre: Point3::origin(),
+                ratio,
+                area,
+                views: f64::from(texels.views[i]),
+            });
+            (0..3).for_each(|c| sums[c] = [sums[c][0] + found[c], sums[c][1] + known[c]]);
+            (views, count) = (views + f64::from(texels.views[i]), count + 1.0);
+        }
+        if count > 0.0 {
+            let ratio = sums.map(|[found, known]| found / known);
+            let [a, b, c] = aligned.corners(face);
+            let centre = point_at([a, b, c], [1.0 / 3.0; 3]);
+            coarse.push(Shade { centre, ratio, area: area * count, views: views / count });
         }
     }
-    // The factor with the least squared relative error, one a channel: the light's colour.
+    let measured: f64 = fine.iter().map(|s| s.area).sum();
+    println!("| albedo measured, of the surface | {} |", percent(measured / (measured + filled)));
+    albedo_errors("means of faces", &coarse);
+    albedo_errors("texels", &fine);
+    coarse
+}
+
+fn albedo_errors(what: &str, shades: &[Shade]) {
+    // The factor with the least squared relative error.
     let factor = [0, 1, 2].map(|c| {
-        let sum = |f: &dyn Fn(f64) -> f64| -> f64 {
-            samples.iter().filter(|s| s.1 > 0).map(|s| s.2 * f(s.0[c])).sum()
-        };
-        sum(&|r| r) / sum(&|r| r * r)
+        let sum =
+            |power: i32| -> f64 { shades.iter().map(|s| s.area * s.ratio[c].powi(power)).sum() };
+        sum(1) / sum(2)
     });
-    let total: f64 = samples.iter().map(|s| s.2).sum();
     for (label, from, to) in [
-        ("all that a view measured", 1, u16::MAX),
-        ("one view", 1, 1),
-        ("2 or 3 views", 2, 3),
-        ("4 views or more", 4, u16::MAX),
-        ("filled in", 0, 0),
+        ("all", 0.0, 1e9),
+        ("1 view", 0.0, 1.5),
+        ("2 or 3 views", 1.5, 3.5),
+        ("more views", 3.5, 1e9),
     ] {
-        let chosen: Vec<_> = samples.iter().filter(|s| (from..=to).contains(&s.1)).collect();
-        let area: f64 = chosen.iter().map(|s| s.2).sum();
-        let square = |s: &([f64; 3], u16, f64)| {
-            s.2 * mean((0..3).map(|c| (factor[c] * s.0[c] - 1.0).powi(2)))
-        };
-        let rms = (chosen.iter().map(|s| square(s)).sum::<f64>() / area).sqrt();
-        println!(
-            "| albedo, {label} ({} of the area): rms error | {} |",
-            percent(area / total),
-            percent(rms)
-        );
+        let chosen = || shades.iter().filter(|s| s.views >= from && s.views < to);
+        let area: f64 = chosen().map(|s| s.area).sum();
+        let all: f64 = shades.iter().map(|s| s.area).sum();
+        let square =
+            |s: &Shade| s.area * mean((0..3).map(|c| (factor[c] * s.ratio[c] - 1.0).powi(2)));
+        let rms = (chosen().map(square).sum::<f64>() / area).sqrt();
+        let share = percent(area / all);
+        println!("| albedo, {what}, {label} ({share}): rms error | {} |", percent(rms));
     }
 }
 
