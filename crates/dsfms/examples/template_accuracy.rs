@@ -1,6 +1,6 @@
 //! How good a template is where the truth is known: the rendered scene, from frames and intrinsics.
 //!
-//!     cargo run --release --example template_accuracy -- SCENE [--masks] [--light] [--vertices N] [--out DIR]
+//!     cargo run --release --example template_accuracy -- SCENE [--masks] [--light] [--vertices N] [--mesh PLY] [--options TOML] [--out DIR]
 //!
 //! SCENE holds `exploration/`, `camera.json`, `masks/exploration/` and `ground_truth/` (rest mesh with
 //! UV and albedo, poses, views per vertex). Prints Markdown: poses after one similarity of the camera
@@ -23,6 +23,7 @@ use dsfms::mesh::Mesh;
 use dsfms::mesh::surface_points::ClosestPoints;
 use dsfms::pipeline::{
     BuiltTemplate, Exploration, Progress, TemplateOptions, template_from_frames,
+    template_from_posed_frames,
 };
 use dsfms::template::{LengthUnit, Template};
 use std::error::Error;
@@ -43,6 +44,10 @@ struct Arguments {
     /// The light of the camera file is given as a start; else nothing is known of it.
     light: bool,
     vertices: usize,
+    /// A surface to measure light and albedo on, with the true poses.
+    mesh: Option<PathBuf>,
+    /// Options of template building (TOML).
+    options: Option<PathBuf>,
     out: Option<PathBuf>,
 }
 
@@ -63,11 +68,24 @@ fn main() -> Outcome<()> {
         camera: &file.camera,
         tone: &tone,
         light: file.light.as_ref().filter(|_| arguments.light),
+        metric: None,
     };
-    let options = TemplateOptions { vertices: arguments.vertices, ..Default::default() };
-    let clock = Clock::default();
-    let built = template_from_frames(&exploration, &options, &clock)?;
+    let mut options: TemplateOptions = match &arguments.options {
+        Some(path) => toml::from_str(&std::fs::read_to_string(path)?)?,
+        None => TemplateOptions::default(),
+    };
+    options.vertices = arguments.vertices;
     let truth = Truth::read(scene)?;
+    let clock = Clock::default();
+    let built = match &arguments.mesh {
+        Some(path) => {
+            let names: Vec<&str> = frames.iter().map(|f| f.name.as_str()).collect();
+            let (mesh, poses) = (read_mesh(path)?.mesh, match_poses(&truth.poses, &names));
+            let unit = LengthUnit::Millimetre;
+            template_from_posed_frames(&exploration, mesh, unit, &poses, &options, &clock)?
+        }
+        None => template_from_frames(&exploration, &options, &clock)?,
+    };
     let organ_only = |p: &Point3| on_organ(p, &truth, &exploration, &masks);
     let names: Vec<&str> = frames.iter().map(|f| f.name.as_str()).collect();
     report(&built, &truth, &names, &organ_only, arguments.out.as_deref())?;
@@ -76,15 +94,25 @@ fn main() -> Outcome<()> {
 }
 
 fn arguments() -> Outcome<Arguments> {
-    let usage = "usage: template_accuracy SCENE [--masks] [--light] [--vertices N] [--out DIR]";
+    let usage = "usage: template_accuracy SCENE [--masks] [--light] [--vertices N] [--mesh PLY] [--options TOML] [--out DIR]";
     let mut words = std::env::args().skip(1);
     let scene = words.next().ok_or(usage)?.into();
-    let mut out = Arguments { scene, masks: false, light: false, vertices: 1000, out: None };
+    let mut out = Arguments {
+        scene,
+        masks: false,
+        light: false,
+        vertices: 1000,
+        mesh: None,
+        options: None,
+        out: None,
+    };
     while let Some(word) = words.next() {
         match word.as_str() {
             "--masks" => out.masks = true,
             "--light" => out.light = true,
             "--vertices" => out.vertices = words.next().ok_or(usage)?.parse()?,
+            "--mesh" => out.mesh = Some(words.next().ok_or(usage)?.into()),
+            "--options" => out.options = Some(words.next().ok_or(usage)?.into()),
             "--out" => out.out = Some(words.next().ok_or(usage)?.into()),
             _ => return Err(usage.into()),
         }

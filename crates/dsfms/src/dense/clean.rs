@@ -43,7 +43,7 @@ pub(super) fn pieces(triangles: &Triangles) -> usize {
 }
 
 /// Label of the piece of each face: the smallest face index in it.
-fn components(faces: &[[u32; 3]]) -> Vec<u32> {
+pub(super) fn components(faces: &[[u32; 3]]) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..faces.len() as u32).collect();
     fn root(parent: &mut [u32], mut i: u32) -> u32 {
         while parent[i as usize] != i {

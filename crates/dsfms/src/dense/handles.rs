@@ -5,7 +5,7 @@
 //! nothing. They come from a tree of edges and a tree of faces that cross none of its edges (Erickson
 //! and Whittlesey 2005): each edge in neither closes one through the root.
 
-use super::clean::{edge_list, pieces};
+use super::clean::{components, edge_list, pieces};
 use super::holes::boundary_loops;
 use super::tetrahedra::Triangles;
 use std::collections::VecDeque;
@@ -31,7 +31,10 @@ pub(super) fn handles(triangles: &Triangles) -> usize {
 /// `longest` edges. Expects one fan a vertex and all vertices in use.
 pub(super) fn cut_one(triangles: &mut Triangles, longest: usize) -> bool {
     let closed = Closed::new(triangles);
-    let mut roots = vec![0];
+    let mut labels = components(&triangles.faces);
+    labels.sort_unstable();
+    labels.dedup();
+    let mut roots: Vec<u32> = labels.iter().map(|&f| triangles.faces[f as usize][0]).collect();
     let mut best: Option<Vec<u32>> = None;
     for _ in 0..ROUNDS {
         let found = roots.iter().filter_map(|&root| closed.shortest_loop(root));
