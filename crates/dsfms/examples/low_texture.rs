@@ -1,7 +1,7 @@
 //! Structure from motion where texture fades: the rendered scene with the contrast of its albedo
 //! lowered, organ masks given.
 //!
-//!     cargo run --release --example low_texture -- SCENE [CONTRAST...] [--out DIR]
+//!     cargo run --release --example low_texture -- SCENE [CONTRAST...] [--options TOML] [--out DIR]
 //!
 //! Every pixel of the organ is multiplied by the mean albedo plus CONTRAST times its deviation, over
 //! the albedo (true, averaged over the pixel, in linear light): shading and highlights stay. CONTRAST
@@ -27,8 +27,14 @@ const SAMPLES: usize = 4;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut words: Vec<String> = std::env::args().skip(1).collect();
-    let out = words.iter().position(|w| w == "--out").map(|i| words.drain(i..).nth(1));
+    let out = words.iter().position(|w| w == "--out").map(|i| words.drain(i..=i + 1).nth(1));
     let out = out.flatten().map(PathBuf::from);
+    let options =
+        words.iter().position(|w| w == "--options").map(|i| words.drain(i..=i + 1).nth(1));
+    let options: SfmOptions = match options.flatten() {
+        Some(path) => toml::from_str(&std::fs::read_to_string(path)?)?,
+        None => SfmOptions::default(),
+    };
     let scene = PathBuf::from(words.first().ok_or("usage: low_texture SCENE [CONTRAST...]")?);
     let given = words[1..].iter().map(|w| w.parse()).collect::<Result<Vec<f64>, _>>()?;
     let contrasts = if given.is_empty() { vec![1.0, 0.6, 0.4, 0.2] } else { given };
@@ -55,8 +61,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     for contrast in contrasts {
         let faded: Vec<Frame> = frames
             .iter()
-            .zip(&albedos)
-            .map(|(frame, albedo)| fade(frame, albedo, mean, contrast))
+            .zip(albedos.iter().zip(&masks))
+            .map(|(frame, (albedo, mask))| fade(frame, albedo, mask.as_ref(), mean, contrast))
             .collect();
         if let Some(out) = &out {
             let folder = out.join(format!("{contrast}"));
@@ -66,7 +72,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
         }
         let began = Instant::now();
-        match reconstruct(&faded, &masks, &camera, &SfmOptions::default(), &|_, _, _| ()) {
+        match reconstruct(&faded, &masks, &camera, &options, &|_, _, _| ()) {
             Ok(found) => println!(
                 "| {contrast} | {} of {} | {} | {:.3} | {:.3} | {:.1} |",
                 found.registered(),
@@ -118,14 +124,23 @@ fn seen_albedo(
     (0..w * h).map(pixel).collect()
 }
 
-fn fade(frame: &Frame, albedo: &[[f64; 3]], mean: [f64; 3], contrast: f64) -> Frame {
+fn fade(
+    frame: &Frame,
+    albedo: &[[f64; 3]],
+    organ: Option<&Mask>,
+    mean: [f64; 3],
+    contrast: f64,
+) -> Frame {
     let table = ToneCurve::Srgb.table();
     let encode = |v: f64| {
         let v = v.clamp(0.0, 1.0);
         let e = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
         (255.0 * e).round() as u8
     };
-    let pixel = |(rgb, albedo): (&[u8; 3], &[f64; 3])| {
+    let pixel = |(i, (rgb, albedo)): (usize, (&[u8; 3], &[f64; 3]))| {
+        if organ.is_some_and(|m| !m.data[i]) {
+            return *rgb;
+        }
         [0, 1, 2].map(|c| match albedo[c] {
             a if a > 0.0 && rgb[c] < 255 => {
                 let faded = mean[c] + contrast * (a - mean[c]);
@@ -134,7 +149,7 @@ fn fade(frame: &Frame, albedo: &[[f64; 3]], mean: [f64; 3], contrast: f64) -> Fr
             _ => rgb[c],
         })
     };
-    let rgb = frame.rgb.iter().zip(albedo).map(pixel).collect();
+    let rgb = frame.rgb.iter().zip(albedo).enumerate().map(pixel).collect();
     Frame { rgb, ..frame.clone() }
 }
 

@@ -34,14 +34,6 @@ fn retain(triangles: &mut Triangles, keep: impl Fn(usize) -> bool) {
     });
 }
 
-/// Number of pieces connected over edges.
-pub(super) fn pieces(triangles: &Triangles) -> usize {
-    let mut labels = components(&triangles.faces);
-    labels.sort_unstable();
-    labels.dedup();
-    labels.len()
-}
-
 /// Label of the piece of each face: the smallest face index in it.
 pub(super) fn components(faces: &[[u32; 3]]) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..faces.len() as u32).collect();

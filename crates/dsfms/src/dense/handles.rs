@@ -5,10 +5,11 @@
 //! nothing. They come from a tree of edges and a tree of faces that cross none of its edges (Erickson
 //! and Whittlesey 2005): each edge in neither closes one through the root.
 
-use super::clean::{components, edge_list, pieces};
+use super::clean::{components, edge_list};
 use super::holes::boundary_loops;
 use super::tetrahedra::Triangles;
-use std::collections::VecDeque;
+use rayon::prelude::*;
+use std::collections::{BTreeMap, VecDeque};
 
 /// Roots tried: the shortest loop through a root need not be the shortest of its kind.
 const ROUNDS: usize = 4;
@@ -17,28 +18,44 @@ const ROOTS: usize = 3;
 /// Edges that a path over the cone of a boundary counts as: it is no path on the surface.
 const OUTSIDE: usize = 1_000_000;
 
-/// Handles of a manifold surface, summed over its pieces: `2 c − χ = 2 g + b`.
+/// Handles of a manifold surface, summed over its pieces. Expects one fan a vertex.
 pub(super) fn handles(triangles: &Triangles) -> usize {
-    let mut edges: Vec<[u32; 2]> = edge_list(&triangles.faces).iter().map(|e| e.0).collect();
-    edges.dedup();
-    let euler =
-        triangles.positions.len() as i64 - edges.len() as i64 + triangles.faces.len() as i64;
-    let boundaries = boundary_loops(&triangles.faces).len() as i64;
-    ((2 * pieces(triangles) as i64 - euler - boundaries) / 2).max(0) as usize
+    by_piece(triangles).values().sum()
+}
+
+/// Handles of every piece, by its label: `χ = 2 − 2 g − b`.
+fn by_piece(triangles: &Triangles) -> BTreeMap<u32, usize> {
+    let labels = components(&triangles.faces);
+    let mut of_vertex = vec![u32::MAX; triangles.positions.len()];
+    let mut euler: BTreeMap<u32, i64> = BTreeMap::new();
+    for (face, &label) in triangles.faces.iter().zip(&labels) {
+        face.iter().for_each(|&v| of_vertex[v as usize] = label);
+        *euler.entry(label).or_default() += 1;
+    }
+    let mut add = |label: u32, count: i64| {
+        if let Some(sum) = euler.get_mut(&label) {
+            *sum += count;
+        }
+    };
+    of_vertex.iter().for_each(|&label| add(label, 1));
+    let edges = edge_list(&triangles.faces);
+    edges.chunk_by(|a, b| a.0 == b.0).for_each(|sides| add(labels[sides[0].1 as usize], -1));
+    // As if every boundary were closed.
+    boundary_loops(&triangles.faces).iter().for_each(|r| add(of_vertex[r[0] as usize], 1));
+    euler.into_iter().map(|(label, euler)| (label, ((2 - euler) / 2).max(0) as usize)).collect()
 }
 
 /// Take away the faces around the shortest loop of a handle that is found, if it has at most
 /// `longest` edges. Expects one fan a vertex and all vertices in use.
 pub(super) fn cut_one(triangles: &mut Triangles, longest: usize) -> bool {
     let closed = Closed::new(triangles);
-    let mut labels = components(&triangles.faces);
-    labels.sort_unstable();
-    labels.dedup();
-    let mut roots: Vec<u32> = labels.iter().map(|&f| triangles.faces[f as usize][0]).collect();
+    let with_handles = by_piece(triangles).into_iter().filter(|(_, handles)| *handles > 0);
+    let mut roots: Vec<u32> =
+        with_handles.map(|(label, _)| triangles.faces[label as usize][0]).collect();
     let mut best: Option<Vec<u32>> = None;
     for _ in 0..ROUNDS {
-        let found = roots.iter().filter_map(|&root| closed.shortest_loop(root));
-        let Some(ring) = found.min_by_key(Vec::len) else { break };
+        let found: Vec<_> = roots.par_iter().map(|&root| closed.shortest_loop(root)).collect();
+        let Some(ring) = found.into_iter().flatten().min_by_key(Vec::len) else { break };
         if best.as_ref().is_some_and(|b| b.len() <= ring.len()) {
             break;
         }
@@ -171,7 +188,7 @@ impl Parts {
 
 #[cfg(test)]
 mod tests {
-    use super::super::clean::{compact, split_bow_ties};
+    use super::super::clean::{compact, components, split_bow_ties};
     use super::super::holes::close_small;
     use super::*;
     use crate::geometry::Point3;
@@ -205,6 +222,7 @@ mod tests {
         split_bow_ties(&mut torus);
         compact(&mut torus);
         close_small(&mut torus, 20);
-        assert_eq!((handles(&torus), pieces(&torus)), (0, 1));
+        assert_eq!(handles(&torus), 0);
+        assert!(components(&torus.faces).iter().all(|&label| label == 0));
     }
 }
