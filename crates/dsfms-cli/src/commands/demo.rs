@@ -97,6 +97,7 @@ fn build(
         camera: &scene.camera.file.camera,
         tone: &scene.camera.tone,
         light: scene.camera.file.light.as_ref(),
+        metric: None,
     };
     let built = template_from_frames(&exploration, &options, reporter)?;
     for (name, why) in &built.rejected {

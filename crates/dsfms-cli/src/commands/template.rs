@@ -15,13 +15,13 @@ use clap::{Args, ValueEnum};
 use dsfms::io::poses::{PoseList, match_poses, read_poses};
 use dsfms::io::template::write_template;
 use dsfms::pipeline::{
-    BuiltTemplate, Exploration, OrganOutline, Progress, TemplateOptions, template_from_frames,
-    template_from_mesh, template_from_posed_frames,
+    BuiltTemplate, Exploration, OrganClick, OrganOutline, Progress, TemplateOptions,
+    template_from_frames, template_from_mesh, template_from_posed_frames,
 };
 use dsfms::sfm::RefineIntrinsics;
 use dsfms::template::Template;
 use dsfms::template::flatten::FlattenMethod;
-use load::{Loaded, load, parse_outline};
+use load::{Loaded, load, parse_click, parse_outline};
 use mesh::{open_mesh, read_albedo, unit};
 use std::path::{Path, PathBuf};
 
@@ -37,6 +37,10 @@ Examples:
   dsfms template exploration/ --camera camera.json --organ-polygon frame_004:120,80,560,90,600,400,90,420 -o organ.template
   # In mm: two points of the tissue, picked in the frames, are 35 mm apart
   dsfms template exploration/ --camera camera.json --scale-reference frame_003:812,440 frame_003:1020,610 35mm -o organ.template
+  # The organ is what this pixel shows, as far as the surface goes on without a step
+  dsfms template exploration/ --camera camera.json --organ-click 320,240@frame_004 -o organ.template
+  # In mm: a surface of the organ from CT, in any place
+  dsfms template exploration/ --camera camera.json --organ-masks masks/ --scale-mesh liver.stl -o organ.template
   # On a mesh of your own, in the world of known camera poses
   dsfms template exploration/ --camera camera.json --mesh organ.ply --poses poses.json -o organ.template
   # A mesh whose albedo is known: an image in its UV, or a CSV with one value (or r,g,b) a vertex
@@ -47,7 +51,7 @@ of the same name or number. A mask that covers nearly all or nothing draws a war
 
 The result is a folder: template.toml, template.glb, template.ply and more. Without --mesh its
 lengths are in template units, similar to the truth at an unknown scale; a known distance
-(--scale-reference, --camera-step) makes them mm. pictures/ shows the flattening and the albedo.";
+(--scale-reference, --camera-step) or a metric mesh (--scale-mesh) makes them mm. pictures/ shows the flattening and the albedo.";
 
 /// Build a template (rest shape, albedo, descriptors) from exploration frames or a mesh.
 #[derive(Debug, Args)]
@@ -70,6 +74,10 @@ pub struct TemplateArgs {
     /// be given for several frames.
     #[arg(long, value_name = "FRAME:X,Y,...", value_parser = parse_outline, conflicts_with_all = ["organ_masks", "mesh"])]
     organ_polygon: Vec<OrganOutline>,
+    /// A pixel of one frame (the first, or X,Y@FRAME) that shows the organ; only the surface connected
+    /// to it stays.
+    #[arg(long, value_name = "X,Y[@FRAME]", value_parser = parse_click, conflicts_with = "mesh")]
+    organ_click: Option<OrganClick>,
     /// Vertices of the template mesh, 100 to 50000.
     #[arg(long, value_name = "N", default_value_t = 1000)]
     vertices: usize,
@@ -88,6 +96,10 @@ pub struct TemplateArgs {
     self_calibrate: bool,
     #[command(flatten)]
     scale: ScaleArgs,
+    /// Surface of the same organ in mm (PLY, OBJ, STL or glTF), in any place: the template takes its
+    /// scale from the placement that fits best.
+    #[arg(long, value_name = "MESH", conflicts_with_all = ["mesh", "scale_reference", "camera_step"])]
+    scale_mesh: Option<PathBuf>,
     /// How charts are flattened.
     #[arg(long, value_enum, default_value_t)]
     flatten: Flatten,
@@ -180,6 +192,7 @@ fn check(args: &TemplateArgs) -> anyhow::Result<()> {
 fn options(args: &TemplateArgs, global: &Global) -> anyhow::Result<TemplateOptions> {
     let mut options = TemplateOptions { vertices: args.vertices, ..Default::default() };
     options.outlines = args.organ_polygon.clone();
+    options.click = args.organ_click.clone();
     options.scale = args.scale.references()?;
     options.flatten.method = args.flatten.into();
     options.sfm.seed = global.seed;
@@ -206,6 +219,7 @@ fn from_frames(
     };
     let camera = inputs::camera(camera_path, global)?;
     let loaded = load(args, &camera, camera_path, reporter)?;
+    let metric = args.scale_mesh.as_deref().map(|p| open_mesh(p, reporter)).transpose()?;
     let exploration = Exploration {
         frames: &loaded.frames,
         valid: &loaded.valid,
@@ -213,6 +227,7 @@ fn from_frames(
         camera: &camera.file.camera,
         tone: &camera.tone,
         light: camera.file.light.as_ref(),
+        metric: metric.as_ref().map(|m| &m.mesh),
     };
     let built = match (&args.mesh, &args.poses) {
         (Some(mesh), Some(poses)) => {
@@ -232,7 +247,8 @@ fn from_frames(
     for (name, why) in &rejected {
         reporter.warn(&format!("frame {name} is left out: {why}"));
     }
-    let scaled = scale.is_some() || options.scale.is_empty();
+    let asked = !options.scale.is_empty() || metric.is_some();
+    let scaled = scale.is_some() || !asked;
     let complete = rejected.is_empty() && loaded.complete && scaled;
     Ok((template, loaded, complete))
 }

@@ -34,16 +34,8 @@ fn retain(triangles: &mut Triangles, keep: impl Fn(usize) -> bool) {
     });
 }
 
-/// Number of pieces connected over edges.
-pub(super) fn pieces(triangles: &Triangles) -> usize {
-    let mut labels = components(&triangles.faces);
-    labels.sort_unstable();
-    labels.dedup();
-    labels.len()
-}
-
 /// Label of the piece of each face: the smallest face index in it.
-fn components(faces: &[[u32; 3]]) -> Vec<u32> {
+pub(super) fn components(faces: &[[u32; 3]]) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..faces.len() as u32).collect();
     fn root(parent: &mut [u32], mut i: u32) -> u32 {
         while parent[i as usize] != i {
@@ -62,7 +54,7 @@ fn components(faces: &[[u32; 3]]) -> Vec<u32> {
 }
 
 /// Undirected edges with their faces, sorted.
-fn edge_list(faces: &[[u32; 3]]) -> Vec<([u32; 2], u32)> {
+pub(super) fn edge_list(faces: &[[u32; 3]]) -> Vec<([u32; 2], u32)> {
     let mut edges: Vec<([u32; 2], u32)> = faces
         .iter()
         .enumerate()

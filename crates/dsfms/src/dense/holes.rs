@@ -1,22 +1,32 @@
 //! Small holes closed by a film that meets the surface around them.
 
-use super::clean::boundary_edges;
+use super::clean::{boundary_edges, components};
 use super::tetrahedra::Triangles;
 use crate::geometry::{Point3, Vector3};
 use std::collections::BTreeMap;
 
-/// Close every boundary loop of at most `max_edges` edges but the longest, which is the rim of the
-/// open surface. Expects one fan a vertex.
+/// Close every boundary loop of at most `max_edges` edges but the longest of each piece, which is the
+/// rim of that open surface. Expects one fan a vertex.
 pub(super) fn close_small(triangles: &mut Triangles, max_edges: usize) {
     let loops = boundary_loops(&triangles.faces);
     let length = |ring: &Vec<u32>| -> f64 {
         let place = |i: usize| triangles.positions[ring[i % ring.len()] as usize];
         (0..ring.len()).map(|i| (place(i + 1) - place(i)).norm()).sum()
     };
-    let lengths: Vec<f64> = loops.iter().map(length).collect();
-    let rim = (0..loops.len()).max_by(|&a, &b| lengths[a].total_cmp(&lengths[b]));
+    let mut piece = vec![0; triangles.positions.len()];
+    for (face, label) in triangles.faces.iter().zip(components(&triangles.faces)) {
+        face.iter().for_each(|&v| piece[v as usize] = label);
+    }
+    let mut rims: BTreeMap<u32, (f64, usize)> = BTreeMap::new();
     for (i, ring) in loops.iter().enumerate() {
-        if Some(i) != rim && ring.len() >= 3 && ring.len() <= max_edges {
+        let rim = rims.entry(piece[ring[0] as usize]).or_insert((0.0, i));
+        if length(ring) > rim.0 {
+            *rim = (length(ring), i);
+        }
+    }
+    for (i, ring) in loops.iter().enumerate() {
+        let rim = rims.get(&piece[ring[0] as usize]).is_some_and(|rim| rim.1 == i);
+        if !rim && ring.len() >= 3 && ring.len() <= max_edges {
             close(triangles, ring);
         }
     }
@@ -159,6 +169,15 @@ mod tests {
         let topology = Topology::new(square.positions.len(), square.faces).unwrap();
         assert_eq!(topology.euler_characteristic(), 1);
         assert!((square.positions[8] - at(1.5, 1.5)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn the_rim_of_every_piece_stays_open() {
+        let at = |i: usize| Point3::new(i as f64, (i * i) as f64, 0.0);
+        let faces = vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+        let mut two = Triangles { positions: (0..8).map(at).collect(), faces };
+        close_small(&mut two, 10);
+        assert_eq!(two.faces.len(), 4);
     }
 
     #[test]

@@ -15,6 +15,8 @@
 mod clean;
 mod consistency;
 mod error;
+mod exchange;
+mod handles;
 mod holes;
 mod neighbours;
 mod options;
@@ -96,11 +98,27 @@ pub fn depth_maps(
         views.par_iter().map(|v| Pyramid::new(v, scale)).collect::<Result<Vec<_>, _>>()?;
     let sources = neighbours::select(&pyramids, sparse, options);
     let total = views.len();
+    let ranges: Vec<[f64; 2]> = sources
+        .iter()
+        .enumerate()
+        .map(|(i, others)| neighbours::depth_range(&pyramids, i, others, sparse))
+        .collect();
     let mut fields: Vec<Field> = Vec::with_capacity(total);
     for (i, others) in sources.iter().enumerate() {
-        let range = neighbours::depth_range(&pyramids, i, others, sparse);
-        fields.push(estimate(&pyramids, i, others, range, options));
-        progress(i + 1, total);
+        fields.push(search(&pyramids, i, others, ranges[i], options));
+        progress(i + 1, 2 * total);
+    }
+    // Offers of all frames come from before any was taken: the order of the frames has no part.
+    let offers: Vec<_> = (0..total)
+        .into_par_iter()
+        .map(|i| exchange::offers(&pyramids, &fields, i, &sources[i]))
+        .collect();
+    for (i, field) in fields.iter_mut().enumerate() {
+        let coarse = score::Pairs::new(&pyramids, i, &sources[i], 1);
+        patchmatch::accept(&coarse, field, &offers[i], ranges[i], options);
+        let fine = score::Pairs::new(&pyramids, i, &sources[i], 0);
+        polish::run(&fine, field, ranges[i], options);
+        progress(total + i + 1, 2 * total);
     }
     let agreement = consistency::check(&pyramids, &fields, options);
     let maps: Vec<DepthMap> = (0..total)
@@ -113,8 +131,8 @@ pub fn depth_maps(
     Ok(maps)
 }
 
-/// PatchMatch from the coarsest level to the grid, then Gauss-Newton on the finest images.
-fn estimate(
+/// PatchMatch from the coarsest level to the grid.
+fn search(
     pyramids: &[Pyramid],
     reference: usize,
     sources: &[usize],
@@ -134,8 +152,5 @@ fn estimate(
         field =
             Some(patchmatch::run(&pairs, start, range, iterations, seed ^ level as u64, options));
     }
-    let fine = score::Pairs::new(pyramids, reference, sources, 0);
-    let mut field = field.unwrap_or_default();
-    polish::run(&fine, &mut field, range, options);
-    field
+    field.unwrap_or_default()
 }

@@ -10,7 +10,8 @@ const MAX_POINTS: usize = 2000;
 /// For each frame the frames it is compared with, best first.
 ///
 /// The score of a pair is the number of shared points, each weighted by how close its parallax is
-/// to the angle at which baseline and similarity of the images balance (about 15 degrees).
+/// to the angle at which baseline and similarity of the images balance (about 15 degrees). Pairs
+/// without any follow by their places alone: tissue may be seen where no point was found.
 pub(super) fn select(
     views: &[Pyramid],
     sparse: &[Point3],
@@ -19,12 +20,15 @@ pub(super) fn select(
     let points = thinned(sparse);
     (0..views.len())
         .map(|i| {
-            let mut scored: Vec<(f64, usize)> = (0..views.len())
+            let mut scored: Vec<([f64; 2], usize)> = (0..views.len())
                 .filter(|&j| j != i)
                 .map(|j| (pair_score(&views[i], &views[j], &points, options), j))
-                .filter(|s| s.0 > 0.0)
+                .filter(|s| s.0 != [0.0; 2])
                 .collect();
-            scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            scored.sort_by(|a, b| {
+                let order = b.0[0].total_cmp(&a.0[0]).then(b.0[1].total_cmp(&a.0[1]));
+                order.then(a.1.cmp(&b.1))
+            });
             scored.iter().take(options.max_sources).map(|s| s.1).collect()
         })
         .collect()
@@ -35,15 +39,13 @@ fn thinned(sparse: &[Point3]) -> Vec<Point3> {
     sparse.iter().step_by(step).copied().collect()
 }
 
-fn pair_score(a: &Pyramid, b: &Pyramid, points: &[Point3], options: &DenseOptions) -> f64 {
+fn pair_score(a: &Pyramid, b: &Pyramid, points: &[Point3], options: &DenseOptions) -> [f64; 2] {
     let (ca, cb) = (a.centre(), b.centre());
-    if points.is_empty() {
-        // Nothing known of the scene: the nearest frames that did move.
-        let baseline = (cb - ca).norm();
-        let turn = (a.pose.rotation.inverse() * b.pose.rotation).angle();
-        let overlap = (1.0 - turn / 1.2).max(0.0);
-        return if baseline > 0.0 { overlap / (1.0 + baseline) } else { 0.0 };
-    }
+    // Nothing known of the scene: the nearest frames that did move.
+    let baseline = (cb - ca).norm();
+    let turn = (a.pose.rotation.inverse() * b.pose.rotation).angle();
+    let overlap = (1.0 - turn / 1.2).max(0.0);
+    let place = if baseline > 0.0 { overlap / (1.0 + baseline) } else { 0.0 };
     let weight = |p: &Point3| {
         if !sees(a, p) || !sees(b, p) {
             return 0.0;
@@ -55,7 +57,7 @@ fn pair_score(a: &Pyramid, b: &Pyramid, points: &[Point3], options: &DenseOption
         let sigma = if angle < 15.0 { 6.0 } else { 14.0 };
         (-(angle - 15.0f64).powi(2) / (2.0 * sigma * sigma)).exp()
     };
-    points.iter().map(weight).sum()
+    [points.iter().map(weight).sum(), place]
 }
 
 /// Whether the point projects on usable pixels (which does not exclude occlusion).
@@ -83,7 +85,7 @@ pub(super) fn depth_range(
     if depths.len() >= 8 {
         let at = |q: f64| depths[((depths.len() - 1) as f64 * q).round() as usize];
         let (near, far) = (at(0.01), at(0.99));
-        let margin = 0.35 * (far - near) + 0.08 * near;
+        let margin = 0.6 * (far - near) + 0.1 * near;
         return [(near - margin).max(0.3 * near), far + margin];
     }
     let centre = view.centre();

@@ -36,7 +36,8 @@ pub struct DenseOptions {
     pub target_vertices: usize,
     /// Edge of that grid, length units; overrides `target_vertices`.
     pub voxel: Option<f64>,
-    /// Total trust (sum over frames of `confidence`) a piece of surface needs.
+    /// Trust (sum over frames of `confidence`) a piece of surface needs, for every frame there is:
+    /// the more frames, the more of them agree by chance.
     pub min_support: f64,
     /// Holes with at most this many edges are closed.
     pub max_hole_edges: usize,
@@ -53,10 +54,10 @@ impl Default for DenseOptions {
     fn default() -> Self {
         Self {
             max_pixels: 4_000_000,
-            max_sources: 8,
+            max_sources: 16,
             best_sources: 3,
             min_parallax_deg: 2.0,
-            max_parallax_deg: 45.0,
+            max_parallax_deg: 60.0,
             iterations: [6, 3, 1],
             min_correlation: 0.5,
             max_relative_depth: 0.01,
@@ -66,7 +67,7 @@ impl Default for DenseOptions {
             fill_px: 12,
             target_vertices: 60_000,
             voxel: None,
-            min_support: 0.3,
+            min_support: 0.01,
             max_hole_edges: 250,
             smoothing: 40,
             largest_only: true,

@@ -5,7 +5,7 @@
 
 use super::options::DenseOptions;
 use super::plane::{Field, InversePlane, Noise};
-use super::score::{NONE, Pairs, Patch};
+use super::score::{ALL, NONE, Pairs, Patch};
 use rayon::prelude::*;
 
 /// The eight neighbourhoods: four near (straight) and four far (both parities reach the other
@@ -20,6 +20,8 @@ const NEIGHBOURHOODS: [&[[i32; 2]]; 8] = [
     &[[-3, 0], [-5, 0], [-9, 0]],
     &[[3, 0], [5, 0], [9, 0]],
 ];
+/// Sources kept for the finer levels beyond `best_sources`.
+const SPARE_SOURCES: usize = 2;
 /// Planes seen at less than this cosine are not tried: the window degenerates.
 const MIN_FACING: f32 = 0.1;
 
@@ -57,7 +59,33 @@ pub(super) fn run(
             search.sweep(&mut field, iteration, colour);
         }
     }
+    search.choose_sources(&mut field);
     field
+}
+
+/// Take the planes that other frames offer where they explain the views better.
+pub(super) fn accept(
+    pairs: &Pairs,
+    field: &mut Field,
+    offers: &[Option<InversePlane>],
+    range: [f64; 2],
+    options: &DenseOptions,
+) {
+    let search = Search { pairs, range: range.map(|d| 1.0 / d as f32), seed: 0, options };
+    let w = field.size[0];
+    let keep = options.best_sources + SPARE_SOURCES;
+    let pixels = field.planes.par_iter_mut().zip(&mut field.cost).zip(&mut field.sources);
+    pixels.zip(offers).enumerate().for_each(|(i, (((plane, cost), sources), offer))| {
+        let (Some(offer), Some(patch)) = (offer, Patch::new(pairs.reference, i % w, i / w)) else {
+            return;
+        };
+        let at = [(i % w) as f32, (i / w) as f32];
+        let before = *cost;
+        search.attempt(&Window { patch: &patch, at, sources: ALL }, *offer, plane, cost);
+        if *cost < before {
+            *sources = patch.speaking(pairs, plane, ALL, keep, options);
+        }
+    });
 }
 
 struct Search<'a> {
@@ -68,12 +96,32 @@ struct Search<'a> {
     options: &'a DenseOptions,
 }
 
+/// A pixel with its window and the sources it is compared with.
+struct Window<'a> {
+    patch: &'a Patch,
+    at: [f32; 2],
+    sources: u16,
+}
+
 impl Search<'_> {
     fn rescore(&self, field: &mut Field) {
         let w = field.size[0];
-        field.cost.par_iter_mut().zip(&field.planes).enumerate().for_each(|(i, (cost, plane))| {
+        let (planes, sources) = (&field.planes, &field.sources);
+        field.cost.par_iter_mut().enumerate().for_each(|(i, cost)| {
             *cost = Patch::new(self.pairs.reference, i % w, i / w)
-                .map_or(NONE, |p| p.score(self.pairs, plane, self.options));
+                .map_or(NONE, |p| p.score(self.pairs, &planes[i], sources[i], self.options));
+        });
+    }
+
+    /// Keep the sources that agree with what was found: a finer level need not ask the others.
+    fn choose_sources(&self, field: &mut Field) {
+        let w = field.size[0];
+        let keep = self.options.best_sources + SPARE_SOURCES;
+        let planes = &field.planes;
+        field.sources.par_iter_mut().enumerate().for_each(|(i, sources)| {
+            if let Some(patch) = Patch::new(self.pairs.reference, i % w, i / w) {
+                *sources = patch.speaking(self.pairs, &planes[i], *sources, keep, self.options);
+            }
         });
     }
 
@@ -100,9 +148,10 @@ impl Search<'_> {
     ) {
         let Some(patch) = Patch::new(self.pairs.reference, x, y) else { return };
         let at = [x as f32, y as f32];
+        let window = Window { patch: &patch, at, sources: old.sources[y * old.size[0] + x] };
         for neighbourhood in NEIGHBOURHOODS {
             if let Some(candidate) = best_neighbour(old, [x, y], neighbourhood) {
-                self.attempt(&patch, candidate, at, plane, cost);
+                self.attempt(&window, candidate, plane, cost);
             }
         }
         let pixel = (y * old.size[0] + x) as u64;
@@ -110,21 +159,20 @@ impl Search<'_> {
         let reach = 0.5f32.powi(iteration as i32 + 1);
         for kind in 0..3 {
             let candidate = self.perturbed(plane, at, kind, reach, &mut noise);
-            self.attempt(&patch, candidate, at, plane, cost);
+            self.attempt(&window, candidate, plane, cost);
         }
     }
 
     /// Take the candidate where it explains the other views better.
     fn attempt(
         &self,
-        patch: &Patch,
+        window: &Window,
         candidate: InversePlane,
-        at: [f32; 2],
         plane: &mut InversePlane,
         cost: &mut f32,
     ) {
-        if self.feasible(&candidate, at) {
-            let score = patch.score(self.pairs, &candidate, self.options);
+        if self.feasible(&candidate, window.at) {
+            let score = window.patch.score(self.pairs, &candidate, window.sources, self.options);
             if score < *cost {
                 (*plane, *cost) = (candidate, score);
             }

@@ -3,6 +3,8 @@
 //! A plane `n·X = d` seen through a pinhole has inverse depth affine in the pixel:
 //! `1/z(u + δu, v + δv) = w + a δu + b δv`. Handing a plane to a neighbour is one addition.
 
+use super::score::{ALL, NONE};
+
 /// Inverse depth and its slope per pixel of the grid it lives on.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct InversePlane {
@@ -62,19 +64,22 @@ pub(super) struct Field {
     pub cost: Vec<f32>,
     /// Standard deviation of `w`; infinity = unknown.
     pub sigma: Vec<f32>,
+    /// Sources worth comparing at each pixel, one bit each; see [`super::score::ALL`].
+    pub sources: Vec<u16>,
 }
 
 impl Field {
     /// Planes without a score yet.
     pub fn new(size: [usize; 2], planes: Vec<InversePlane>) -> Self {
         let n = planes.len();
-        Self { size, planes, cost: vec![2.0; n], sigma: vec![f32::INFINITY; n] }
+        let sources = vec![ALL; n];
+        Self { size, planes, cost: vec![NONE; n], sigma: vec![f32::INFINITY; n], sources }
     }
 
     /// The same planes on a grid of twice the resolution.
     pub fn upsampled(&self, size: [usize; 2]) -> Self {
         let [w, h] = self.size;
-        let planes = (0..size[0] * size[1])
+        let (planes, sources) = (0..size[0] * size[1])
             .map(|i| {
                 let (x, y) = (i % size[0], i / size[0]);
                 let (cx, cy) = ((x / 2).min(w - 1), (y / 2).min(h - 1));
@@ -82,10 +87,11 @@ impl Field {
                 // Fine pixel x has the coarse coordinate (x - 0.5) / 2.
                 let (du, dv) =
                     ((x as f32 - 0.5) / 2.0 - cx as f32, (y as f32 - 0.5) / 2.0 - cy as f32);
-                InversePlane { w: p.at(du, dv), a: 0.5 * p.a, b: 0.5 * p.b }
+                let plane = InversePlane { w: p.at(du, dv), a: 0.5 * p.a, b: 0.5 * p.b };
+                (plane, self.sources[cy * w + cx])
             })
-            .collect();
-        Self::new(size, planes)
+            .unzip();
+        Self { sources, ..Self::new(size, planes) }
     }
 }
 

@@ -40,14 +40,15 @@ pub(super) fn run(pairs: &Pairs, field: &mut Field, range: [f64; 2], options: &D
         .par_iter_mut()
         .zip(field.cost.par_iter_mut())
         .zip(field.sigma.par_iter_mut())
+        .zip(&field.sources)
         .enumerate()
-        .for_each(|(i, ((plane, cost), sigma))| {
+        .for_each(|(i, (((plane, cost), sigma), &sources))| {
             if *cost >= NONE {
                 (*cost, *sigma) = (NONE, f32::INFINITY);
                 return;
             }
             let fine = InversePlane { w: plane.w, a: 0.5 * plane.a, b: 0.5 * plane.b };
-            let (better, c, s) = polisher.polish(fine, i % w, i / w);
+            let (better, c, s) = polisher.polish(fine, i % w, i / w, sources);
             *plane = InversePlane { w: better.w, a: 2.0 * better.a, b: 2.0 * better.b };
             (*cost, *sigma) = (c, s);
         });
@@ -82,10 +83,16 @@ struct ViewSystem {
 
 impl Polisher<'_> {
     /// The better plane, its cost, and the standard deviation of its inverse depth.
-    fn polish(&self, start: InversePlane, x: usize, y: usize) -> (InversePlane, f32, f32) {
+    fn polish(
+        &self,
+        start: InversePlane,
+        x: usize,
+        y: usize,
+        sources: u16,
+    ) -> (InversePlane, f32, f32) {
         let failed = (start, NONE, f32::INFINITY);
         let Some(window) = Window::new(self.pairs, x, y) else { return failed };
-        let views = self.best_views(&window, &start);
+        let views = self.best_views(&window, &start, sources);
         if views.is_empty() {
             return failed;
         }
@@ -122,8 +129,9 @@ impl Polisher<'_> {
     }
 
     /// The views that agree best with the first guess.
-    fn best_views(&self, window: &Window, plane: &InversePlane) -> Vec<usize> {
+    fn best_views(&self, window: &Window, plane: &InversePlane, sources: u16) -> Vec<usize> {
         let mut scored: Vec<(f32, usize)> = (0..self.pairs.views.len())
+            .filter(|j| sources >> j & 1 == 1)
             .filter_map(|j| {
                 Some((window.linearise(&self.pairs.views[j], plane, self.noise)?.cost, j))
             })

@@ -12,6 +12,14 @@ const TAPS: usize = 25;
 pub(super) const NONE: f32 = 2.0;
 /// Views scored at once, at most (the bound of `max_sources`).
 const MAX_VIEWS: usize = 16;
+/// Every source.
+pub(super) const ALL: u16 = u16::MAX;
+/// What each view short of `best_sources` adds to the cost, over `best_sources`: enough that a plane
+/// does not win by leaving the views in which it would be found wrong, little enough that what only
+/// two frames see can be found.
+const LONELY: f32 = 0.3;
+/// Correlation cost above which a view says nothing for a plane.
+const USEFUL: f32 = 0.7;
 
 /// One frame and those it is compared with, at one level.
 pub(super) struct Pairs<'a> {
@@ -140,33 +148,72 @@ impl Patch {
         (1.0 - correlation).clamp(0.0, NONE)
     }
 
-    /// Mean cost over the best few views; views that cannot be compared count as [`NONE`] where too
-    /// few others are left.
-    pub fn score(&self, pairs: &Pairs, plane: &InversePlane, options: &DenseOptions) -> f32 {
-        let noise = (options.image_noise * options.image_noise) as f32;
+    /// Cost of every source that `sources` names; [`NONE`] for the others.
+    fn costs(
+        &self,
+        pairs: &Pairs,
+        plane: &InversePlane,
+        noise: f32,
+        sources: u16,
+    ) -> [f32; MAX_VIEWS] {
         let mut costs = [NONE; MAX_VIEWS];
-        let count = pairs.views.len().min(MAX_VIEWS);
-        for (cost, view) in costs.iter_mut().zip(&pairs.views) {
-            *cost = self.cost(view, plane, noise);
+        for (j, (cost, view)) in costs.iter_mut().zip(&pairs.views).enumerate() {
+            if sources >> j & 1 == 1 {
+                *cost = self.cost(view, plane, noise);
+            }
         }
-        let best = options.best_sources.min(count).max(1);
-        mean_of_smallest(&mut costs[..count], best)
+        costs
+    }
+
+    /// Mean cost over the best few of the named sources, and a fine for each that is missing.
+    pub fn score(
+        &self,
+        pairs: &Pairs,
+        plane: &InversePlane,
+        sources: u16,
+        options: &DenseOptions,
+    ) -> f32 {
+        let noise = (options.image_noise * options.image_noise) as f32;
+        let mut costs = self.costs(pairs, plane, noise, sources);
+        mean_of_smallest(&mut costs[..pairs.views.len().min(MAX_VIEWS)], options.best_sources)
+    }
+
+    /// The sources that speak for a plane, at most `keep`, best first chosen; [`ALL`] where fewer
+    /// than two do and nothing is known.
+    pub fn speaking(
+        &self,
+        pairs: &Pairs,
+        plane: &InversePlane,
+        sources: u16,
+        keep: usize,
+        options: &DenseOptions,
+    ) -> u16 {
+        let noise = (options.image_noise * options.image_noise) as f32;
+        let costs = self.costs(pairs, plane, noise, sources);
+        let mut order: Vec<usize> = (0..MAX_VIEWS).filter(|&j| costs[j] < USEFUL).collect();
+        order.sort_by(|&a, &b| costs[a].total_cmp(&costs[b]).then(a.cmp(&b)));
+        let chosen = order.iter().take(keep).fold(0, |bits, j| bits | 1 << j);
+        if order.len() < 2 { ALL } else { chosen }
     }
 }
 
-/// Mean of the `k` smallest values; reorders them.
+/// Mean of the `k` smallest values that can be compared, and [`LONELY`] for each that cannot;
+/// reorders them.
 fn mean_of_smallest(values: &mut [f32], k: usize) -> f32 {
-    if values.is_empty() {
-        return NONE;
-    }
-    for i in 0..k {
+    let k = k.clamp(1, values.len().max(1));
+    for i in 0..k.min(values.len()) {
         for j in i + 1..values.len() {
             if values[j] < values[i] {
                 values.swap(i, j);
             }
         }
     }
-    values[..k].iter().sum::<f32>() / k as f32
+    let best = values.iter().take(k).filter(|v| **v < NONE);
+    let (sum, count) = best.fold((0.0, 0), |(sum, n), v| (sum + v, n + 1));
+    if count == 0 {
+        return NONE;
+    }
+    sum / count as f32 + LONELY * (k - count) as f32 / k as f32
 }
 
 #[cfg(test)]
@@ -176,6 +223,8 @@ mod tests {
     #[test]
     fn smallest_by_hand() {
         assert_eq!(mean_of_smallest(&mut [2.0, 0.5, 1.0, 0.1], 2), 0.3);
+        assert_eq!(mean_of_smallest(&mut [NONE, 0.5], 2), 0.5 + 0.5 * LONELY);
+        assert_eq!(mean_of_smallest(&mut [NONE, NONE], 2), NONE);
         assert_eq!(mean_of_smallest(&mut [], 2), NONE);
     }
 }

@@ -13,10 +13,14 @@ const RADIUS: i32 = 3;
 /// Neighbours whose plane misses the pixel by more than this fraction of depth (seen from the front)
 /// are another surface.
 const SAME_SURFACE: f32 = 0.01;
-/// Cosine to the sightline (78 degrees) below which the slope of a surface is not believed.
-const GRAZING: f32 = 0.2;
+/// Cosine to the sightline (83 degrees) below which the slope of a surface is not believed.
+const GRAZING: f32 = 0.12;
 /// Trust in a filled pixel, at most.
 const FILLED: f32 = 0.1;
+/// Trust in a pixel that no other frame confirms, at most.
+const ALONE: f32 = 0.15;
+/// Cost up to which such a pixel may continue a confirmed surface.
+const ALONE_COST: f32 = 0.4;
 
 /// Depth map of one frame from its planes and the number of frames that agree with each.
 pub(super) fn depth_map(
@@ -25,8 +29,8 @@ pub(super) fn depth_map(
     agreement: &[u8],
     options: &DenseOptions,
 ) -> DepthMap {
-    let trust = trust(field, agreement, options);
     let k = view.levels[1].k.map(|v| v as f32);
+    let trust = trust(field, agreement, k, options);
     let grid = Grid { field, trust: &trust, k };
     let w = field.size[0];
     let rows: Vec<Option<Estimate>> = (0..field.planes.len())
@@ -65,22 +69,68 @@ pub(super) fn depth_map(
 }
 
 /// Trust in each pixel: correlation above the least accepted one, and agreement.
-fn trust(field: &Field, agreement: &[u8], options: &DenseOptions) -> Vec<f32> {
+fn trust(field: &Field, agreement: &[u8], k: [f32; 4], options: &DenseOptions) -> Vec<f32> {
     let floor = options.min_correlation as f32;
-    (0..field.planes.len())
-        .map(|i| {
-            if (agreement[i] as usize) < options.min_consistent || !correlates(field, i, options) {
-                return 0.0;
+    // Texture or parallax that leaves the depth open by more than frames may disagree.
+    let sharp =
+        |i: usize| field.sigma[i] as f64 <= options.max_relative_depth * field.planes[i].w as f64;
+    let correlation = |i: usize| ((1.0 - field.cost[i] - floor) / (1.0 - floor)).clamp(0.05, 1.0);
+    let confirmed = |i: usize| {
+        let agree = agreement[i] as usize >= options.min_consistent;
+        if !agree || !correlates(field, i, options) || !sharp(i) {
+            return 0.0;
+        }
+        let frames = (agreement[i] as f32 / (options.min_consistent as f32 + 2.0)).min(1.0);
+        correlation(i) * frames
+    };
+    let mut trust: Vec<f32> = (0..field.planes.len()).map(confirmed).collect();
+    let may_follow =
+        |i: usize| field.cost[i] < ALONE_COST && correlates(field, i, options) && sharp(i);
+    for i in continued(field, &trust, k, may_follow) {
+        trust[i] = ALONE * correlation(i);
+    }
+    trust
+}
+
+/// Pixels that continue the surface of trusted ones without a step. What one frame sees well and all
+/// others at a grazing angle no other depth map confirms, but surfaces go on.
+fn continued(
+    field: &Field,
+    trust: &[f32],
+    k: [f32; 4],
+    may_follow: impl Fn(usize) -> bool,
+) -> Vec<usize> {
+    let [w, h] = field.size;
+    let mut reached: Vec<bool> = trust.iter().map(|&t| t > 0.0).collect();
+    let mut queue: Vec<usize> = (0..trust.len()).filter(|&i| reached[i]).collect();
+    let confirmed = queue.len();
+    let mut next = 0;
+    while next < queue.len() {
+        let i = queue[next];
+        next += 1;
+        let (x, y) = (i % w, i / w);
+        for (dx, dy) in [(-1i32, 0i32), (1, 0), (0, -1), (0, 1)] {
+            let (nx, ny) = (x as i32 + dx, y as i32 + dy);
+            if nx < 0 || ny < 0 || nx >= w as i32 || ny >= h as i32 {
+                continue;
             }
-            // Texture or parallax that leaves the depth open by more than frames may disagree.
-            if field.sigma[i] as f64 > options.max_relative_depth * field.planes[i].w as f64 {
-                return 0.0;
+            let n = ny as usize * w + nx as usize;
+            if reached[n] || !may_follow(n) {
+                continue;
             }
-            let correlation = ((1.0 - field.cost[i] - floor) / (1.0 - floor)).clamp(0.05, 1.0);
-            let frames = (agreement[i] as f32 / (options.min_consistent as f32 + 2.0)).min(1.0);
-            correlation * frames
-        })
-        .collect()
+            let (own, other) = (&field.planes[i], &field.planes[n]);
+            let facing = other.facing(k, nx as f32, ny as f32);
+            // Each must lie on the other's plane.
+            let miss = (own.at(dx as f32, dy as f32) - other.w)
+                .abs()
+                .max((other.at(-dx as f32, -dy as f32) - own.w).abs());
+            if facing > GRAZING && miss < 0.5 * SAME_SURFACE * other.w / facing.max(0.25) {
+                reached[n] = true;
+                queue.push(n);
+            }
+        }
+    }
+    queue.split_off(confirmed)
 }
 
 struct Estimate {

@@ -2,7 +2,7 @@
 
 use super::tetrahedra::{Triangles, extract};
 use super::volume::Volume;
-use super::{DenseError, DenseOptions, DepthMap, PosedFrame, clean, holes};
+use super::{DenseError, DenseOptions, DepthMap, PosedFrame, clean, handles, holes};
 use crate::geometry::Point3;
 use crate::mesh::{Mesh, Topology};
 use rayon::prelude::*;
@@ -52,19 +52,20 @@ pub fn surface(
 }
 
 /// The surface on the finest grid on which it has no handles. Tissue seen from one side has none;
-/// those of a reconstruction are tunnels between noisy layers of depth, which close on a grid about
-/// as coarse as the noise. Of coarser grids that do not help either, the one with fewest handles.
+/// those of a reconstruction are tunnels between noisy layers of depth. They are cut where they are
+/// thin, or else close on a grid about as coarse as the noise. Of coarser grids that do not help
+/// either, the one with fewest handles.
 fn without_handles(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptions) -> Triangles {
     let given = options.voxel.is_some();
+    let least = (options.min_support * maps.len() as f64) as f32;
     let mut options = options.clone();
-    let mut best: Option<(i64, Triangles)> = None;
+    let mut best: Option<(usize, Triangles)> = None;
     for _ in 0..COARSER {
         let volume = Volume::fuse(views, maps, &options);
-        let mut triangles = extract(&volume, options.min_support as f32);
+        let mut triangles = extract(&volume, least);
         let coarser = volume.voxel * std::f64::consts::SQRT_2;
         drop(volume);
-        tidy(&mut triangles, &options);
-        let handles = handles(&triangles);
+        let handles = tidy(&mut triangles, &options);
         let empty = triangles.faces.is_empty();
         if !empty && best.as_ref().is_none_or(|(fewest, _)| handles < *fewest) {
             best = Some((handles, triangles));
@@ -82,41 +83,38 @@ fn without_handles(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptio
 /// Grids tried, at most: each has edges longer by √2 than the one before.
 const COARSER: usize = 5;
 
-/// Handles of a manifold surface, summed over its pieces: `2 c − χ = 2 g + b`.
-fn handles(triangles: &Triangles) -> i64 {
-    let mut edges: Vec<[u32; 2]> = triangles
-        .faces
-        .iter()
-        .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
-        .map(|[p, q]| [p.min(q), p.max(q)])
-        .collect();
-    edges.sort_unstable();
-    edges.dedup();
-    let euler =
-        triangles.positions.len() as i64 - edges.len() as i64 + triangles.faces.len() as i64;
-    let boundaries = holes::boundary_loops(&triangles.faces).len() as i64;
-    (2 * clean::pieces(triangles) as i64 - euler - boundaries) / 2
+/// One manifold piece without teeth and small holes, smoothed; the handles that are left.
+fn tidy(triangles: &mut Triangles, options: &DenseOptions) -> usize {
+    clean::drop_small(triangles, DUST);
+    one_piece(triangles, options);
+    holes::close_small(triangles, options.max_hole_edges);
+    let mut handles = handles::handles(triangles);
+    for _ in 0..CUTS {
+        if handles == 0 || !handles::cut_one(triangles, options.max_hole_edges) {
+            break;
+        }
+        one_piece(triangles, options);
+        holes::close_small(triangles, options.max_hole_edges);
+        handles = handles::handles(triangles);
+    }
+    clean::open(triangles, OPENING);
+    one_piece(triangles, options);
+    clean::smooth(triangles, options.smoothing);
+    handles::handles(triangles)
 }
 
-/// One manifold piece without teeth and small holes, smoothed.
-fn tidy(triangles: &mut Triangles, options: &DenseOptions) {
-    clean::drop_small(triangles, DUST);
+/// Without teeth, one fan a vertex, no vertex unused.
+fn one_piece(triangles: &mut Triangles, options: &DenseOptions) {
     clean::shave(triangles);
     clean::split_bow_ties(triangles);
     if options.largest_only {
         clean::keep_largest(triangles);
     }
     clean::compact(triangles);
-    holes::close_small(triangles, options.max_hole_edges);
-    clean::open(triangles, OPENING);
-    clean::shave(triangles);
-    clean::split_bow_ties(triangles);
-    if options.largest_only {
-        clean::keep_largest(triangles);
-    }
-    clean::compact(triangles);
-    clean::smooth(triangles, options.smoothing);
 }
+
+/// Handles cut, at most.
+const CUTS: usize = 40;
 
 /// Which depth maps agree with a point, and how closely.
 fn support(maps: &[DepthMap], point: &Point3) -> VertexSupport {
@@ -148,29 +146,4 @@ fn support(maps: &[DepthMap], point: &Point3) -> VertexSupport {
     // Scatter beyond what the noise explains widens the error (Birge ratio).
     let ratio = (squares / weights).sqrt().max(1.0);
     VertexSupport { frames, sigma: ratio / information.sqrt() }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// An `n × n` grid on a torus; the square at its start is left out where asked.
-    fn torus(n: u32, open: bool) -> Triangles {
-        let at = |x: u32, y: u32| (y % n) * n + x % n;
-        let squares = (0..n * n).skip(usize::from(open)).map(|i| (i % n, i / n));
-        let faces = squares.flat_map(|(x, y)| {
-            let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
-            [[a, b, c], [a, c, d]]
-        });
-        Triangles { positions: vec![Point3::origin(); (n * n) as usize], faces: faces.collect() }
-    }
-
-    #[test]
-    fn handles_by_hand() {
-        assert_eq!(handles(&torus(5, false)), 1);
-        assert_eq!(handles(&torus(5, true)), 1);
-        let fan =
-            Triangles { positions: vec![Point3::origin(); 4], faces: vec![[0, 1, 2], [0, 2, 3]] };
-        assert_eq!(handles(&fan), 0);
-    }
 }

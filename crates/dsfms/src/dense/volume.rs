@@ -21,6 +21,8 @@ const FREE_SPACE: f64 = 0.2;
 /// A pixel says nothing about points farther behind it than this many truncation distances, however
 /// grazing its plane.
 const MAX_BEHIND: f64 = 4.0;
+/// Distances that differ by no more, in truncation distances, are of one surface.
+const SAME_LAYER: f64 = 0.5;
 /// Depth pixels (every second along rows and columns) of a cell that counts as surface.
 const FILLED_CELL: usize = 9;
 /// Organ masks are widened by this fraction of the image width before they carve.
@@ -257,24 +259,37 @@ fn tangent_plane(m: &DepthMap, i: usize, [x, y]: [f64; 2], p: &Point3) -> Observ
     Observation { distance, weight: support * facing * facing, support, behind: p.z - z }
 }
 
-/// Mean signed distance over the frames, weighted, and their support; none where the point is not
-/// organ.
+/// Signed distance over the frames and their support; none where the point is not organ.
 fn average(views: &[View], point: &Point3, truncation: f64) -> (f32, f32) {
-    let (mut distance, mut weight, mut support) = (0.0, 0.0, 0.0);
-    for seen in views.iter().filter_map(|v| v.observe(point, truncation)) {
-        distance += seen.weight * seen.distance;
-        weight += seen.weight;
-        support += seen.support;
-    }
-    if weight <= 0.0 {
-        return (1.0, 0.0);
-    }
+    let seen: Vec<Observation> =
+        views.iter().filter_map(|v| v.observe(point, truncation)).collect();
+    let Some(distance) = robust_distance(&seen) else { return (1.0, 0.0) };
     let against = views.iter().filter(|v| v.excludes(point)).count();
     // One outline may be wrong; of few frames each counts.
     if against >= 2 || against == 1 && views.len() <= 4 {
         return (1.0, 0.0);
     }
-    ((distance / weight) as f32, support as f32)
+    let support: f64 = seen.iter().map(|s| s.support).sum();
+    (distance as f32, support as f32)
+}
+
+/// Weighted mean of the distances within [`SAME_LAYER`] of their weighted median: a depth map that is
+/// wrong here must not shift the others.
+fn robust_distance(seen: &[Observation]) -> Option<f64> {
+    let mut order: Vec<usize> = (0..seen.len()).filter(|&i| seen[i].weight > 0.0).collect();
+    order.sort_by(|&a, &b| seen[a].distance.total_cmp(&seen[b].distance).then(a.cmp(&b)));
+    let half = 0.5 * order.iter().map(|&i| seen[i].weight).sum::<f64>();
+    let mut passed = 0.0;
+    let median = order.iter().find(|&&i| {
+        passed += seen[i].weight;
+        passed >= half
+    })?;
+    let median = seen[*median].distance;
+    let near = order.iter().filter(|&&i| (seen[i].distance - median).abs() <= SAME_LAYER);
+    let (sum, weight) = near.fold((0.0, 0.0), |(sum, weight), &i| {
+        (sum + seen[i].weight * seen[i].distance, weight + seen[i].weight)
+    });
+    (weight > 0.0).then(|| sum / weight)
 }
 
 /// The mask with everything within `radius` px (a square) added.

@@ -50,6 +50,9 @@ pub enum RemeshError {
     Topology(#[from] TopologyError),
 }
 
+/// Rounds, beyond those asked for, in which a fine input may collapse: each about halves it.
+const MAX_COLLAPSING: usize = 16;
+
 const LEAST_VERTICES: usize = 12;
 
 /// The surface as it is being changed.
@@ -85,14 +88,23 @@ pub fn remesh(
         faces: input.topology.faces.clone(),
         fixed: outline.corners.clone(),
     };
-    for round in 0..options.rounds {
+    let (mut before, mut round) = (work.positions.len(), 0);
+    for _ in 0..options.rounds + MAX_COLLAPSING {
         passes::split(&mut work, 4.0 / 3.0 * length);
         passes::collapse(&mut work, 4.0 / 5.0 * length, 4.0 / 3.0 * length);
         passes::flip(&mut work);
         passes::smooth(&mut work, &surface, &outline);
-        if round + 2 < options.rounds {
+        let count = work.positions.len();
+        // A much finer input takes rounds to collapse: its count says nothing of the length yet.
+        let collapsing = 4 * count < 3 * before;
+        before = count;
+        round += usize::from(!collapsing);
+        if round == options.rounds {
+            break;
+        }
+        if !collapsing && round + 1 < options.rounds {
             // Ever smaller corrections of the edge length, so that the count settles.
-            let ratio = work.positions.len() as f64 / target_vertices as f64;
+            let ratio = count as f64 / target_vertices as f64;
             length *= ratio.sqrt().clamp(0.7, 1.4);
         }
     }

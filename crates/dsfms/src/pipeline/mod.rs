@@ -7,7 +7,7 @@ pub mod template;
 pub use progress::{Progress, Silent};
 pub use reconstruct::{ReconstructOptions, reconstruct};
 pub use template::{
-    BuiltTemplate, Exploration, OrganOutline, TemplateError, TemplateOptions, template_from_frames,
+    BuiltTemplate, Exploration, OrganClick, OrganOutline, TemplateError, TemplateOptions, template_from_frames,
     template_from_mesh, template_from_posed_frames,
 };
 

@@ -5,25 +5,30 @@
 //! frames, mesh, poses ──────────────┴► flatten ─► light, gains, albedo ─► features ─► Template
 //! ```
 
+mod click;
+mod error;
 mod outline;
 mod views;
 
+pub use click::OrganClick;
+pub use error::TemplateError;
 pub use outline::OrganOutline;
 
 use super::Progress;
 use crate::camera::CameraModel;
-use crate::dense::{DenseError, DenseOptions, PosedFrame, depth_maps, surface};
+use crate::dense::{DenseOptions, PosedFrame, depth_maps, surface};
 use crate::geometry::{Isometry, Point3};
 use crate::image::{Frame, Mask, ToneCurve, viewport};
 use crate::light::LightModel;
 use crate::mesh::Mesh;
-use crate::mesh::remesh::{RemeshError, RemeshOptions, remesh};
-use crate::sfm::{self, Features2d, SfmError, SfmOptions, SfmStage};
-use crate::template::albedo::{AlbedoError, AlbedoOptions};
+use crate::mesh::remesh::{RemeshOptions, remesh};
+use crate::sfm::{self, Features2d, SfmOptions, SfmStage};
+use crate::template::albedo::AlbedoOptions;
 use crate::template::anchor::AnchorOptions;
 use crate::template::flatten::{FlattenOptions, flatten};
 use crate::template::light_fit::{LightFit, LightFitOptions};
 use crate::template::scale::{Scale, ScaleError, ScaleReference, ScaleScene, find_scale};
+use crate::template::scale_mesh::fit_to_mesh;
 use crate::template::{Flattening, LengthUnit, SparsePoint, SurfaceTexels, Template};
 use serde::{Deserialize, Serialize};
 use views::Views;
@@ -43,6 +48,8 @@ pub struct Exploration<'a> {
     pub tone: &'a ToneCurve,
     /// Light of the camera file, if it names one: the start of its estimation.
     pub light: Option<&'a LightModel>,
+    /// A surface of the organ in mm, in any place: it gives a template from frames its scale.
+    pub metric: Option<&'a Mesh>,
 }
 
 /// Options of template building, one field per stage.
@@ -61,6 +68,8 @@ pub struct TemplateOptions {
     pub flatten: FlattenOptions,
     /// The organ as outlined on frames; empty = masks alone say what is organ.
     pub outlines: Vec<OrganOutline>,
+    /// A pixel that shows the organ: the connected surface there stays.
+    pub click: Option<OrganClick>,
     /// Known distances; without any the unit of a template from frames is not metric.
     pub scale: Vec<ScaleReference>,
     /// Light estimation.
@@ -80,6 +89,7 @@ impl Default for TemplateOptions {
             remesh: RemeshOptions::default(),
             flatten: FlattenOptions::default(),
             outlines: Vec::new(),
+            click: None,
             scale: Vec::new(),
             light: LightFitOptions::default(),
             albedo: AlbedoOptions::default(),
@@ -101,58 +111,6 @@ pub struct BuiltTemplate {
     pub scale: Option<Scale>,
 }
 
-/// Why there is no template.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum TemplateError {
-    /// A field of the options out of its bounds.
-    #[error("option {field} = {value}; expected {expected}")]
-    Option {
-        /// Name of the field.
-        field: &'static str,
-        /// Its value.
-        value: usize,
-        /// The bounds.
-        expected: &'static str,
-    },
-    /// No given pose belongs to a frame.
-    #[error(
-        "none of the {frames} frames has a pose in the pose file; poses are matched to frames by file name or number"
-    )]
-    NoPoses {
-        /// Frames given.
-        frames: usize,
-    },
-    /// Structure from motion failed.
-    #[error("structure from motion: {0}")]
-    Sfm(#[from] SfmError),
-    /// Multi-view stereo failed.
-    #[error("multi-view stereo: {0}")]
-    Dense(#[from] DenseError),
-    /// The stereo surface could not be remeshed.
-    #[error("remeshing: {0}")]
-    Remesh(#[from] RemeshError),
-    /// The outlined frame has no pose.
-    #[error(
-        "the organ is outlined on frame {frame:?}, which is not registered; outline another frame"
-    )]
-    OutlineFrame {
-        /// Name of the frame.
-        frame: String,
-    },
-    /// The surface fills too little of the outlines: the organ was not reconstructed.
-    #[error(
-        "one connected surface fills only {percent:.0} % of the organ's outline; outline a frame that shows the organ whole, or give organ masks of all frames (--organ-masks)"
-    )]
-    EmptyOutline {
-        /// Share of the outlines that it fills, per cent.
-        percent: f64,
-    },
-    /// Nothing to measure the albedo in.
-    #[error("albedo: {0}")]
-    Albedo(#[from] AlbedoError),
-}
-
 /// Build a template from frames alone. Its unit is [`LengthUnit::TemplateUnit`], or mm where the
 /// options hold known distances.
 pub fn template_from_frames(
@@ -171,11 +129,12 @@ pub fn template_from_frames(
     let mut mesh =
         dense_mesh(exploration, &sparse.camera, &sparse.poses, &points, options, progress)?;
     // Reconstruction took long: a mark beside the surface costs the unit, not the template.
-    let scale = measure(exploration.frames, &sparse.camera, &sparse.poses, &mesh, options)
-        .unwrap_or_else(|error| {
+    let scale = measure(exploration, &sparse.camera, &sparse.poses, &mesh, options).unwrap_or_else(
+        |error| {
             progress.warn(&format!("scale: {error}; lengths stay in template units"));
             None
-        });
+        },
+    );
     let unit = match &scale {
         Some(scale) => {
             apply(scale.factor, &mut mesh, &mut sparse);
@@ -197,16 +156,20 @@ pub fn template_from_frames(
     Ok(BuiltTemplate { template, rejected, light, scale })
 }
 
-/// The scale that the known distances ask for.
+/// The scale that the known distances, or else the metric surface, ask for.
 fn measure(
-    frames: &[Frame],
+    exploration: &Exploration,
     camera: &CameraModel,
     poses: &[Option<Isometry>],
     mesh: &Mesh,
     options: &TemplateOptions,
 ) -> Result<Option<Scale>, ScaleError> {
-    let poses = named(frames, poses);
-    find_scale(&ScaleScene { mesh, camera, poses: &poses }, &options.scale)
+    let poses = named(exploration.frames, poses);
+    let known = find_scale(&ScaleScene { mesh, camera, poses: &poses }, &options.scale)?;
+    match (known, exploration.metric) {
+        (None, Some(metric)) => fit_to_mesh(mesh, metric).map(Some),
+        (known, _) => Ok(known),
+    }
 }
 
 /// Name and pose of every registered frame.
@@ -367,12 +330,20 @@ fn dense_mesh(
         })
         .collect();
     let report = |done, total| progress.step("stereo", done, total);
-    let maps = depth_maps(&posed, points, &options.dense, &report)?;
+    let dense = DenseOptions {
+        // Which piece is the organ the user says, if anybody: it need not be the largest.
+        largest_only: options.dense.largest_only
+            && options.outlines.is_empty()
+            && options.click.is_none(),
+        ..options.dense.clone()
+    };
+    let maps = depth_maps(&posed, points, &dense, &report)?;
     progress.step("surface", 0, 2);
-    let fine = surface(&posed, &maps, &options.dense)?;
+    let fine = surface(&posed, &maps, &dense)?;
     progress.step("surface", 1, 2);
     let named = named(exploration.frames, poses);
     let fine = outline::trim(fine.mesh, camera, &named, &options.outlines)?;
+    let fine = click::pick(fine, camera, &named, options.click.as_ref())?;
     let mesh = remesh(&fine, options.vertices, &options.remesh)?;
     progress.step("surface", 2, 2);
     Ok(mesh)

@@ -1,9 +1,10 @@
 //! Keypoints made for tissue: contrast equalised, low threshold, nothing on highlights or masks.
 
-use super::{SfmOptions, kornia};
+use super::{LocalContrast, SfmOptions, kornia};
 use crate::geometry::Point2;
 use crate::image::exposure::saturation;
-use crate::image::{Frame, Mask};
+use crate::image::filter::blur;
+use crate::image::{Frame, Mask, Plane};
 
 /// Keypoints of one frame; all vectors have the same length.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -36,7 +37,10 @@ impl Features2d {
 /// surroundings are left out unless `options.keep_saturated`.
 pub fn detect(frame: &Frame, mask: Option<&Mask>, options: &SfmOptions) -> Features2d {
     let grey = frame.luma();
-    let equalised = kornia::equalise(&grey, options.clahe_clip, options.clahe_tiles);
+    let equalised = match options.local_contrast {
+        LocalContrast::Always => local_contrast(&grey),
+        _ => kornia::equalise(&grey, options.clahe_clip, options.clahe_tiles),
+    };
     let blocked =
         (!options.keep_saturated).then(|| saturation(frame).dilate(options.saturation_margin_px));
     let mut keypoints = kornia::sift(&equalised, options.contrast_threshold);
@@ -55,6 +59,24 @@ pub fn detect(frame: &Frame, mask: Option<&Mask>, options: &SfmOptions) -> Featu
     }
 }
 
+/// Grey less its mean, over its spread, both of the neighbourhood: in `[0, 1]` about 0.5.
+fn local_contrast(grey: &Plane) -> Plane {
+    /// Standard deviations of the windows of mean and spread, over the image width.
+    const WINDOWS: [f64; 2] = [0.01, 0.02];
+    /// Spread below which there is nothing but quantisation and noise.
+    const FLOOR: f32 = 0.008;
+    /// Spread of the result.
+    const SPREAD: f32 = 0.16;
+    let sigma = WINDOWS.map(|w| w * grey.size[0] as f64);
+    let mean = blur(grey, sigma[0]);
+    let detail: Vec<f32> = grey.data.iter().zip(&mean.data).map(|(g, m)| g - m).collect();
+    let square = detail.iter().map(|d| d * d).collect();
+    let spread = blur(&Plane { size: grey.size, data: square }, sigma[1]);
+    let value =
+        |(d, s): (&f32, &f32)| (0.5 + SPREAD * d / (s.max(0.0).sqrt() + FLOOR)).clamp(0.0, 1.0);
+    Plane { size: grey.size, data: detail.iter().zip(&spread.data).map(value).collect() }
+}
+
 /// RootSIFT as bytes: Euclidean distances between these are Hellinger distances of histograms.
 fn root_sift(histogram: &[f32; 128]) -> [u8; 128] {
     let total: f32 = histogram.iter().sum::<f32>().max(f32::MIN_POSITIVE);
@@ -64,6 +86,23 @@ fn root_sift(histogram: &[f32; 128]) -> [u8; 128] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn local_contrast_drops_shading_and_lifts_faint_texture() {
+        let value = |i: usize| {
+            let (x, y) = ((i % 100) as f32, (i / 100) as f32);
+            0.2 + 0.005 * x + 0.02 * (1.5 * x).sin() * (1.4 * y).cos()
+        };
+        let grey = Plane { size: [100, 80], data: (0..8000).map(value).collect() };
+        let out = local_contrast(&grey);
+        let inner = |i: &usize| (10..90).contains(&(i % 100)) && (10..70).contains(&(i / 100));
+        let row: Vec<f32> = (0..8000).filter(inner).map(|i| out.data[i]).collect();
+        let mean = row.iter().sum::<f32>() / row.len() as f32;
+        let spread =
+            (row.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / row.len() as f32).sqrt();
+        assert!((mean - 0.5).abs() < 0.02, "{mean}");
+        assert!((0.05..0.2).contains(&spread), "{spread}");
+    }
 
     #[test]
     fn root_sift_is_a_unit_vector_of_512() {

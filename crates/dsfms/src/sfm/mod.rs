@@ -37,7 +37,7 @@ pub use features::{Features2d, detect};
 pub use frames::{Progress, SfmStage};
 pub use intrinsics::RefineIntrinsics;
 pub use matching::{DescriptorMatch, match_descriptors};
-pub use options::SfmOptions;
+pub use options::{LocalContrast, SfmOptions};
 pub use reconstruct::{reconstruct, triangulate_known};
 pub use reconstruction::{Reconstruction, ScenePoint, SfmError, TrackedPixel};
 pub use resection::{Resection, refine_pose, resect};

@@ -23,6 +23,9 @@ pub struct SfmOptions {
     pub clahe_clip: f64,
     /// Tiles of the contrast equalisation along each side.
     pub clahe_tiles: usize,
+    /// Whether local contrast, which keeps faint texture and drops the shading around it, replaces
+    /// the equalisation.
+    pub local_contrast: LocalContrast,
     /// Keep features on and near saturated pixels (highlights move with the camera).
     pub keep_saturated: bool,
     /// Width of the border around saturated pixels that is left out, px.
@@ -55,6 +58,19 @@ pub struct SfmOptions {
     pub guided: bool,
 }
 
+/// When local contrast replaces the equalisation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LocalContrast {
+    /// In a second attempt, where the first leaves out frames; the attempt that registers more stays.
+    #[default]
+    WhereNeeded,
+    /// From the start.
+    Always,
+    /// Never.
+    Never,
+}
+
 impl Default for SfmOptions {
     fn default() -> Self {
         Self {
@@ -64,6 +80,7 @@ impl Default for SfmOptions {
             contrast_threshold: 0.006,
             clahe_clip: 2.0,
             clahe_tiles: 8,
+            local_contrast: LocalContrast::WhereNeeded,
             keep_saturated: false,
             saturation_margin_px: 4.0,
             find_viewport: true,

@@ -10,7 +10,7 @@ use super::reconstruction::{Reconstruction, SfmError};
 use super::rematch::rematch;
 use super::tracks::{PairMatches, build_tracks};
 use super::two_view::{VerifiedPair, candidate_pairs, verify_pairs};
-use super::{RefineIntrinsics, SfmOptions};
+use super::{LocalContrast, RefineIntrinsics, SfmOptions};
 use crate::camera::CameraModel;
 use crate::geometry::Isometry;
 use crate::image::{Frame, Mask};
@@ -29,6 +29,34 @@ pub fn reconstruct(
     progress: Progress,
 ) -> Result<Reconstruction, SfmError> {
     check_input(frames, masks, camera, options)?;
+    let first = attempt(frames, masks, camera, options, progress);
+    let registered = |found: &Result<Reconstruction, SfmError>| {
+        found.as_ref().map_or(0, Reconstruction::registered)
+    };
+    let enough = ENOUGH * frames.len() as f64;
+    if options.local_contrast != LocalContrast::WhereNeeded || registered(&first) as f64 >= enough {
+        return first;
+    }
+    // Faint texture makes descriptors alike; the geometry that matches must obey sorts them.
+    let ratio = options.ratio.max(FAINT_RATIO);
+    let local = SfmOptions { local_contrast: LocalContrast::Always, ratio, ..options.clone() };
+    let second = attempt(frames, masks, camera, &local, progress);
+    if registered(&second) > registered(&first) { second } else { first }
+}
+
+/// Share of the frames that spares a second attempt.
+const ENOUGH: f64 = 0.8;
+
+/// Ratio of descriptor distances in a second attempt, at least.
+const FAINT_RATIO: f32 = 0.92;
+
+fn attempt(
+    frames: &[Frame],
+    masks: &[Option<Mask>],
+    camera: &CameraModel,
+    options: &SfmOptions,
+    progress: Progress,
+) -> Result<Reconstruction, SfmError> {
     let features = detect_all(frames, masks, options, progress);
     let mut rejected = unusable(frames, &features);
     check_usable(frames, &rejected)?;

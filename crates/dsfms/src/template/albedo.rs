@@ -8,28 +8,18 @@
 //! the one global factor that images leave open is thereby fixed.
 
 use super::SurfaceTexels;
-use super::coat::{WET_TISSUE, relative_transmission};
-use super::log_linear::{LogLinear, ShadingModel};
+use super::coat::WET_TISSUE;
+use super::known_light::{Exposure, KnownLight};
 use super::photometric::{AlbedoView, Observation, ObservationBounds, PreparedView};
-use super::robust::{tukey_mean, tukey_weight};
-use super::spots::{observe_spots, prepare, smoothed_normals, surface_point};
+use super::spots::{prepare, smoothed_normals, surface_point};
 use super::texel_fill::{choose_resolution, fill_unseen};
 use crate::geometry::Vector3;
-use crate::light::{Light, LightModel};
+use crate::light::LightModel;
 use crate::mesh::Mesh;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// How the albedos of single views become one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Combine {
-    /// Tukey mean of the logarithms, weighted by cosines and inverse squared distance.
-    #[default]
-    Robust,
-    /// The paper's eq. 2: the smallest value, per channel.
-    Minimum,
-}
+pub use super::combine::{Combine, CombinedAlbedo, ViewAlbedo, combine, from_view};
 
 /// Options of [`estimate_albedo`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -63,7 +53,7 @@ impl Default for AlbedoOptions {
         Self {
             bounds: ObservationBounds::default(),
             combine: Combine::Robust,
-            normal_smoothing: 2,
+            normal_smoothing: 1,
             texels_per_px: 1.0,
             max_resolution: 64,
             max_texels: 3_000_000,
@@ -117,83 +107,6 @@ pub enum AlbedoError {
     },
 }
 
-/// Eq. 1 with a gain: `I / (gain · shade)` per channel; `None` where the light does not reach
-/// (the paper sets a predefined maximum there, which eq. 2 then never picks).
-pub fn from_view(intensity: [f64; 3], shade: f64, gain: f64) -> Option<[f64; 3]> {
-    let light = gain * shade;
-    (light > 0.0).then(|| intensity.map(|i| i / light))
-}
-
-/// Albedo of one texel in one view, with its weight.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ViewAlbedo {
-    /// Linear RGB.
-    pub value: [f64; 3],
-    /// Relative weight, `> 0`.
-    pub weight: f64,
-}
-
-/// Albedo of one texel over all views.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CombinedAlbedo {
-    /// Linear RGB.
-    pub value: [f64; 3],
-    /// Standard deviation of the grey value over the views that count (0 for one view).
-    pub spread: f64,
-    /// Views that count.
-    pub views: usize,
-}
-
-/// Eq. 2 or its robust substitute; `noise` is the relative standard deviation expected of one
-/// value (used by [`Combine::Robust`] only). `None` without a value.
-pub fn combine(albedos: &[ViewAlbedo], rule: Combine, noise: f64) -> Option<CombinedAlbedo> {
-    match rule {
-        Combine::Minimum => minimum(albedos),
-        Combine::Robust => robust_mean(albedos, noise.max(0.02)),
-    }
-}
-
-fn grey(value: [f64; 3]) -> f64 {
-    (value[0] + value[1] + value[2]) / 3.0
-}
-
-fn minimum(albedos: &[ViewAlbedo]) -> Option<CombinedAlbedo> {
-    let first = albedos.first()?.value;
-    let lowest = |c: usize| albedos.iter().fold(first[c], |m, a| m.min(a.value[c]));
-    let value = [lowest(0), lowest(1), lowest(2)];
-    Some(summary(value, albedos, |_| 1.0))
-}
-
-fn robust_mean(albedos: &[ViewAlbedo], scale: f64) -> Option<CombinedAlbedo> {
-    let log = |a: &ViewAlbedo| grey(a.value).max(1e-9).ln();
-    let mut samples: Vec<_> = albedos.iter().map(|a| (log(a), a.weight)).collect();
-    let centre = tukey_mean(&mut samples, scale);
-    let weight = |a: &ViewAlbedo| a.weight * tukey_weight(log(a) - centre, scale);
-    let total: f64 = albedos.iter().map(weight).sum();
-    if total.is_nan() || total <= 0.0 {
-        return None;
-    }
-    let mut value = [0.0; 3];
-    for a in albedos {
-        (0..3).for_each(|c| value[c] += weight(a) * a.value[c] / total);
-    }
-    Some(summary(value, albedos, |a| weight(a) / a.weight))
-}
-
-fn summary(
-    value: [f64; 3],
-    albedos: &[ViewAlbedo],
-    trust: impl Fn(&ViewAlbedo) -> f64,
-) -> CombinedAlbedo {
-    let (mut total, mut square) = (0.0, 0.0);
-    for a in albedos {
-        total += trust(a);
-        square += trust(a) * (grey(a.value) - grey(value)).powi(2);
-    }
-    let views = albedos.iter().filter(|a| trust(a) > 0.1).count().max(1);
-    CombinedAlbedo { value, spread: (square / total).sqrt(), views }
-}
-
 /// Estimate albedo and gains. `mesh` in the template frame, outward orientation; `light` as
 /// calibrated (its length unit that of the mesh).
 pub fn estimate_albedo(
@@ -205,12 +118,12 @@ pub fn estimate_albedo(
     check_views(views)?;
     let normals = smoothed_normals(mesh, options.normal_smoothing);
     let prepared = prepare(mesh, views, &options.bounds);
-    let (gains, noise) = solve_gains(mesh, &normals, views, &prepared, light, options);
+    let exposure = Exposure::solve(mesh, &normals, views, &prepared, light, options);
     let mut texels = SurfaceTexels::new(choose_resolution(mesh, views, &prepared, options));
     let scene = Scene { mesh, normals: &normals, views: &prepared, light, options };
     let faces: Vec<Vec<Option<CombinedAlbedo>>> = (0..mesh.topology.faces.len())
         .into_par_iter()
-        .map(|f| texels.centres(f).map(|w| scene.texel(f, w, &gains, noise)).collect())
+        .map(|f| texels.centres(f).map(|w| scene.texel(f, w, &exposure)).collect())
         .collect();
     let mut observed = 0;
     for (i, texel) in faces.into_iter().flatten().enumerate() {
@@ -225,6 +138,7 @@ pub fn estimate_albedo(
     }
     let observed = observed as f64 / texels.value.len() as f64;
     fill_unseen(mesh, &mut texels);
+    let Exposure { gains, noise, .. } = exposure;
     Ok(AlbedoEstimate { texels, gains, noise, observed })
 }
 
@@ -242,59 +156,6 @@ pub(super) fn check_views(views: &[AlbedoView]) -> Result<(), AlbedoError> {
     Ok(())
 }
 
-/// A known light: nothing but gains to solve for.
-struct KnownLight<'a> {
-    light: &'a LightModel,
-    options: &'a AlbedoOptions,
-}
-
-impl KnownLight<'_> {
-    fn shade(&self, o: &Observation) -> f64 {
-        let film = self.options.refractive_index;
-        let passed = relative_transmission(film, self.light, &o.point, &o.normal);
-        passed * (self.light.shade(&o.point, &o.normal).value + self.options.ambient)
-    }
-}
-
-impl ShadingModel for KnownLight<'_> {
-    type At = ();
-
-    fn at(&self, _: &[f64]) -> Self::At {}
-
-    fn log_shading(&self, o: &Observation, (): &Self::At) -> f64 {
-        self.shade(o).max(1e-6).ln()
-    }
-
-    fn steps(&self) -> Vec<f64> {
-        Vec::new()
-    }
-
-    fn priors(&self) -> Vec<(f64, f64)> {
-        Vec::new()
-    }
-}
-
-fn solve_gains(
-    mesh: &Mesh,
-    normals: &[Vector3],
-    views: &[AlbedoView],
-    prepared: &[PreparedView],
-    light: &LightModel,
-    options: &AlbedoOptions,
-) -> (Vec<f64>, f64) {
-    let spots = observe_spots(mesh, normals, prepared, light, &options.bounds, options.gain_spots);
-    let model = KnownLight { light, options };
-    let gain_priors = views.iter().map(|v| (v.gain.max(1e-6).ln(), options.gain_sigma)).collect();
-    let fit = LogLinear { model: &model, spots: &spots, gain_priors }.solve(&[]);
-    (centred_gains(&fit.log_gains), fit.scale)
-}
-
-/// Gains of geometric mean 1.
-pub(super) fn centred_gains(log_gains: &[f64]) -> Vec<f64> {
-    let mean = log_gains.iter().sum::<f64>() / log_gains.len().max(1) as f64;
-    log_gains.iter().map(|g| (g - mean).exp()).collect()
-}
-
 struct Scene<'a> {
     mesh: &'a Mesh,
     normals: &'a [Vector3],
@@ -304,19 +165,29 @@ struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    fn texel(&self, face: usize, w: [f64; 3], gains: &[f64], noise: f64) -> Option<CombinedAlbedo> {
+    fn texel(&self, face: usize, w: [f64; 3], exposure: &Exposure) -> Option<CombinedAlbedo> {
         let (point, normal) = surface_point(self.mesh, self.normals, face, w)?;
         let mut albedos = Vec::new();
         for (v, view) in self.views.iter().enumerate() {
             let bounds = &self.options.bounds;
             let Some(o) = view.observe(v, &point, &normal, self.light, bounds) else { continue };
             let shade = KnownLight { light: self.light, options: self.options }.shade(&o);
-            let Some(value) = from_view(o.rgb, shade, gains[v]) else { continue };
-            let albedo = ViewAlbedo { value, weight: o.weight / o.point.coords.norm_squared() };
-            albedos.push(albedo);
+            let Some(value) = from_view(o.rgb, shade, exposure.gains[v]) else { continue };
+            albedos.push(ViewAlbedo { value, weight: trust(&o) });
         }
-        combine(&albedos, self.options.combine, noise)
+        combine(&albedos, self.options.combine, exposure.noise)
     }
+}
+
+/// Standard deviation of the normal, rad, over the relative noise of brightness.
+const TILT_OVER_NOISE: f64 = 2.5;
+
+/// Inverse variance of an observation, up to a factor: an error of the normal changes the brightness
+/// by the tangent of the angle to the light, and light from all around weighs in alike.
+fn trust(o: &Observation) -> f64 {
+    let cos_squared = o.weight.clamp(1e-3, 1.0);
+    let tilt = TILT_OVER_NOISE * TILT_OVER_NOISE * (1.0 / cos_squared - 1.0);
+    1.0 / ((1.0 + tilt) * o.point.coords.norm_squared())
 }
 
 #[cfg(test)]
@@ -325,28 +196,6 @@ mod tests {
     use super::*;
     use crate::geometry::{Point3, point_at};
     use crate::light::{PointLight, Spot};
-
-    fn one(value: f64) -> ViewAlbedo {
-        ViewAlbedo { value: [value; 3], weight: 1.0 }
-    }
-
-    #[test]
-    fn equations_1_and_2_by_hand() {
-        assert_eq!(from_view([0.2, 0.1, 0.4], 0.5, 2.0), Some([0.2, 0.1, 0.4]));
-        assert_eq!(from_view([0.2; 3], 0.0, 1.0), None);
-        let views = [one(0.5), one(0.52), one(0.48), one(0.9)];
-        assert_eq!(combine(&views, Combine::Minimum, 0.02).unwrap().value, [0.48; 3]);
-        let robust = combine(&views, Combine::Robust, 0.03).unwrap();
-        assert!((robust.value[0] - 0.5).abs() < 0.005, "the highlight is rejected");
-        assert_eq!((robust.views, combine(&[], Combine::Robust, 0.1)), (3, None));
-    }
-
-    #[test]
-    fn the_minimum_never_rises_with_a_view() {
-        let views = [one(0.5), one(0.6), one(0.3), one(0.4)];
-        let lowest = |n| combine(&views[..n], Combine::Minimum, 0.1).unwrap().value[0];
-        assert!((2..=4).all(|n| lowest(n) <= lowest(n - 1)));
-    }
 
     #[test]
     fn recovers_albedo_and_gains_of_a_wavy_patch() {

@@ -5,8 +5,9 @@
 //! light's offset from the camera, its spot profile and the light reflected from all around. Several
 //! models are fitted and the one with the best Bayesian information criterion is kept.
 
-use super::albedo::{AlbedoError, centred_gains, check_views};
+use super::albedo::{AlbedoError, check_views};
 use super::coat::{WET_TISSUE, relative_transmission};
+use super::known_light::centred_gains;
 use super::log_linear::{LogFit, LogLinear, ShadingModel};
 use super::photometric::{AlbedoView, Observation, ObservationBounds};
 use super::spots::{observe_spots, prepare, smoothed_normals};
@@ -41,7 +42,7 @@ impl Default for LightFitOptions {
     fn default() -> Self {
         Self {
             bounds: ObservationBounds::default(),
-            normal_smoothing: 2,
+            normal_smoothing: 1,
             spots: 3000,
             gain_sigma: 0.3,
             ambient: true,

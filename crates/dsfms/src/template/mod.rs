@@ -4,12 +4,15 @@ pub mod albedo;
 pub mod anchor;
 pub mod bake;
 pub mod coat;
+mod combine;
 pub mod flatten;
+mod known_light;
 pub mod light_fit;
 mod log_linear;
 pub mod photometric;
 mod robust;
 pub mod scale;
+pub mod scale_mesh;
 mod spots;
 pub mod statistics;
 #[cfg(test)]

@@ -79,6 +79,14 @@ pub enum ScaleError {
         /// Vertices of the mesh.
         count: usize,
     },
+    /// The metric surface fits nowhere.
+    #[error(
+        "the reconstructed surface fits the metric mesh nowhere: the best placement is off by {:.0} % of its size; is it the same organ?", 100.0 * misfit
+    )]
+    NoFit {
+        /// Root mean square distance over the size of the reconstruction.
+        misfit: f64,
+    },
     /// The two ends coincide in the reconstruction.
     #[error(
         "the two ends of a scale reference coincide in the reconstruction; take points, or frames, further apart"

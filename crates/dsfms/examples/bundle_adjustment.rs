@@ -1,0 +1,84 @@
+//! Bundle adjustment on the problems that ceres-solver ships for libmv: one shared camera, poses and
+//! points free, the first camera held, squared errors.
+//!
+//!     cargo run --release --example bundle_adjustment -- PROBLEM.bin...
+//!
+//! Prints the cost `½ Σ ‖Π(X) − x‖²` before and after, steps and seconds; a peer's costs of the same
+//! files come from `docs/peers/bundle_adjustment.py`.
+
+use dsfms::camera::{CameraModel, Lens};
+use dsfms::geometry::{Isometry, Point2, Point3};
+use dsfms::sfm::bundle::{Bundle, BundleObservation, BundleOptions, adjust};
+use dsfms::solver::Loss;
+use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::time::Instant;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!("| problem | cameras, points, sightings | cost before | after | rms px | steps | s |");
+    println!("| --- | --- | --- | --- | --- | --- | --- |");
+    for path in std::env::args().skip(1) {
+        let mut bundle = read(&std::fs::read(&path)?).ok_or("the file ends too early")?;
+        let options = BundleOptions {
+            loss: Loss::Squared,
+            max_steps: 200,
+            cost_tolerance: 1e-10,
+            ..Default::default()
+        };
+        let began = Instant::now();
+        let summary = adjust(&mut bundle, &options)?;
+        // Ours is a sum without the half.
+        let (before, after) = (0.5 * summary.cost().0, 0.5 * summary.cost().1);
+        let counts = [bundle.poses.len(), bundle.points.len(), bundle.observations.len()];
+        let rms = (2.0 * after / counts[2] as f64).sqrt();
+        println!(
+            "| {} | {counts:?} | {before:.6e} | {after:.6e} | {rms:.4} | {} | {:.2} |",
+            path.rsplit('/').next().unwrap_or(&path),
+            summary.iterations + summary.refused,
+            began.elapsed().as_secs_f64()
+        );
+    }
+    Ok(())
+}
+
+/// Little-endian: `vP` (pixels), focal length, principal point, five distortion coefficients, then counted
+/// cameras (number, R by columns, t), points (number, X) and sightings (camera, point, x, y).
+fn read(bytes: &[u8]) -> Option<Bundle> {
+    let mut words = bytes.get(2..)?.chunks_exact(4).map(|w| [w[0], w[1], w[2], w[3]]);
+    let floats = |n: usize, words: &mut dyn Iterator<Item = [u8; 4]>| -> Option<Vec<f64>> {
+        (0..n).map(|_| Some(f64::from(f32::from_le_bytes(words.next()?)))).collect()
+    };
+    let int = |words: &mut dyn Iterator<Item = [u8; 4]>| -> Option<u32> {
+        Some(u32::from_le_bytes(words.next()?))
+    };
+    let k = floats(8, &mut words)?;
+    let size = [k[1], k[2]].map(|c| (2.0 * c) as usize);
+    let lens = Lens::BrownConrady { k: [k[3], k[4], k[5]], p: [k[6], k[7]] };
+    let camera = CameraModel { size, focal: [k[0]; 2], centre: [k[1], k[2]], lens };
+    let (mut poses, mut points) = (Vec::new(), Vec::new());
+    let (mut view_of, mut point_of) = (BTreeMap::new(), BTreeMap::new());
+    for view in 0..int(&mut words)? as usize {
+        view_of.insert(int(&mut words)?, view);
+        let r = Matrix3::from_column_slice(&floats(9, &mut words)?);
+        let t = floats(3, &mut words)?;
+        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&r));
+        poses.push(Isometry::from_parts(Translation3::new(t[0], t[1], t[2]), rotation));
+    }
+    for point in 0..int(&mut words)? as usize {
+        point_of.insert(int(&mut words)?, point);
+        let x = floats(3, &mut words)?;
+        points.push(Point3::new(x[0], x[1], x[2]));
+    }
+    let mut observations = Vec::new();
+    for _ in 0..int(&mut words)? {
+        let (view, point) = (view_of.get(&int(&mut words)?), point_of.get(&int(&mut words)?));
+        let x = floats(2, &mut words)?;
+        if let (Some(&view), Some(&point)) = (view, point) {
+            let pixel = Point2::new(x[0], x[1]);
+            observations.push(BundleObservation { view, point, pixel, sigma_px: 1.0 });
+        }
+    }
+    let fixed = (0..poses.len()).map(|v| v == 0).collect();
+    Some(Bundle { prior: camera.clone(), camera, poses, fixed, points, observations })
+}

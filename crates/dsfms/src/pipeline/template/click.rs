@@ -1,0 +1,82 @@
+//! The organ as clicked on a frame.
+
+use super::TemplateError;
+use crate::camera::CameraModel;
+use crate::geometry::{Isometry, Point2, Point3};
+use crate::mesh::Mesh;
+use crate::mesh::components::components;
+use crate::raster::rasterize;
+use serde::{Deserialize, Serialize};
+
+/// A pixel that shows the organ.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OrganClick {
+    /// Name of the frame; `None` = the first registered one.
+    pub frame: Option<String>,
+    /// Pixel, centres at integers.
+    pub pixel: Point2,
+}
+
+/// The connected piece of the surface that the pixel shows. Pieces part where depth jumps; where the
+/// organ touches its neighbour only an outline tells them apart. `poses`: name and
+/// `camera_from_world` of the registered frames.
+pub(super) fn pick(
+    mesh: Mesh,
+    camera: &CameraModel,
+    poses: &[(&str, Isometry)],
+    click: Option<&OrganClick>,
+) -> Result<Mesh, TemplateError> {
+    let Some(click) = click else { return Ok(mesh) };
+    let stem = |name: &str| name.rsplit_once('.').map(|(stem, _)| stem.to_string());
+    let wanted = |name: &str| match &click.frame {
+        Some(frame) => name == frame || stem(frame).is_some_and(|s| s == name),
+        None => true,
+    };
+    let Some((name, pose)) = poses.iter().find(|(name, _)| wanted(name)) else {
+        let frame = click.frame.clone().unwrap_or_default();
+        return Err(TemplateError::OutlineFrame { frame });
+    };
+    let positions: Vec<Point3> = mesh.positions.iter().map(|p| pose * p).collect();
+    let raster = rasterize(camera, &mesh.topology, &positions);
+    let Some((face, _)) = raster.surface_at(&click.pixel) else {
+        let frame = name.to_string();
+        return Err(TemplateError::ClickBeside { frame, pixel: click.pixel });
+    };
+    let pieces = components(&mesh.topology).of_face;
+    let own = |f: &usize| pieces[*f] == pieces[face as usize];
+    Ok(mesh.subset(&(0..pieces.len()).filter(own).collect::<Vec<_>>()).0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Lens;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn the_clicked_piece_stays() {
+        let camera = CameraModel {
+            size: [101, 101],
+            focal: [100.0; 2],
+            centre: [50.0; 2],
+            lens: Lens::Pinhole,
+        };
+        // A small plate at depth 10 on the left, a larger one behind it.
+        let p = Point3::new;
+        let near = [p(-3., -1., 10.), p(-1., -1., 10.), p(-1., 1., 10.), p(-3., 1., 10.)];
+        let far = [p(-8., -8., 20.), p(8., -8., 20.), p(8., 8., 20.), p(-8., 8., 20.)];
+        let faces = vec![[0, 2, 1], [0, 3, 2], [4, 6, 5], [4, 7, 6]];
+        let mesh = shapes::mesh([near, far].concat(), faces);
+        let poses = [("a", Isometry::identity())];
+        let at = |x: f64, y: f64, frame: Option<&str>| {
+            let click = OrganClick { frame: frame.map(str::to_string), pixel: Point2::new(x, y) };
+            pick(mesh.clone(), &camera, &poses, Some(&click))
+        };
+        let depth = |found: Result<Mesh, TemplateError>| found.unwrap().positions[0].z;
+        assert_eq!(depth(at(30.0, 50.0, None)), 10.0);
+        assert_eq!(depth(at(60.0, 50.0, Some("a.png"))), 20.0);
+        assert!(matches!(at(1.0, 1.0, None), Err(TemplateError::ClickBeside { .. })));
+        assert!(at(1.0, 1.0, Some("b")).unwrap_err().to_string().contains("\"b\""));
+    }
+}

@@ -1,0 +1,75 @@
+//! Exposure gains under a known light.
+
+use super::albedo::AlbedoOptions;
+use super::coat::relative_transmission;
+use super::log_linear::{LogLinear, ShadingModel};
+use super::photometric::{AlbedoView, Observation, PreparedView};
+use super::spots::observe_spots;
+use crate::geometry::Vector3;
+use crate::light::{Light, LightModel};
+use crate::mesh::Mesh;
+
+/// A known light: nothing but gains to solve for.
+pub(super) struct KnownLight<'a> {
+    pub light: &'a LightModel,
+    pub options: &'a AlbedoOptions,
+}
+
+impl KnownLight<'_> {
+    pub fn shade(&self, o: &Observation) -> f64 {
+        let film = self.options.refractive_index;
+        let passed = relative_transmission(film, self.light, &o.point, &o.normal);
+        passed * (self.light.shade(&o.point, &o.normal).value + self.options.ambient)
+    }
+}
+
+impl ShadingModel for KnownLight<'_> {
+    type At = ();
+
+    fn at(&self, _: &[f64]) -> Self::At {}
+
+    fn log_shading(&self, o: &Observation, (): &Self::At) -> f64 {
+        self.shade(o).max(1e-6).ln()
+    }
+
+    fn steps(&self) -> Vec<f64> {
+        Vec::new()
+    }
+
+    fn priors(&self) -> Vec<(f64, f64)> {
+        Vec::new()
+    }
+}
+
+/// What a known light leaves open.
+pub(super) struct Exposure {
+    /// One a view, geometric mean 1.
+    pub gains: Vec<f64>,
+    /// Robust relative standard deviation of one observation.
+    pub noise: f64,
+}
+
+impl Exposure {
+    pub fn solve(
+        mesh: &Mesh,
+        normals: &[Vector3],
+        views: &[AlbedoView],
+        prepared: &[PreparedView],
+        light: &LightModel,
+        options: &AlbedoOptions,
+    ) -> Self {
+        let count = options.gain_spots;
+        let spots = observe_spots(mesh, normals, prepared, light, &options.bounds, count);
+        let model = KnownLight { light, options };
+        let gain_priors =
+            views.iter().map(|v| (v.gain.max(1e-6).ln(), options.gain_sigma)).collect();
+        let fit = LogLinear { model: &model, spots: &spots, gain_priors }.solve(&[]);
+        Self { gains: centred_gains(&fit.log_gains), noise: fit.scale }
+    }
+}
+
+/// Gains of geometric mean 1.
+pub(super) fn centred_gains(log_gains: &[f64]) -> Vec<f64> {
+    let mean = log_gains.iter().sum::<f64>() / log_gains.len().max(1) as f64;
+    log_gains.iter().map(|g| (g - mean).exp()).collect()
+}
