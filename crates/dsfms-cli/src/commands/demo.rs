@@ -35,9 +35,10 @@ other command can be tried. The exit code is 0 when every method gave a surface 
 weaker method has reservations is what the comparison shows.";
 
 /// The methods compared, in the order of the report.
-pub const METHODS: [Method; 4] = [Method::Rigid, Method::Sfs, Method::Dsfm, Method::Dsfms];
+pub const METHODS: [Method; 5] =
+    [Method::Rigid, Method::Sfs, Method::Dsfm, Method::Dsfms, Method::Joint];
 
-/// Reconstruct an embedded scene by four methods and compare with the truth.
+/// Reconstruct an embedded scene by five methods and compare with the truth.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub struct DemoArgs {

@@ -1,4 +1,4 @@
-//! The demo's report: four methods against the truth.
+//! The demo's report: five methods against the truth.
 
 mod frame;
 mod tables;

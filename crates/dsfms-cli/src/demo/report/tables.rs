@@ -63,11 +63,11 @@ pub fn comparison(report: &Report) -> String {
         .enumerate()
         .filter_map(|(k, m)| {
             let (value, _) = report.mean(k, Part::Zone, |s| s.rms)?;
-            Some(Bar { label: method_name(m).into(), value, strong: m == Method::Dsfms })
+            Some(Bar { label: method_name(m).into(), value, strong: m == Method::Joint })
         })
         .collect();
     format!(
-        "<h2 id=\"methods\">Four methods</h2>\
+        "<h2 id=\"methods\">Five methods</h2>\
          <p>The matches are the scene's 25 a frame, given on the true rest surface and moved to the \
          closest point of the template; those more than 2 mm off it are left out. All of them lie \
          outside the strongly deformed part. The deformed zone is made of the vertices that moved \
