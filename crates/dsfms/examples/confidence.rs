@@ -10,7 +10,7 @@ use dsfms::confidence::model::LARGEST;
 use dsfms::confidence::{COUNT, Features, Model, NAMES, Solved, features};
 use dsfms::experiment::Organ;
 use dsfms::geometry::{Point2, Point3};
-use dsfms::image::{Frame, Mask, Picture, ToneCurve, viewport};
+use dsfms::image::{Frame, Mask, Picture, ToneCurve, usable, viewport};
 use dsfms::mesh::remesh::{RemeshOptions, remesh};
 use dsfms::mesh::{Mesh, normals::vertex_normals};
 use dsfms::pipeline::{Method, Observation, Reconstruction, reconstruct};
@@ -209,10 +209,7 @@ fn look(
     photographed: bool,
 ) -> Features {
     let lit = viewport(std::slice::from_ref(&case.frame));
-    let mut usable = lit.unwrap_or_else(|| Mask::filled(case.frame.size, true));
-    if let Some(instrument) = instrument {
-        usable = usable.minus(&instrument.dilate(3.0));
-    }
+    let usable = usable(case.frame.size, lit, instrument, None);
     let mesh = &case.template.mesh;
     let posed = mesh.positions.iter().map(|p| found.pose * p).collect();
     let photo = Photograph {

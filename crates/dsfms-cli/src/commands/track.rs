@@ -357,7 +357,7 @@ impl<'a> Job<'a> {
         let _ = match &tracked.surface {
             Some(s) => {
                 let way = if s.way == Way::Found { "found" } else { "followed" };
-                let kept = s.matches.iter().filter(|m| m.1).count();
+                let kept = s.matches_kept();
                 let total = s.matches.len();
                 write!(
                     self.summary,

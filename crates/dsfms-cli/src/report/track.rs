@@ -97,7 +97,7 @@ impl<'a> TrackReport<'a> {
             quality: tracked
                 .surface
                 .as_ref()
-                .map(|s| (s.matches.iter().filter(|m| m.1).count(), s.residual_px, s.agreement)),
+                .map(|s| (s.matches_kept(), s.residual_px, s.agreement)),
         });
         let due = Instant::now() >= self.next;
         let regular = place.is_multiple_of(self.stride);

@@ -3,7 +3,7 @@
 use super::Solved;
 use crate::camera::Camera;
 use crate::energy::Brightness;
-use crate::geometry::{Point3, Vector3, align_rigid_robust};
+use crate::geometry::{Point3, Vector3, align_rigid_robust, median};
 use crate::light::Light;
 use crate::mesh::boundary::boundary_loops;
 use crate::mesh::normals::vertex_normals;
@@ -192,8 +192,7 @@ fn noise(solved: &Solved) -> f64 {
         Some(away.max(LEAST_PX) * p.z / camera.focal[0])
     };
     let mut errors: Vec<f64> = solved.matches.iter().filter(|m| m.1).filter_map(error).collect();
-    errors.sort_unstable_by(f64::total_cmp);
-    errors.get(errors.len() / 2).copied().unwrap_or(scene.radius())
+    median(&mut errors).unwrap_or(scene.radius())
 }
 
 /// How far every vertex moved from the rigid pose that explains most of what is seen.

@@ -2,7 +2,7 @@
 
 use super::options::DenseOptions;
 use super::view::Pyramid;
-use crate::geometry::Point3;
+use crate::geometry::{Point3, median};
 
 /// Sparse points looked at, at most.
 const MAX_POINTS: usize = 2000;
@@ -91,7 +91,6 @@ pub(super) fn depth_range(
     let centre = view.centre();
     let mut baselines: Vec<f64> =
         sources.iter().map(|&j| (views[j].centre() - centre).norm()).collect();
-    baselines.sort_by(f64::total_cmp);
-    let baseline = baselines.get(baselines.len() / 2).copied().unwrap_or(1.0);
+    let baseline = median(&mut baselines).unwrap_or(1.0);
     [baseline, 40.0 * baseline]
 }

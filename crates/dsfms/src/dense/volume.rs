@@ -6,7 +6,7 @@
 
 use super::{DenseOptions, DepthMap, PosedFrame};
 use crate::camera::Camera;
-use crate::geometry::Point3;
+use crate::geometry::{Point3, median};
 use crate::image::Mask;
 use rayon::prelude::*;
 
@@ -90,11 +90,7 @@ fn voxel_edge(maps: &[DepthMap], target: usize) -> f64 {
         .iter()
         .flat_map(|m| m.depth.iter().filter(|&&z| z > 0.0).map(|&z| z as f64 / m.camera.focal[0]))
         .collect();
-    if footprints.is_empty() {
-        return 1.0;
-    }
-    footprints.sort_by(f64::total_cmp);
-    let footprint = footprints[footprints.len() / 2];
+    let Some(footprint) = median(&mut footprints) else { return 1.0 };
     // Area from the cells of a coarse grid that points fall into: a plane meets about 1.5 cells a
     // squared edge.
     let cell = 12.0 * footprint;

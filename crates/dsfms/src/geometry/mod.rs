@@ -1,9 +1,12 @@
-//! Pure functions on points: triangles, barycentric coordinates, rigid and similarity alignment.
+//! Pure functions on points and numbers: triangles, barycentric coordinates, rigid and similarity
+//! alignment, medians.
 
 pub mod alignment;
+pub mod statistics;
 pub mod triangle;
 
 pub use alignment::{align_rigid, align_rigid_robust, align_similarity};
+pub use statistics::{centre_and_spread, median};
 pub use triangle::{area, area_normal, barycentric, normal, point_at};
 
 /// A point of 3-space; mm or template units, the frame named where it is used.

@@ -15,7 +15,7 @@ pub use mask::Mask;
 pub use picture::Picture;
 pub use plane::{ColorImage, Plane};
 pub use tone::ToneCurve;
-pub use viewport::viewport;
+pub use viewport::{usable, viewport};
 
 /// One decoded frame: 8-bit encoded RGB exactly as the file holds it, row major.
 #[derive(Clone, Debug, PartialEq)]

@@ -24,6 +24,27 @@ pub struct Circle {
     pub radius: f64,
 }
 
+/// An instrument is wider than its mask by this, px: shadow, blur and lag.
+const INSTRUMENT_MARGIN: f64 = 3.0;
+
+/// Pixels where an organ may be seen: in the viewport (`None`: everywhere) and the organ mask, not
+/// within 3 px of an instrument. All of `size`.
+pub fn usable(
+    size: [usize; 2],
+    viewport: Option<Mask>,
+    instrument: Option<&Mask>,
+    organ: Option<&Mask>,
+) -> Mask {
+    let mut usable = viewport.unwrap_or_else(|| Mask::filled(size, true));
+    if let Some(instrument) = instrument {
+        usable = usable.minus(&instrument.dilate(INSTRUMENT_MARGIN));
+    }
+    if let Some(organ) = organ {
+        usable = usable.and(organ);
+    }
+    usable
+}
+
 /// What all frames (of one size) show of the endoscope's viewport, a few px in from its rim
 /// (`true` = image content); `None` where they have no dark circular surround.
 ///

@@ -4,7 +4,7 @@ use super::{Method, Observation, ReconstructError, Reconstruction, StageReport, 
 use crate::camera::Camera;
 use crate::confidence::{Model, Solved, confidence};
 use crate::geometry::Point3;
-use crate::image::{Mask, Picture, viewport};
+use crate::image::{Mask, Picture, usable, viewport};
 use crate::light::LightModel;
 use crate::refine::{Joined, JointOptions, Photograph, RefineOptions, Refined, join, refine};
 use crate::register::scene::visibility;
@@ -57,8 +57,8 @@ pub fn reconstruct(
     check(template, observation, method)?;
     let mut log = StageLog::default();
     let register_options = RegisterOptions { literal: options.literal, ..options.register.clone() };
-    let matches = log
-        .time("matching", || matches_of(template, observation, &register_options, options.seed))?;
+    let sight = Sight::new(template, observation, method);
+    let matches = log.time("matching", || matches_of(&sight, &register_options, options.seed))?;
     let posed = log.time("pose", || {
         pose(observation.camera, &template.mesh, &matches, &register_options, options.seed)
     })?;
@@ -67,7 +67,7 @@ pub fn reconstruct(
     let mut result = rigid_result(&scene, &matches, &posed, &register_options);
     match method {
         Method::Rigid => {}
-        Method::Sfs => shade_alone(template, observation, &mut result, &mut log)?,
+        Method::Sfs => shade_alone(&sight, &mut result, &mut log)?,
         Method::Dsfm | Method::Dsfms | Method::Joint => {
             let coarse = log
                 .time("register (eq. 3)", || register(&scene, &matches, &posed, &register_options));
@@ -75,25 +75,68 @@ pub fn reconstruct(
             take_coarse(&mut result, &matches, &coarse);
             let kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
             if method == Method::Dsfms {
+                let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
+                let refine_options =
+                    RefineOptions { literal: options.literal, ..options.refine.clone() };
                 let refined = log.time("refine (eq. 4)", || {
-                    refine_frame(template, observation, &scene, &coarse, &kept, options)
+                    refine(&scene, &coarse.vertices, &kept, &photo, &refine_options)
                 });
                 log.attach(&refined.summary);
                 take_refined(&mut result, &refined);
             }
             if method == Method::Joint {
+                let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
+                let (start, depth_sigma) = (&coarse.vertices, coarse.depth_sigma);
                 let joined = log.time("joint", || {
-                    join_frame(template, observation, &scene, &coarse, &kept, options)
+                    join(&scene, start, depth_sigma, &kept, &photo, &options.joint)
                 });
                 log.attach(&joined.summary);
                 take_joined(&mut result, &joined);
             }
         }
     }
-    finish(template, observation, &posed, &mut result);
-    log.time("confidence", || judge(template, observation, &scene, method, &mut result));
+    finish(&sight, &posed, &mut result);
+    log.time("confidence", || judge(&sight, &scene, method, &mut result));
     result.stages = log.stages;
     Ok(result)
+}
+
+/// What the stages read of one frame, made once.
+struct Sight<'a> {
+    template: &'a Template,
+    observation: &'a Observation<'a>,
+    /// Pixels where the organ may be seen.
+    usable: Mask,
+    light: LightModel,
+    /// The frame beside the albedo, where the method looks at brightness and there is one.
+    compared: Option<(Picture, &'a SurfaceTexels)>,
+}
+
+impl<'a> Sight<'a> {
+    fn new(template: &'a Template, observation: &'a Observation, method: Method) -> Self {
+        let Observation { frame, tone, instrument, organ, .. } = *observation;
+        let lit = viewport(std::slice::from_ref(frame));
+        let albedo = template.albedo.as_ref().filter(|_| method != Method::Rigid);
+        Self {
+            template,
+            observation,
+            usable: usable(frame.size, lit, instrument, organ),
+            light: template.light.clone().unwrap_or_default(),
+            compared: albedo.map(|albedo| (Picture::of(frame, tone), albedo)),
+        }
+    }
+
+    fn photograph(&self) -> Option<Photograph<'_>> {
+        let (picture, albedo) = self.compared.as_ref()?;
+        Some(Photograph {
+            camera: self.observation.camera,
+            picture,
+            usable: &self.usable,
+            light: &self.light,
+            albedo,
+            expected_log_gain: (!self.template.views.is_empty()).then_some(0.0),
+        })
+    }
 }
 
 /// Times stages and keeps their reports.
@@ -139,18 +182,17 @@ fn check(
 
 /// The given matches, or found ones.
 fn matches_of(
-    template: &Template,
-    observation: &Observation,
+    sight: &Sight,
     options: &RegisterOptions,
     seed: u64,
 ) -> Result<Vec<Match>, ReconstructError> {
+    let Sight { template, observation, usable, .. } = sight;
     if let Some(given) = observation.matches {
         return Ok(given.to_vec());
     }
     let features = template.features.as_ref().ok_or(ReconstructError::NoDescriptors)?;
-    let usable = usable(observation);
     let Observation { camera, frame, .. } = observation;
-    Ok(find(camera, &template.mesh, features, frame, &usable, options, seed)?)
+    Ok(find(camera, &template.mesh, features, frame, usable, options, seed)?)
 }
 
 fn rigid_result(
@@ -191,19 +233,6 @@ fn take_refined(result: &mut Reconstruction, refined: &Refined) {
     }
 }
 
-fn refine_frame(
-    template: &Template,
-    observation: &Observation,
-    scene: &Scene,
-    coarse: &Registered,
-    kept: &[Match],
-    options: &ReconstructOptions,
-) -> Refined {
-    let owned = PhotographParts::of(template, observation);
-    let refine_options = RefineOptions { literal: options.literal, ..options.refine.clone() };
-    refine(scene, &coarse.vertices, kept, &owned.photograph(template, observation), &refine_options)
-}
-
 fn take_joined(result: &mut Reconstruction, joined: &Joined) {
     result.vertices.clone_from(&joined.vertices);
     (result.gain, result.ambient) = (joined.gain, joined.ambient);
@@ -212,84 +241,22 @@ fn take_joined(result: &mut Reconstruction, joined: &Joined) {
     }
 }
 
-fn join_frame(
-    template: &Template,
-    observation: &Observation,
-    scene: &Scene,
-    coarse: &Registered,
-    kept: &[Match],
-    options: &ReconstructOptions,
-) -> Joined {
-    let parts = PhotographParts::of(template, observation);
-    let photo = parts.photograph(template, observation);
-    join(scene, &coarse.vertices, coarse.depth_sigma, kept, &photo, &options.joint)
-}
-
-/// The planes a [`Photograph`] borrows.
-struct PhotographParts {
-    picture: Picture,
-    usable: Mask,
-    light: LightModel,
-    albedo: SurfaceTexels,
-}
-
-impl PhotographParts {
-    fn of(template: &Template, observation: &Observation) -> Self {
-        Self {
-            picture: Picture::of(observation.frame, observation.tone),
-            usable: usable(observation),
-            light: template.light.clone().unwrap_or_default(),
-            albedo: template.albedo.clone().unwrap_or_default(),
-        }
-    }
-
-    fn photograph<'a>(
-        &'a self,
-        template: &Template,
-        observation: &Observation<'a>,
-    ) -> Photograph<'a> {
-        Photograph {
-            camera: observation.camera,
-            picture: &self.picture,
-            usable: &self.usable,
-            light: &self.light,
-            albedo: &self.albedo,
-            expected_log_gain: (!template.views.is_empty()).then_some(0.0),
-        }
-    }
-}
-
-/// Pixels where the organ may be seen: inside the viewport and the organ mask, not within 3 px of
-/// an instrument.
-fn usable(observation: &Observation) -> Mask {
-    let lit = viewport(std::slice::from_ref(observation.frame));
-    let mut usable = lit.unwrap_or_else(|| Mask::filled(observation.frame.size, true));
-    if let Some(instrument) = observation.instrument {
-        usable = usable.minus(&instrument.dilate(3.0));
-    }
-    if let Some(organ) = observation.organ {
-        usable = usable.and(organ);
-    }
-    usable
-}
-
 /// The SfS baseline at the rigid registration.
 fn shade_alone(
-    template: &Template,
-    observation: &Observation,
+    sight: &Sight,
     result: &mut Reconstruction,
     log: &mut StageLog,
 ) -> Result<(), ReconstructError> {
-    let parts = PhotographParts::of(template, observation);
+    let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(Method::Sfs))?;
     let input = SfsInput {
-        mesh: &template.mesh,
+        mesh: &sight.template.mesh,
         pose: result.pose,
-        camera: observation.camera,
-        grey: &parts.picture.linear.grey(),
-        usable: &parts.usable,
-        saturated: &parts.picture.saturated,
-        albedo: Some(&parts.albedo),
-        light: &parts.light,
+        camera: photo.camera,
+        grey: &photo.picture.linear.grey(),
+        usable: photo.usable,
+        saturated: &photo.picture.saturated,
+        albedo: Some(photo.albedo),
+        light: photo.light,
     };
     let shaded = log.time("sfs", || shape_from_shading(&input, &SfsOptions::default()))?;
     log.attach(&shaded.summary);
@@ -298,13 +265,8 @@ fn shade_alone(
 }
 
 /// Final visibility and the verdict.
-fn finish(
-    template: &Template,
-    observation: &Observation,
-    posed: &Posed,
-    result: &mut Reconstruction,
-) {
-    let usable = usable(observation);
+fn finish(sight: &Sight, posed: &Posed, result: &mut Reconstruction) {
+    let Sight { template, observation, usable, .. } = sight;
     result.visible = visibility(observation.camera, &template.mesh, &result.vertices);
     for (visible, p) in result.visible.iter_mut().zip(&result.vertices) {
         *visible &= observation.camera.project(p).is_some_and(|q| usable.at_pixel(&q.pixel));
@@ -335,23 +297,15 @@ fn finish(
 }
 
 /// Expected errors, where the method has a model of them.
-fn judge(
-    template: &Template,
-    observation: &Observation,
-    scene: &Scene,
-    method: Method,
-    result: &mut Reconstruction,
-) {
-    let seen = template.albedo.is_some();
+fn judge(sight: &Sight, scene: &Scene, method: Method, result: &mut Reconstruction) {
+    let photo = sight.photograph();
     let model = match method {
         Method::Rigid | Method::Sfs => return,
-        Method::Dsfm if seen => Model::MotionSeen,
+        Method::Dsfm if photo.is_some() => Model::MotionSeen,
         Method::Dsfm => Model::Motion,
         Method::Dsfms => Model::Shading,
         Method::Joint => Model::Joint,
     };
-    let parts = seen.then(|| PhotographParts::of(template, observation));
-    let photo = parts.as_ref().map(|parts| parts.photograph(template, observation));
     let (vertices, visible, matches) = (&result.vertices, &result.visible, &result.matches);
     let solved = Solved { scene, vertices, visible, matches, photo: photo.as_ref() };
     let found = confidence(&solved, model);

@@ -2,7 +2,7 @@
 
 use super::RefineOptions;
 use super::glare::{NoiseOptions, weigh};
-use super::look::{Lens, Look, diagonal};
+use super::look::{Look, LookOptions, diagonal};
 use crate::camera::{Camera, CameraModel};
 use crate::energy::diffuse::DiffuseVertex;
 use crate::geometry::{Point3, Vector3};
@@ -53,7 +53,7 @@ pub fn gather(
 ) -> Evidence {
     let diagonal = diagonal(photo.picture.linear.size);
     let (blur, literal) = (options.blur * diagonal, options.literal);
-    let lens = Lens {
+    let seen = LookOptions {
         blur,
         grazing: if literal { f64::NEG_INFINITY } else { options.grazing },
         contour: if literal { 0.0 } else { options.contour_blurs * blur },
@@ -61,9 +61,9 @@ pub fn gather(
         mirror_deg: if literal { 0.0 } else { options.specular_deg },
         colour: options.colour && !literal,
     };
-    let look = Look::new(photo, rest, shape, lens);
-    let tolerance = 0.5 * rest.mean_edge_length();
-    let visible = visible_vertices(photo.camera, &rest.topology, shape, &look.raster, tolerance);
+    let look = Look::new(photo, rest, shape, seen);
+    let (camera, topology) = (photo.camera, &rest.topology);
+    let visible = visible_vertices(camera, topology, shape, &look.raster, look.tolerance);
     let (mut vertices, mut channels, mut specular) = (Vec::new(), Vec::new(), Vec::new());
     for v in (0..shape.len()).filter(|&v| visible[v] && !rest.topology.boundary[v]) {
         let Some(pixel) = photo.camera.project(&shape[v]).map(|p| p.pixel) else { continue };

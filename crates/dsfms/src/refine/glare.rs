@@ -6,6 +6,7 @@
 //! left out.
 
 use crate::energy::Brightness;
+use crate::geometry::{centre_and_spread, median};
 
 /// What the channels say of one surface point, linear light.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,7 +43,7 @@ pub(super) const PALE: f64 = 0.1;
 /// Where glare of this part of the brightness could hide, colours do not tell.
 const TOLD_APART: f64 = 0.15;
 
-/// Glare below this many standard deviations is chance.
+/// Noise of the white part counts this often where the question is whether glare could hide in it.
 const CHANCE: f64 = 2.5;
 
 /// Glare possible near a highlight or the mirror direction whatever the colours say, as a part of
@@ -57,16 +58,7 @@ const CHANNEL_NOISE: f64 = 0.003;
 
 /// Weigh the channels of every point.
 pub(super) fn weigh(points: &[Channels], options: &NoiseOptions) -> Weighed {
-    let glare = Glare::of(points);
-    let mix = |p: &Channels| {
-        if options.colour {
-            Mix::against(p, glare.at(p)?, &glare.channels, options.absolute)
-        } else {
-            (!p.maybe_glare).then(|| Mix::grey(p))
-        }
-    };
-    let mixes: Vec<(usize, Mix)> =
-        points.iter().enumerate().filter_map(|(i, p)| Some((i, mix(p)?))).collect();
+    let mixes = if options.colour { coloured(points, options.absolute) } else { grey(points) };
     let predicted = |i: usize, mix: &Mix| mix.albedo * points[i].shade;
     let usable = mixes.iter().filter(|(i, m)| predicted(*i, m) > 1e-4 && m.image > 0.0);
     let mut ratios: Vec<f64> = usable.map(|(i, m)| (m.image / predicted(*i, m)).ln()).collect();
@@ -80,28 +72,53 @@ pub(super) fn weigh(points: &[Channels], options: &NoiseOptions) -> Weighed {
     Weighed { brightness: mixes.into_iter().map(brightness).collect(), log_gain }
 }
 
+fn grey(points: &[Channels]) -> Vec<(usize, Mix)> {
+    let plain = points.iter().enumerate().filter(|(_, p)| !p.maybe_glare);
+    plain.map(|(i, p)| (i, Mix::grey(p))).collect()
+}
+
+fn coloured(points: &[Channels], absolute: f64) -> Vec<(usize, Mix)> {
+    let glare = Glare::of(points);
+    let noise = glare.channel_noise(points);
+    let mix = |(i, p)| Some((i, Mix::against(p, glare.at(p)?, &noise, absolute)?));
+    points.iter().enumerate().filter_map(mix).collect()
+}
+
 /// White light on top of the tissue's colour, over the whole frame.
 struct Glare {
     /// Its usual part of the brightness: ambient light and what the albedo is off.
     usual: f64,
     /// Relative noise of the white part of a pure colour.
     chance: f64,
-    /// Relative noise of every channel by itself: light that came by way of other tissue is full of
-    /// red, and blue is where pixels are dark.
-    channels: [f64; 3],
 }
 
 impl Glare {
     fn of(points: &[Channels]) -> Self {
         let parts = || points.iter().filter_map(white_part);
         let mut all: Vec<f64> = parts().map(|(part, _)| part).collect();
-        let usual = median(&mut all);
+        let usual = median_of(&mut all);
         let mut away: Vec<f64> = parts().map(|(p, purity)| (p - usual).abs() * purity).collect();
-        let chance = (1.4826 * median(&mut away)).max(CHANNEL_NOISE);
-        let glare = Self { usual, chance, channels: [0.0; 3] };
-        let clean = |p: &&Channels| !p.maybe_glare && glare.seen(p).is_some_and(|g| g < CLEAN);
+        Self { usual, chance: (1.4826 * median_of(&mut away)).max(CHANNEL_NOISE) }
+    }
+
+    /// Relative noise of every channel by itself (light that came by way of other tissue is full of
+    /// red, and blue is where pixels are dark): from the spread of the log ratios of two channels,
+    /// image over albedo, so that shading cancels, `σ₀² = (V₀₁ + V₀₂ − V₁₂)/2`, and no channel better
+    /// than half their mean.
+    fn channel_noise(&self, points: &[Channels]) -> [f64; 3] {
+        let clean = |p: &&Channels| !p.maybe_glare && self.seen(p).is_some_and(|g| g < CLEAN);
         let clean: Vec<&Channels> = points.iter().filter(clean).collect();
-        Self { channels: channel_noise(&clean), ..glare }
+        let variance = |a: usize, b: usize| {
+            let ratio = |p: &&Channels| {
+                let ratio = p.image[a] * p.albedo[b] / (p.image[b] * p.albedo[a]);
+                (ratio > 0.0 && ratio.is_finite()).then(|| ratio.ln())
+            };
+            let mut ratios: Vec<f64> = clean.iter().filter_map(ratio).collect();
+            centre_and_spread(&mut ratios).1.powi(2)
+        };
+        let [rg, rb, gb] = [variance(0, 1), variance(0, 2), variance(1, 2)];
+        let least = (0.25 * (rg + rb + gb) / 6.0).max(CHANNEL_NOISE * CHANNEL_NOISE);
+        [rg + rb - gb, rg + gb - rb, rb + gb - rg].map(|twice| (0.5 * twice).max(least).sqrt())
     }
 
     /// Glare at a point as a part of its brightness; `None` where the colours cannot tell.
@@ -119,23 +136,6 @@ impl Glare {
             None => (!p.maybe_glare).then_some(0.0),
         }
     }
-}
-
-/// Relative noise of every channel by itself, from the spread of the log ratios of two channels
-/// (image over albedo, so that shading cancels): `σ₀² = (V₀₁ + V₀₂ − V₁₂)/2`, and no channel better
-/// than half their mean.
-fn channel_noise(points: &[&Channels]) -> [f64; 3] {
-    let variance = |a: usize, b: usize| {
-        let ratio = |p: &&Channels| {
-            let ratio = p.image[a] * p.albedo[b] / (p.image[b] * p.albedo[a]);
-            (ratio > 0.0 && ratio.is_finite()).then(|| ratio.ln())
-        };
-        let mut ratios: Vec<f64> = points.iter().filter_map(ratio).collect();
-        centre_and_spread(&mut ratios).1.powi(2)
-    };
-    let [rg, rb, gb] = [variance(0, 1), variance(0, 2), variance(1, 2)];
-    let least = (0.25 * (rg + rb + gb) / 6.0).max(CHANNEL_NOISE * CHANNEL_NOISE);
-    [rg + rb - gb, rg + gb - rb, rb + gb - rg].map(|twice| (0.5 * twice).max(least).sqrt())
 }
 
 /// The white part of the brightness that a point's colour cannot explain, and the purity of that
@@ -208,16 +208,9 @@ impl Mix {
     }
 }
 
-/// Median, and standard deviation of a normal distribution with the same median absolute deviation.
-fn centre_and_spread(values: &mut [f64]) -> (f64, f64) {
-    let centre = median(values);
-    let mut deviations: Vec<f64> = values.iter().map(|v| (v - centre).abs()).collect();
-    (centre, 1.4826 * median(&mut deviations))
-}
-
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
+/// 0 of nothing.
+fn median_of(values: &mut [f64]) -> f64 {
+    median(values).unwrap_or(0.0)
 }
 
 #[cfg(test)]

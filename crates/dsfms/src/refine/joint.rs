@@ -6,7 +6,7 @@
 
 use super::Photograph;
 use super::glare::{NoiseOptions, weigh};
-use super::look::{Lens, Look, diagonal};
+use super::look::{Look, LookOptions, diagonal};
 use super::mirror::mirrored;
 use crate::energy::photometric::Sample;
 use crate::energy::{
@@ -234,7 +234,7 @@ fn look(
 ) -> Seen {
     let diagonal = diagonal(photo.picture.linear.size);
     let blur = blur * diagonal;
-    let lens = Lens {
+    let seen = LookOptions {
         blur,
         grazing: options.grazing,
         contour: options.contour_blurs * blur,
@@ -242,7 +242,7 @@ fn look(
         mirror_deg: options.specular_deg,
         colour: options.colour,
     };
-    let look = Look::new(photo, rest, shape, lens);
+    let look = Look::new(photo, rest, shape, seen);
     let fine = 3 * faces_drawn(&look.raster) > options.max_samples;
     let inside = if fine { &CENTRE[..] } else { &INSIDE };
     let (mut places, mut channels) = (Vec::new(), Vec::new());

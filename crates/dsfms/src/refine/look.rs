@@ -12,7 +12,7 @@ use crate::mesh::normals::vertex_normals;
 use crate::raster::{Raster, rasterize, regions::distance_to};
 
 /// How a photograph is looked at; lengths in px.
-pub(super) struct Lens {
+pub(super) struct LookOptions {
     /// Standard deviation of the blur of image and albedo.
     pub(super) blur: f64,
     /// Points with less cosine towards the camera are left out.
@@ -32,7 +32,7 @@ pub(super) struct Look<'a> {
     photo: &'a Photograph<'a>,
     rest: &'a Mesh,
     shape: &'a [Point3],
-    lens: Lens,
+    options: LookOptions,
     pub(super) normals: Vec<Vector3>,
     pub(super) raster: Raster,
     /// Blurred over the pixels that count, each channel over its own.
@@ -40,9 +40,8 @@ pub(super) struct Look<'a> {
     albedo: ColorImage,
     support: Plane,
     contour: Vec<f32>,
-    near_highlight: Vec<f32>,
     /// Half a mean edge: what the z-buffer may be off at a slanted face.
-    tolerance: f64,
+    pub(super) tolerance: f64,
     glossy: f64,
 }
 
@@ -51,7 +50,7 @@ impl<'a> Look<'a> {
         photo: &'a Photograph<'a>,
         rest: &'a Mesh,
         shape: &'a [Point3],
-        lens: Lens,
+        options: LookOptions,
     ) -> Self {
         let raster = rasterize(photo.camera, &rest.topology, shape);
         let normals = vertex_normals(&rest.topology, shape);
@@ -59,10 +58,9 @@ impl<'a> Look<'a> {
         let known = raster.render(false, |face, b| texels.views[texels.index(face, b)] > 0);
         let albedo = raster.render([0.0; 3], |face, b| texels.at(face, b));
         let albedo = ColorImage { size: raster.size, data: albedo };
-        let near_highlight = distance_to(&picture.saturated);
         let highlights = picture.saturated.data.iter().any(|&s| s);
         let mut look = Self {
-            glossy: if highlights { lens.mirror_deg.to_radians().cos() } else { f64::INFINITY },
+            glossy: if highlights { options.mirror_deg.to_radians().cos() } else { f64::INFINITY },
             image: ColorImage { size: raster.size, data: Vec::new() },
             support: Plane { size: raster.size, data: Vec::new() },
             contour: distance_to(&raster.discontinuities(0.05)),
@@ -70,11 +68,10 @@ impl<'a> Look<'a> {
             photo,
             rest,
             shape,
-            lens,
+            options,
             normals,
             raster,
             albedo,
-            near_highlight,
         };
         let glare = look.glare_of_pale_tissue(&known);
         // One mask for all channels: blurred over different pixels, glare would not stay white.
@@ -84,7 +81,7 @@ impl<'a> Look<'a> {
         let mask = Mask { size: look.raster.size, data: data.collect() };
         let planes = [0, 1, 2].map(|c| picture.linear.channel(c)).into_iter();
         let planes: Vec<Plane> = planes.chain([0, 1, 2].map(|c| look.albedo.channel(c))).collect();
-        let (blurred, support) = blur_masked_all(&planes, &mask, look.lens.blur);
+        let (blurred, support) = blur_masked_all(&planes, &mask, look.options.blur);
         look.image = ColorImage::of_channels([&blurred[0], &blurred[1], &blurred[2]]);
         look.albedo = ColorImage::of_channels([&blurred[3], &blurred[4], &blurred[5]]);
         let here = support.data.iter().zip(&mask.data);
@@ -99,7 +96,7 @@ impl<'a> Look<'a> {
         for (albedo, _) in self.albedo.data.iter().zip(known).filter(|(_, known)| **known) {
             (0..3).for_each(|c| mean[c] += albedo[c] as f64);
         }
-        if self.lens.colour && purity(&mean) > PALE {
+        if self.options.colour && purity(&mean) > PALE {
             return None;
         }
         let mirror = self.raster.render(false, |face, b| {
@@ -107,12 +104,15 @@ impl<'a> Look<'a> {
             let on = self.on_face(face, b);
             on.is_some_and(|(point, _, normal)| self.mirrors(&point, &normal))
         });
-        let near = |i: usize| self.near_highlight[i] as f64 <= self.lens.halo;
-        Some((0..mirror.len()).map(|i| mirror[i] || near(i)).collect())
+        Some((0..mirror.len()).map(|i| mirror[i] || self.in_halo(i)).collect())
     }
 
     fn mirrors(&self, point: &Point3, normal: &Vector3) -> bool {
         self.photo.light.mirror_normal(point).dot(normal) > self.glossy
+    }
+
+    fn in_halo(&self, pixel: usize) -> bool {
+        f64::from(self.photo.picture.to_saturated[pixel]) <= self.options.halo
     }
 
     /// A point inside a face, its pixel and its interpolated unit normal.
@@ -125,7 +125,7 @@ impl<'a> Look<'a> {
     }
 
     /// What the channels say of a point; `None` where it is hidden, grazing, near a contour, or
-    /// where no channel counts.
+    /// where most of the blur is of pixels that do not count.
     pub(super) fn at(&self, point: &Point3, pixel: &Point2, normal: &Vector3) -> Option<Channels> {
         let [w, h] = self.image.size;
         let (x, y) = (pixel.x.round(), pixel.y.round());
@@ -134,10 +134,10 @@ impl<'a> Look<'a> {
         }
         let i = y as usize * w + x as usize;
         let occluded = self.raster.depth[i] < point.z - self.tolerance;
-        let grazing = -normal.dot(&point.coords.normalize()) < self.lens.grazing;
+        let grazing = -normal.dot(&point.coords.normalize()) < self.options.grazing;
         if occluded
             || grazing
-            || (self.contour[i] as f64) < self.lens.contour
+            || (self.contour[i] as f64) < self.options.contour
             || self.support.data[i] < 0.5
         {
             return None;
@@ -150,8 +150,7 @@ impl<'a> Look<'a> {
             image: channel(&self.image),
             albedo: channel(&self.albedo),
             shade: self.photo.light.shade(point, normal).value,
-            maybe_glare: self.mirrors(point, normal)
-                || self.near_highlight[i] as f64 <= self.lens.halo,
+            maybe_glare: self.mirrors(point, normal) || self.in_halo(i),
         })
     }
 }

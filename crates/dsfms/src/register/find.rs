@@ -2,7 +2,7 @@
 
 use super::{Match, RegisterError, RegisterOptions};
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Point2, Point3, Vector2, point_at};
+use crate::geometry::{Point2, Point3, Vector2, median, point_at};
 use crate::image::{Frame, Mask};
 use crate::mesh::Mesh;
 use crate::sfm::matching::UnitDescriptors;
@@ -100,8 +100,7 @@ fn agreeing(pixels: &[Point2], offsets: &[Option<Vector2>], limit: f64) -> Vec<u
         let component = |axis: usize| {
             let mut values: Vec<f64> =
                 others.iter().filter_map(|&(_, j)| offsets[j].map(|o| o[axis])).collect();
-            values.sort_unstable_by(f64::total_cmp);
-            values.get(values.len() / 2).copied().unwrap_or(0.0)
+            median(&mut values).unwrap_or(0.0)
         };
         let typical = Vector2::new(component(0), component(1));
         offsets[i].is_some_and(|o| (o - typical).norm() < 4.0 + typical.norm() / 3.0)

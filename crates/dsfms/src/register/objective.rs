@@ -7,7 +7,7 @@ use crate::energy::{
     Anisotropy, Arap, Boundary, Isometric, Motion, Objective, Shearing, Smoothing, Stay, Stretch,
     Unknowns, Workspace,
 };
-use crate::geometry::{Point3, Vector3};
+use crate::geometry::{Point3, Vector3, median};
 use crate::mesh::Mesh;
 use crate::mesh::decimate::{Decimated, decimate};
 use crate::solver::{Loss, Options, Summary};
@@ -90,8 +90,7 @@ pub fn register_in(
     let limit = 3.0 * options.robust_px[1];
     let kept: Vec<bool> = errors.iter().map(|&e| e <= limit).collect();
     let mut inliers: Vec<f64> = errors.into_iter().filter(|&e| e <= limit).collect();
-    inliers.sort_unstable_by(f64::total_cmp);
-    let residual_px = inliers.get(inliers.len() / 2).copied().unwrap_or(f64::INFINITY);
+    let residual_px = median(&mut inliers).unwrap_or(f64::INFINITY);
     let depth_sigma = hold.hypot(motion);
     Registered { vertices: state, kept, residual_px, depth_sigma, summary }
 }

@@ -2,7 +2,7 @@
 
 use super::{Match, RegisterError, RegisterOptions};
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Isometry, Point2, Point3, Vector2, point_at};
+use crate::geometry::{Isometry, Point2, Point3, Vector2, median, point_at};
 use crate::mesh::Mesh;
 use crate::sfm::random::Random;
 use crate::sfm::resection::{refine_pose, resect};
@@ -30,14 +30,13 @@ pub struct Posed {
 impl Posed {
     /// Median reprojection error, px.
     pub fn median_px(&self) -> f64 {
-        median(&self.residuals_px)
+        median_of(&self.residuals_px)
     }
 }
 
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_unstable_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+/// 0 of nothing.
+fn median_of(values: &[f64]) -> f64 {
+    median(&mut values.to_vec()).unwrap_or(0.0)
 }
 
 /// Find the rigid pose: sampled three-point poses, then a Geman-McClure scale annealed from
@@ -67,7 +66,7 @@ pub fn pose(
     let (mut pose, mut scale) = (found.pose, coarse);
     loop {
         pose = refine_pose(camera, &pose, &points, &pixels, Loss::GemanMcClure(scale));
-        let floor = fine.max(2.0 * median(&residuals(camera, &pose, &points, &pixels)));
+        let floor = fine.max(2.0 * median_of(&residuals(camera, &pose, &points, &pixels)));
         if scale <= floor {
             break;
         }

@@ -6,7 +6,7 @@ use super::intrinsics::RefineIntrinsics;
 use super::tracks::Member;
 use super::triangulation::{Sighting, TriangulationLimits, largest_parallax_deg, triangulate};
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Isometry, Point2, Point3};
+use crate::geometry::{Isometry, Point2, Point3, median};
 use crate::solver::{Loss, Summary};
 use rayon::prelude::*;
 
@@ -206,8 +206,7 @@ impl Map<'_> {
                 track.seen().filter_map(|m| Some((self.poses[m.view as usize]? * point).z)),
             );
         }
-        depths.sort_by(f64::total_cmp);
-        depths.get(depths.len() / 2).copied().unwrap_or(0.0)
+        median(&mut depths).unwrap_or(0.0)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::{SfsError, SfsInput, SfsOptions};
 use crate::camera::Camera;
-use crate::geometry::{Point2, Point3, Vector3, area_normal};
+use crate::geometry::{Point2, Point3, Vector3, area_normal, median};
 use crate::image::{Mask, Plane, distance::distance_to, filter::blur_masked};
 use crate::light::{Light, LightModel};
 use crate::raster::Raster;
@@ -90,8 +90,8 @@ impl Grid {
             return Err(too_small(grid.cells.len()));
         }
         grid.gain = measured.gain;
-        grid.median_brightness =
-            median(grid.cells.iter().map(|c| c.brightness).collect()).max(1e-6);
+        let mut brightness: Vec<f64> = grid.cells.iter().map(|c| c.brightness).collect();
+        grid.median_brightness = median(&mut brightness).unwrap_or(1.0).max(1e-6);
         Ok(grid)
     }
 
@@ -211,12 +211,12 @@ impl Measured {
             let normal = area_normal(a, b, c).try_normalize(0.0).unwrap_or_default();
             light.shade(&crate::geometry::point_at(corners, w), &normal).value
         });
-        let ratios = (0..shading.len())
+        let mut ratios: Vec<f64> = (0..shading.len())
             .filter(|&i| trusted.data[i] && shading[i] > 0.2)
             .map(|i| f64::from(brightness.data[i]) / (shading[i] * f64::from(albedo.data[i])))
             .filter(|r| r.is_finite())
             .collect();
-        let gain = median(ratios);
+        let gain = median(&mut ratios).unwrap_or(1.0);
         Self { brightness, albedo, trusted, gain }
     }
 
@@ -227,11 +227,6 @@ impl Measured {
         let albedo = (x < w && y < h && self.trusted.at(x, y)).then(|| self.albedo.at(x, y))?;
         (albedo > 1e-4).then(|| (f64::from(self.brightness.at(x, y)), f64::from(albedo)))
     }
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(1.0)
 }
 
 fn bounding_box(mask: &Mask) -> Option<([usize; 2], [usize; 2])> {

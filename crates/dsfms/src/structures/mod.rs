@@ -5,9 +5,9 @@
 //! interpolate*): `f(x) = T x + b + Σ wⱼ |x − cⱼ|^1.5`, `Σ wⱼ = 0`, where `T` is rigid. The centres `cⱼ`
 //! are the middles of patches of the template; `f` takes each from its place at rest to its place in
 //! the frame. Rigid motions are continued exactly. The power stands between the biharmonic 1, which
-//! creases at the surface, and 2, which would be an affine map; an affine part would fit too, but under an open surface it turns small errors of the
-//! surface into large ones below. A closed surface is not needed. Nothing is known of what the organ
-//! does inside: this is the smoothest guess, not a simulation.
+//! creases at the surface, and 2, which would be an affine map; an affine part would fit too, but under
+//! an open surface it turns small errors of the surface into large ones below. A closed surface is not
+//! needed. Nothing is known of what the organ does inside: this is the smoothest guess, not a simulation.
 //!
 //! ```
 //! use dsfms::geometry::{Isometry, Point3, Vector3};
@@ -231,14 +231,18 @@ mod tests {
         assert_eq!(error, StructureError::Degenerate { vertices: 30 });
     }
 
-    #[test]
-    fn the_surface_itself_goes_where_it_went() {
+    fn rough_sheet() -> Mesh {
         let points: Vec<[f64; 3]> =
             (0..25).map(|i| [f64::from(i % 5), f64::from(i / 5), 0.3 * f64::from(i % 3)]).collect();
         let faces: Vec<[u32; 3]> = (0..4)
             .flat_map(|r| (0..4).map(move |c| [5 * r + c, 5 * r + c + 1, 5 * r + c + 5]))
             .collect();
-        let rest = mesh(&points, &faces);
+        mesh(&points, &faces)
+    }
+
+    #[test]
+    fn the_surface_itself_goes_where_it_went() {
+        let rest = rough_sheet();
         let bent: Vec<Point3> = rest
             .positions
             .iter()
@@ -268,12 +272,7 @@ mod tests {
 
     #[test]
     fn the_deformation_is_what_no_rigid_motion_explains() {
-        let points: Vec<[f64; 3]> =
-            (0..25).map(|i| [f64::from(i % 5), f64::from(i / 5), 0.3 * f64::from(i % 3)]).collect();
-        let faces: Vec<[u32; 3]> = (0..4)
-            .flat_map(|r| (0..4).map(move |c| [5 * r + c, 5 * r + c + 1, 5 * r + c + 5]))
-            .collect();
-        let rest = mesh(&points, &faces);
+        let rest = rough_sheet();
         let carrier = Carrier::new(&rest, &CarrierOptions::default()).unwrap();
         let pose = Isometry::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.2, 0.1, 0.4));
         let mut moved: Vec<Point3> = rest.positions.iter().map(|p| pose * p).collect();

@@ -11,7 +11,7 @@ use super::known_light::centred_gains;
 use super::log_linear::{LogFit, LogLinear, ShadingModel};
 use super::photometric::{AlbedoView, Observation, ObservationBounds};
 use super::spots::{observe_spots, prepare, smoothed_normals};
-use crate::geometry::Point3;
+use crate::geometry::{Point3, median};
 use crate::light::{Light, LightModel, PointLight, Spot};
 use crate::mesh::Mesh;
 use serde::{Deserialize, Serialize};
@@ -152,8 +152,7 @@ fn choose(fits: &[(ParametricLight, LogFit)], spots: &[Vec<Observation>]) -> Lig
 
 fn median_distance(spots: &[Vec<Observation>]) -> f64 {
     let mut distances: Vec<_> = spots.iter().flatten().map(|o| o.point.coords.norm()).collect();
-    distances.sort_by(f64::total_cmp);
-    distances[distances.len() / 2]
+    median(&mut distances).unwrap_or(0.0)
 }
 
 fn point_light(position: Point3, reference_distance: f64, spot: Spot) -> LightModel {

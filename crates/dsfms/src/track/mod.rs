@@ -114,6 +114,13 @@ pub struct Surface {
     pub way: Way,
 }
 
+impl Surface {
+    /// Number of matches that the surface explains.
+    pub fn matches_kept(&self) -> usize {
+        self.matches.iter().filter(|m| m.1).count()
+    }
+}
+
 /// What a frame gave.
 #[derive(Clone, Debug)]
 pub struct Tracked {

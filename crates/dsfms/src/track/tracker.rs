@@ -6,7 +6,7 @@ use super::verdict::judge;
 use super::{Surface, TrackError, TrackOptions, TrackStatus, Tracked, Way};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point3, align_rigid_robust, point_at};
-use crate::image::{Frame, Mask, Picture, ToneCurve, saturation, viewport};
+use crate::image::{Frame, Mask, Picture, ToneCurve, saturation, usable, viewport};
 use crate::light::LightModel;
 use crate::pipeline::Method;
 use crate::refine::{Photograph, join};
@@ -151,10 +151,7 @@ impl<'a> Tracker<'a> {
             self.viewport = Some((self.count, viewport(std::slice::from_ref(frame))));
         }
         let lit = self.viewport.as_ref().and_then(|v| v.1.clone());
-        let mut usable = lit.unwrap_or_else(|| Mask::filled(frame.size, true));
-        if let Some(instrument) = instrument {
-            usable = usable.minus(&instrument.dilate(3.0));
-        }
+        let usable = usable(frame.size, lit, instrument, None);
         let [w, h] = frame.size;
         let halo = HALO * (w as f64).hypot(h as f64);
         let clear = usable.minus(&saturation(frame).dilate(halo));

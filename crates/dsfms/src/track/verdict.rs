@@ -63,7 +63,7 @@ pub fn judge(
     if !surface.vertices.iter().all(|v| v.iter().all(|c| c.is_finite())) {
         object(TrackStatus::Lost, "some vertices are not finite".into());
     }
-    let kept = surface.matches.iter().filter(|m| m.1).count();
+    let kept = surface.matches_kept();
     let total = surface.matches.len();
     if kept < options.matches[1] {
         object(grade(kept < options.matches[0]), format!("only {kept} matches carry the surface"));
