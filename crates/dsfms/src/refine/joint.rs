@@ -139,7 +139,7 @@ pub fn join(
     photo: &Photograph,
     options: &JointOptions,
 ) -> Joined {
-    let hold = match photo.light {
+    let hold = match photo.light.light {
         LightModel::Point(_) => depth_sigma.max(options.near_depth_hold * scene.radius()),
         LightModel::Collinear => depth_sigma,
     };
@@ -164,7 +164,7 @@ pub fn join(
         last = Some((summary, look.samples.len()));
         // A near light tells the distance of everything, so the shape now knows the pose better than
         // the matches did; under a distant one only the matches hold it.
-        if matches!(photo.light, LightModel::Point(_)) {
+        if matches!(photo.light.light, LightModel::Point(_)) {
             reposed = Some(scene.reposed(&state.vertices));
         }
     }

@@ -7,7 +7,7 @@ use super::{Surface, TrackError, TrackOptions, TrackStatus, Tracked, Way};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point3, align_rigid_robust, point_at};
 use crate::image::{Frame, Mask, Picture, ToneCurve, saturation, usable, viewport};
-use crate::light::LightModel;
+use crate::light::Coated;
 use crate::pipeline::Method;
 use crate::refine::{Photograph, join};
 use crate::register::{
@@ -31,7 +31,7 @@ pub struct Tracker<'a> {
     template: &'a Template,
     albedo: &'a SurfaceTexels,
     features: &'a Features,
-    light: LightModel,
+    light: Coated,
     camera: &'a CameraModel,
     tone: &'a ToneCurve,
     method: Method,
@@ -102,7 +102,7 @@ impl<'a> Tracker<'a> {
             template,
             albedo: template.albedo.as_ref().ok_or(TrackError::NoAlbedo)?,
             features: template.features.as_ref().ok_or(TrackError::NoDescriptors)?,
-            light: template.light.clone().unwrap_or_default(),
+            light: template.lighting(),
             camera,
             tone,
             method,
