@@ -8,6 +8,7 @@
 
 pub mod flow;
 pub mod look;
+mod prepare;
 pub mod shapes;
 mod tracker;
 pub mod verdict;
@@ -16,6 +17,7 @@ use crate::geometry::{Isometry, Point3};
 use crate::pipeline::{Method, ReconstructOptions};
 use crate::register::Match;
 use serde::{Deserialize, Serialize};
+pub use prepare::{Preparation, Prepared};
 pub use tracker::Tracker;
 pub use verdict::VerdictOptions;
 
@@ -102,6 +104,11 @@ pub struct Surface {
     pub matches: Vec<(Match, bool)>,
     /// Median distance of the kept matches from the surface, px.
     pub residual_px: f64,
+    /// Their mean distance, px.
+    pub reprojection_px: f64,
+    /// Mean relative difference of the frame's brightness from what template, light and exposure
+    /// predict at the surface; `None` for the method without shading.
+    pub photometric: Option<f64>,
     /// How far the depth of the surface is uncertain for the solve of eq. 3, of the visible radius:
     /// it grows with the motion that no rigid pose explains.
     pub depth_uncertainty: f64,

@@ -2,29 +2,22 @@
 
 use super::flow::{correlation, follow};
 use super::look::{Look, Seen, Working, whole};
+use super::prepare::{Preparation, Prepared};
 use super::verdict::judge;
 use super::{Surface, TrackError, TrackOptions, TrackStatus, Tracked, Way};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point3, align_rigid_robust, point_at};
-use crate::image::{Frame, Mask, Picture, ToneCurve, saturation, usable, viewport};
+use crate::image::{Frame, Mask, Picture, ToneCurve};
 use crate::light::LightModel;
 use crate::pipeline::Method;
 use crate::refine::{Photograph, join};
+use crate::register::objective::errors_px;
 use crate::register::{
     Match, Posed, RegisterMemory, RegisterOptions, Scene, find, pose, register_in,
 };
 use crate::template::{Features, SurfaceTexels, Template};
 use rayon::prelude::*;
 use std::time::Instant;
-
-/// Margin about highlights within which nothing is compared, of the image diagonal.
-const HALO: f64 = 0.003;
-
-/// Frames for which the outline of the endoscope's viewport is kept.
-const VIEWPORT_FRAMES: usize = 25;
-
-/// Brightest value of a frame that counts as black.
-const BLACK: u8 = 16;
 
 /// Follows a template through the frames of one camera.
 pub struct Tracker<'a> {
@@ -33,12 +26,10 @@ pub struct Tracker<'a> {
     features: &'a Features,
     light: LightModel,
     camera: &'a CameraModel,
-    tone: &'a ToneCurve,
-    method: Method,
     options: TrackOptions,
     working: Working,
     memory: RegisterMemory,
-    viewport: Option<(usize, Option<Mask>)>,
+    preparation: Preparation,
     last: Option<Last>,
     /// Frames given.
     count: usize,
@@ -66,12 +57,13 @@ struct Candidate {
 /// What a frame offers to every attempt.
 struct View<'f> {
     frame: &'f Frame,
-    usable: Mask,
-    seen: Seen,
+    usable: &'f Mask,
+    seen: &'f Seen,
+    /// For the joint method.
+    picture: Option<&'f Picture>,
 }
 
 /// Wall times.
-#[derive(Default)]
 struct Clock(Vec<(&'static str, f64)>);
 
 impl Clock {
@@ -98,22 +90,28 @@ impl<'a> Tracker<'a> {
         if !matches!(method, Method::Dsfm | Method::Joint) {
             return Err(TrackError::Method(method));
         }
+        let working = Working::of(camera);
+        let preparation = Preparation::new(camera, tone, &working, method);
         Ok(Self {
             template,
             albedo: template.albedo.as_ref().ok_or(TrackError::NoAlbedo)?,
             features: template.features.as_ref().ok_or(TrackError::NoDescriptors)?,
             light: template.light.clone().unwrap_or_default(),
             camera,
-            tone,
-            method,
             options,
-            working: Working::of(camera),
+            working,
             memory: RegisterMemory::default(),
-            viewport: None,
+            preparation,
             last: None,
             count: 0,
             searched: None,
         })
+    }
+
+    /// Prepares this tracker's frames; may live on another thread. It counts frames by itself: take
+    /// one, and give it every frame that [`solve`](Self::solve) gets.
+    pub fn preparation(&self) -> Preparation {
+        self.preparation.clone()
     }
 
     /// The next frame; `instrument`: `true` where an instrument covers the organ.
@@ -126,37 +124,23 @@ impl<'a> Tracker<'a> {
         frame: &Frame,
         instrument: Option<&Mask>,
     ) -> Result<Tracked, TrackError> {
-        for found in [Some(frame.size), instrument.map(|m| m.size)].into_iter().flatten() {
-            if found != self.camera.size {
-                let (name, expected) = (frame.name.clone(), self.camera.size);
-                return Err(TrackError::SizeMismatch { name, found, expected });
-            }
-        }
-        self.count += 1;
-        let brightest = frame.rgb.iter().flatten().copied().max().unwrap_or(0);
-        if brightest < BLACK {
-            let reasons = vec![format!("the frame is black (brightest pixel {brightest} of 255)")];
-            let stages = Vec::new();
-            return Ok(Tracked { status: TrackStatus::Lost, reasons, surface: None, stages });
-        }
-        let mut clock = Clock::default();
-        let view = clock.time("prepare", || self.view(frame, instrument));
-        let outcome = self.attempts(&view, &mut clock);
-        Ok(self.settle(outcome, clock.0))
+        let prepared = self.preparation.prepare(frame.clone(), instrument)?;
+        Ok(self.solve(&prepared))
     }
 
-    fn view<'f>(&mut self, frame: &'f Frame, instrument: Option<&Mask>) -> View<'f> {
-        let old = |&(at, _): &(usize, _)| self.count >= at + VIEWPORT_FRAMES;
-        if self.viewport.as_ref().is_none_or(old) {
-            self.viewport = Some((self.count, viewport(std::slice::from_ref(frame))));
-        }
-        let lit = self.viewport.as_ref().and_then(|v| v.1.clone());
-        let usable = usable(frame.size, lit, instrument, None);
-        let [w, h] = frame.size;
-        let halo = HALO * (w as f64).hypot(h as f64);
-        let clear = usable.minus(&saturation(frame).dilate(halo));
-        let seen = Seen::new(frame, self.tone, &clear, &self.working);
-        View { frame, usable, seen }
+    /// The next frame, prepared by [`preparation`](Self::preparation).
+    pub fn solve(&mut self, prepared: &Prepared) -> Tracked {
+        self.count += 1;
+        let mut clock = Clock(vec![("prepare", prepared.seconds)]);
+        let Some(seen) = &prepared.seen else {
+            let brightest = prepared.brightest;
+            let reasons = vec![format!("the frame is black (brightest pixel {brightest} of 255)")];
+            return Tracked { status: TrackStatus::Lost, reasons, surface: None, stages: clock.0 };
+        };
+        let Prepared { frame, usable, picture, .. } = prepared;
+        let view = View { frame, usable, seen, picture: picture.as_ref() };
+        let outcome = self.attempts(&view, &mut clock);
+        self.settle(outcome, clock.0)
     }
 
     /// Follow, and find where that is not good enough; the better of both.
@@ -254,22 +238,28 @@ impl<'a> Tracker<'a> {
         let matches: Vec<(Match, bool)> =
             matches.into_iter().zip(coarse.kept.iter().copied()).collect();
         let mut vertices = coarse.vertices;
-        if self.method == Method::Joint {
+        if let Some(picture) = view.picture {
             let kept: Vec<Match> = matches.iter().filter(|m| m.1).map(|m| m.0).collect();
             let start = (vertices.as_slice(), coarse.depth_sigma);
-            vertices = clock.time("joint", || self.joined(view, &scene, start, &kept));
+            vertices =
+                clock.time("joint", || self.joined(view.usable, picture, &scene, start, &kept));
         }
         let look = clock.time("look", || Look::new(&self.working, rest, &vertices, self.albedo));
         let [agreeing, places] =
-            clock.time("agree", || look.agreement(&view.seen, self.options.verdict.correlation));
+            clock.time("agree", || look.agreement(view.seen, self.options.verdict.correlation));
         let agreement = agreeing as f64 / places.max(1) as f64;
         let residual_px = coarse.residual_px;
+        let kept: Vec<Match> = matches.iter().filter(|m| m.1).map(|m| m.0).collect();
+        let errors = errors_px(&scene, &kept, &vertices);
+        let reprojection_px = errors.iter().sum::<f64>() / errors.len().max(1) as f64;
         let depth_uncertainty = coarse.depth_sigma / scene.radius();
         let surface = Surface {
             vertices,
             pose: posed.pose,
             matches,
             residual_px,
+            reprojection_px,
+            photometric: None,
             depth_uncertainty,
             agreement,
             places,
@@ -283,15 +273,16 @@ impl<'a> Tracker<'a> {
 
     fn joined(
         &self,
-        view: &View,
+        usable: &Mask,
+        picture: &Picture,
         scene: &Scene,
         (start, depth_sigma): (&[Point3], f64),
         kept: &[Match],
     ) -> Vec<Point3> {
         let photo = Photograph {
             camera: self.camera,
-            picture: &Picture::of(view.frame, self.tone),
-            usable: &view.usable,
+            picture,
+            usable,
             light: &self.light,
             albedo: self.albedo,
             expected_log_gain: (!self.template.views.is_empty()).then_some(0.0),
