@@ -9,15 +9,18 @@
 pub mod flow;
 pub mod look;
 mod prepare;
+mod reduce;
 pub mod shapes;
+mod surface;
 mod tracker;
 pub mod verdict;
 
 use crate::geometry::{Isometry, Point3};
 use crate::pipeline::{Method, ReconstructOptions};
+use crate::refine::VideoOptions;
 use crate::register::Match;
-use serde::{Deserialize, Serialize};
 pub use prepare::{Preparation, Prepared};
+use serde::{Deserialize, Serialize};
 pub use tracker::Tracker;
 pub use verdict::VerdictOptions;
 
@@ -27,6 +30,8 @@ pub use verdict::VerdictOptions;
 pub struct TrackOptions {
     /// Weights of the solves, and the seed.
     pub reconstruct: ReconstructOptions,
+    /// The joint solve from the last shape.
+    pub video: VideoOptions,
     /// When a surface is believed.
     pub verdict: VerdictOptions,
     /// Least normalised cross-correlation of a followed patch with the template's, in `[-1, 1]`.
@@ -42,6 +47,7 @@ impl Default for TrackOptions {
     fn default() -> Self {
         Self {
             reconstruct: ReconstructOptions::default(),
+            video: VideoOptions::default(),
             verdict: VerdictOptions::default(),
             correlation: 0.7,
             patience: 10,

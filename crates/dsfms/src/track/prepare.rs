@@ -2,10 +2,11 @@
 //! there is one.
 
 use super::TrackError;
-use super::look::{Seen, Working};
+use super::flow::Pyramid;
+use super::look::{LEVELS, Seen, Working};
+use super::reduce::{Reduced, Tables, any, clear_about, halve_mask, halved, stretch};
 use crate::camera::CameraModel;
-use crate::image::{Frame, Mask, Picture, ToneCurve, saturation, usable, viewport};
-use crate::pipeline::Method;
+use crate::image::{Frame, Mask, Picture, ToneCurve, viewport};
 use std::time::Instant;
 
 /// Margin about highlights within which nothing is compared, of the image diagonal.
@@ -13,6 +14,16 @@ const HALO: f64 = 0.003;
 
 /// Frames for which the outline of the endoscope's viewport is kept.
 const VIEWPORT_FRAMES: usize = 25;
+
+/// The viewport is looked for in a frame of at most so many columns.
+const VIEWPORT_COLUMNS: usize = 400;
+
+/// What the mask of the viewport loses at its rim at that size is given back, px of that size; the
+/// rest of the margin is about what it would be at full size.
+const VIEWPORT_GIVEN_BACK: f64 = 4.0;
+
+/// An instrument is wider than its mask by this, px of the frame: shadow, blur and lag.
+const INSTRUMENT_MARGIN: f64 = 3.0;
 
 /// Brightest value of a frame that counts as black.
 const BLACK: u8 = 16;
@@ -31,9 +42,10 @@ const BLACK: u8 = 16;
 #[derive(Clone, Debug)]
 pub struct Preparation {
     size: [usize; 2],
-    tone: ToneCurve,
+    tables: Tables,
     working: Working,
-    method: Method,
+    /// Shading is read.
+    shading: bool,
     /// When the viewport was looked for, and what was found.
     viewport: Option<(usize, Option<Mask>)>,
     /// Frames given.
@@ -44,26 +56,41 @@ pub struct Preparation {
 pub struct Prepared {
     /// The frame itself.
     pub frame: Frame,
-    pub(super) usable: Mask,
-    /// `None` where the frame is black; then the brightest value says how much.
-    pub(super) seen: Option<Seen>,
-    pub(super) brightest: u8,
-    /// What shading is read from, for the joint method.
-    pub(super) picture: Option<Picture>,
     /// Wall time that the preparation took, seconds.
     pub seconds: f64,
+    /// Its brightest value.
+    pub(super) brightest: u8,
+    /// `None` where the frame is black.
+    pub(super) view: Option<View>,
+}
+
+/// What a frame offers to every attempt.
+pub(super) struct View {
+    pub(super) seen: Seen,
+    /// What shading is read from, where it is, and `true` where the organ may be seen in it.
+    pub(super) picture: Option<Picture>,
+    pub(super) usable: Mask,
+    /// The same at the size of the working image.
+    usable_working: Mask,
+}
+
+impl View {
+    /// `true` where the organ may be seen, at the size of the frame.
+    pub(super) fn usable_in(&self, frame: &Frame) -> Mask {
+        stretch(&self.usable_working, frame.size)
+    }
 }
 
 impl Preparation {
-    /// For frames of a camera that the method is to track.
+    /// For frames of a camera.
     pub(super) fn new(
         camera: &CameraModel,
         tone: &ToneCurve,
         working: &Working,
-        method: Method,
+        shading: bool,
     ) -> Self {
-        let (size, tone, working) = (camera.size, tone.clone(), working.clone());
-        Self { size, tone, working, method, viewport: None, count: 0 }
+        let (size, tables, working) = (camera.size, Tables::of(tone), working.clone());
+        Self { size, tables, working, shading, viewport: None, count: 0 }
     }
 
     /// The next frame; `instrument`: `true` where an instrument covers the organ.
@@ -84,29 +111,48 @@ impl Preparation {
         let start = Instant::now();
         self.count += 1;
         let brightest = frame.rgb.iter().flatten().copied().max().unwrap_or(0);
-        let black = brightest < BLACK;
-        let usable =
-            if black { Mask::filled([0, 0], false) } else { self.usable(&frame, instrument) };
-        let seen = (!black).then(|| self.seen(&frame, &usable));
-        let joint = !black && self.method == Method::Joint;
-        let picture = joint.then(|| Picture::of(&frame, &self.tone));
+        let view = (brightest >= BLACK).then(|| self.view(&frame, instrument));
         let seconds = start.elapsed().as_secs_f64();
-        Ok(Prepared { frame, usable, seen, brightest, picture, seconds })
+        Ok(Prepared { frame, seconds, brightest, view })
     }
 
-    fn usable(&mut self, frame: &Frame, instrument: Option<&Mask>) -> Mask {
+    fn view(&mut self, frame: &Frame, instrument: Option<&Mask>) -> View {
+        let Working { halvings, photo_halvings, ref camera, .. } = self.working;
+        let base = halvings.min(photo_halvings);
+        let reduced = Reduced::of(frame, &self.tables, base);
+        let scale = f64::from(1u32 << halvings);
         let old = |&(at, _): &(usize, _)| self.count >= at + VIEWPORT_FRAMES;
         if self.viewport.as_ref().is_none_or(old) {
-            self.viewport = Some((self.count, viewport(std::slice::from_ref(frame))));
+            let lit = lit(frame).map(|mask| stretch(&mask, camera.size));
+            self.viewport = Some((self.count, lit));
         }
         let lit = self.viewport.as_ref().and_then(|v| v.1.clone());
-        usable(frame.size, lit, instrument, None)
-    }
-
-    fn seen(&self, frame: &Frame, usable: &Mask) -> Seen {
+        let mut usable = lit.unwrap_or_else(|| Mask::filled(camera.size, true));
+        if let Some(instrument) = instrument {
+            clear_about(&mut usable, &any(instrument, halvings), INSTRUMENT_MARGIN / scale);
+        }
         let [w, h] = frame.size;
-        let halo = HALO * (w as f64).hypot(h as f64);
-        let clear = usable.minus(&saturation(frame).dilate(halo));
-        Seen::new(frame, &self.tone, &clear, &self.working)
+        let halo = HALO * (w as f64).hypot(h as f64) / scale;
+        let mut clear = usable.clone();
+        clear_about(&mut clear, &any(&reduced.saturated(), halvings - base), halo);
+        let bright = halved(&reduced.bright, halvings - base);
+        let seen = Seen { pyramid: Pyramid::new(bright, LEVELS), usable: clear };
+        let picture = self.shading.then(|| reduced.picture(photo_halvings - base));
+        let photo = match photo_halvings.checked_sub(halvings) {
+            Some(times) => (0..times).fold(usable.clone(), |mask, _| halve_mask(&mask)),
+            None => stretch(&usable, self.working.photo.size),
+        };
+        View { seen, picture, usable: photo, usable_working: usable }
     }
+}
+
+/// The endoscope's viewport at a reduced size; `None` where the frame has no dark surround.
+fn lit(frame: &Frame) -> Option<Mask> {
+    let step = frame.size[0].div_ceil(VIEWPORT_COLUMNS).max(1);
+    let rows = frame.rgb.chunks_exact(frame.size[0]).step_by(step);
+    let rgb = rows.flat_map(|row| row.iter().step_by(step).copied()).collect();
+    let size = frame.size.map(|n| n.div_ceil(step));
+    let small = Frame { name: frame.name.clone(), size, rgb };
+    let mask = viewport(std::slice::from_ref(&small))?;
+    Some(if step == 1 { mask } else { mask.dilate(VIEWPORT_GIVEN_BACK) })
 }
