@@ -88,6 +88,7 @@ fn case(vertices: usize) -> Case {
     let options = CaseOptions {
         vertices,
         extension: 0.03,
+        outline: None,
         light: LightModel::Collinear,
         draw: Draw { count: 300, sigma_px: 1.0 },
         pull: true,

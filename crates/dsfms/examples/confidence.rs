@@ -216,6 +216,7 @@ fn look(
         camera: &case.camera,
         picture: &Picture::of(&case.frame, &ToneCurve::Srgb),
         usable: &usable,
+        outline: None,
         light: &case.template.lighting(),
         albedo: &case.template.albedo.clone().unwrap_or_default(),
         expected_log_gain: None,

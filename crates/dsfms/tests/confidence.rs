@@ -29,6 +29,7 @@ fn judged(case: &Case, keep: impl Fn(&Match) -> bool, scale: f64, model: Model) 
         camera: &case.camera,
         picture: &picture,
         usable: &usable,
+        outline: None,
         light: &LightModel::Collinear,
         albedo: &albedo,
         expected_log_gain: None,

@@ -14,7 +14,7 @@ struct Change {
 const LOOSE: f64 = 1e3;
 const FAST: f64 = 1e-6;
 
-const CHANGES: [Change; 31] = {
+const CHANGES: [Change; 32] = {
     use Method::{Dsfm, Dsfms, Joint};
     const fn change(
         name: &'static str,
@@ -62,6 +62,7 @@ const CHANGES: [Change; 31] = {
         change("joint: grey", Joint, |o| o.joint.colour = false),
         change("joint: no halo", Joint, |o| o.joint.halo = 0.0),
         change("joint: no mirror cone", Joint, |o| o.joint.specular_deg = 0.0),
+        change("joint: no specular condition", Joint, |o| o.joint.specular = 0.0),
         change("joint: contour samples kept", Joint, |o| o.joint.contour_blurs = 0.0),
         change("joint: match depths free", Joint, |o| {
             (o.register.depth_hold, o.joint.near_depth_hold) = (LOOSE, LOOSE);

@@ -4,6 +4,7 @@ pub mod distance;
 pub mod exposure;
 pub mod filter;
 pub mod mask;
+pub mod outline;
 pub mod picture;
 pub mod plane;
 mod polygon;
@@ -12,6 +13,7 @@ pub mod viewport;
 
 pub use exposure::{halo, saturation};
 pub use mask::Mask;
+pub use outline::Outline;
 pub use picture::Picture;
 pub use plane::{ColorImage, Plane};
 pub use tone::ToneCurve;

@@ -4,7 +4,7 @@ use super::{Method, Observation, ReconstructError, Reconstruction, StageReport, 
 use crate::camera::Camera;
 use crate::confidence::{Model, Solved, confidence};
 use crate::geometry::Point3;
-use crate::image::{Mask, Picture, usable, viewport};
+use crate::image::{Mask, Outline, Picture, usable, viewport};
 use crate::light::Coated;
 use crate::refine::{Joined, JointOptions, Photograph, RefineOptions, Refined, join, refine};
 use crate::register::scene::visibility;
@@ -107,6 +107,8 @@ struct Sight<'a> {
     observation: &'a Observation<'a>,
     /// Pixels where the organ may be seen.
     usable: Mask,
+    /// Where the organ ends, if a mask says.
+    outline: Option<Outline>,
     light: Coated,
     /// The frame beside the albedo, where the method looks at brightness and there is one.
     compared: Option<(Picture, &'a SurfaceTexels)>,
@@ -121,6 +123,7 @@ impl<'a> Sight<'a> {
             template,
             observation,
             usable: usable(frame.size, lit, instrument, organ),
+            outline: organ.map(|organ| Outline::new(organ, instrument)),
             light: template.lighting(),
             compared: albedo.map(|albedo| (Picture::of(frame, tone), albedo)),
         }
@@ -132,6 +135,7 @@ impl<'a> Sight<'a> {
             camera: self.observation.camera,
             picture,
             usable: &self.usable,
+            outline: self.outline.as_ref(),
             light: &self.light,
             albedo,
             expected_log_gain: (!self.template.views.is_empty()).then_some(0.0),

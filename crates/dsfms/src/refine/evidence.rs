@@ -6,8 +6,8 @@ use super::look::{Look, LookOptions, diagonal};
 use crate::camera::{Camera, CameraModel};
 use crate::energy::diffuse::DiffuseVertex;
 use crate::geometry::{Point3, Vector3};
-use crate::image::{ColorImage, Mask, Picture};
-use crate::light::{Coated, Light};
+use crate::image::{ColorImage, Mask, Outline, Picture};
+use crate::light::Coated;
 use crate::mesh::Mesh;
 use crate::raster::visible_vertices;
 use crate::template::SurfaceTexels;
@@ -21,6 +21,8 @@ pub struct Photograph<'a> {
     pub picture: &'a Picture,
     /// `true` where the organ may be seen (no instrument, inside the organ mask if there is one).
     pub usable: &'a Mask,
+    /// Where the organ ends, if a mask says.
+    pub outline: Option<&'a Outline>,
     /// Light of the frame.
     pub light: &'a Coated,
     /// Albedo of the template.
@@ -64,14 +66,14 @@ pub fn gather(
     let look = Look::new(photo, rest, shape, seen);
     let (camera, topology) = (photo.camera, &rest.topology);
     let visible = visible_vertices(camera, topology, shape, &look.raster, look.tolerance);
-    let (mut vertices, mut channels, mut specular) = (Vec::new(), Vec::new(), Vec::new());
+    let specular = look.highlights(&visible);
+    let (mut vertices, mut channels) = (Vec::new(), Vec::new());
     for v in (0..shape.len()).filter(|&v| visible[v] && !rest.topology.boundary[v]) {
         let Some(pixel) = photo.camera.project(&shape[v]).map(|p| p.pixel) else { continue };
         if photo.picture.saturated.at_pixel(&pixel) {
-            if photo.usable.at_pixel(&pixel) {
-                specular.push((v as u32, photo.light.mirror_normal(&shape[v])));
-            }
-        } else if let Some(found) = look.at(&shape[v], &pixel, &look.normals[v]) {
+            continue;
+        }
+        if let Some(found) = look.at(&shape[v], &pixel, &look.normals[v]) {
             vertices.push(v as u32);
             channels.push(found);
         }

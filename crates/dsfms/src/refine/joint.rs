@@ -5,18 +5,21 @@
 //! that texture carries the surface along while shading turns its normals.
 
 use super::Photograph;
+use super::contour::contour;
 use super::glare::{NoiseOptions, weigh};
 use super::look::{Look, LookOptions, diagonal};
 use super::mirror::mirrored;
+use crate::camera::CameraModel;
 use crate::energy::photometric::Sample;
 use crate::energy::{
-    Brightness, GlobalsPrior, Objective, Photometric, Smoothing, Unknowns, Workspace,
+    Brightness, GlobalsPrior, Objective, Photometric, Silhouette, Smoothing, Specular, Unknowns,
+    Workspace,
 };
-use crate::geometry::Point3;
+use crate::geometry::{Point3, Vector3, median};
 use crate::image::ColorImage;
 use crate::light::LightModel;
 use crate::mesh::{Mesh, Topology};
-use crate::raster::Raster;
+use crate::raster::{Raster, visible_vertices};
 use crate::register::objective::{hold_depth, keep, motion, stay};
 use crate::register::{Match, Prior, Scene};
 use crate::solver::{Loss, Options, Summary};
@@ -67,6 +70,14 @@ pub struct JointOptions {
     /// Samples within this angle of the mirror direction are left out where there are highlights,
     /// degrees.
     pub specular_deg: f64,
+    /// Weight of all points of the occluding contour together, in units of a hundred points, where an
+    /// organ mask tells its outline.
+    pub silhouette: f64,
+    /// Noise of that outline, px.
+    pub silhouette_px: f64,
+    /// Weight of a saturated vertex under a near light, in units of one for each of 334 visible
+    /// vertices. Under a distant light, where only the matches tell distance, highlights are no cue.
+    pub specular: f64,
     /// Halo around saturated pixels, as a fraction of the image diagonal.
     pub halo: f64,
     /// Geman-McClure scale of shearing, anisotropy and log area ratio: tissue under a tool deforms
@@ -106,6 +117,9 @@ impl Default for JointOptions {
             contour_blurs: 1.5,
             grazing: 0.25,
             specular_deg: 12.0,
+            silhouette: 1.0,
+            silhouette_px: 2.0,
+            specular: 1.0,
             halo: 0.02,
             strain: 0.2,
             mirrors: 2,
@@ -211,7 +225,11 @@ fn settle<'a>(
 }
 
 /// What one shape makes of a photograph at one blur.
-pub(super) struct Seen {
+pub(super) struct Seen<'a> {
+    pub(super) contour: Option<Silhouette<'a, CameraModel>>,
+    pub(super) highlights: Specular,
+    /// Vertices that the camera sees.
+    pub(super) visible: usize,
     pub(super) image: ColorImage,
     pub(super) samples: Vec<Sample>,
     pub(super) log_gain: f64,
@@ -235,13 +253,13 @@ fn faces_drawn(raster: &Raster) -> usize {
     faces.len()
 }
 
-pub(super) fn look(
-    photo: &Photograph,
+pub(super) fn look<'a>(
+    photo: &Photograph<'a>,
     rest: &Mesh,
     shape: &[Point3],
     blur: f64,
     options: &JointOptions,
-) -> Seen {
+) -> Seen<'a> {
     let diagonal = diagonal(photo.picture.linear.size);
     let blur = blur * diagonal;
     let seen = LookOptions {
@@ -276,15 +294,39 @@ pub(super) fn look(
         Sample { face, barycentric, brightness }
     };
     let samples = weighed.brightness.into_iter().map(sample).collect();
-    Seen { image: look.image, samples, log_gain: weighed.log_gain }
+    let topology = &rest.topology;
+    let of = |outline| {
+        let sigma = options.silhouette_px;
+        contour(photo.camera, topology, shape, &look.raster, outline, sigma)
+    };
+    let contour = photo.outline.map(of);
+    let visible = visible_vertices(photo.camera, topology, shape, &look.raster, look.tolerance);
+    let highlights = look.highlights(&visible);
+    let sigma = lobe(&highlights, &look.normals);
+    let highlights = Specular::new(topology, &highlights, sigma);
+    let visible = visible.into_iter().filter(|v| *v).count();
+    let log_gain = weighed.log_gain;
+    Seen { image: look.image, samples, contour, highlights, visible, log_gain }
 }
+
+/// Spread of the normals of a highlight about the mirror direction, rad: the lobe of the tissue as
+/// far as it saturates, which a shape near the truth shows.
+fn lobe(highlights: &[(u32, Vector3)], normals: &[Vector3]) -> f64 {
+    let angle = |(v, h): &(u32, Vector3)| h.cross(&normals[*v as usize]).norm().min(1.0).asin();
+    let mut angles: Vec<f64> = highlights.iter().map(angle).collect();
+    let [least, most] = LOBE_DEG.map(f64::to_radians);
+    median(&mut angles).unwrap_or(most).clamp(least, most)
+}
+
+/// Bounds of the spread of the normals of a highlight, degrees.
+const LOBE_DEG: [f64; 2] = [4.0, 15.0];
 
 pub(super) fn objective<'a>(
     scene: &'a Scene,
     matches: &[Match],
     depth_sigma: f64,
     photo: &Photograph<'a>,
-    look: &'a Seen,
+    look: &'a Seen<'a>,
     expected_log_gain: f64,
     options: &JointOptions,
 ) -> Objective<'a> {
@@ -299,13 +341,25 @@ pub(super) fn objective<'a>(
         look.samples.clone(),
     );
     let strain = Loss::GemanMcClure(options.strain);
+    let specular = match photo.light.light {
+        LightModel::Point(_) => options.specular * 334.0 / look.visible.max(1) as f64,
+        LightModel::Collinear => 0.0,
+    };
     let prior = |index, mean, sigma| GlobalsPrior { index: [index], mean, sigma };
     let matched = Objective::over(scene.posed.len(), 2).plus(
         1.0,
         Loss::GemanMcClure(options.match_px),
         motion(scene, matches, 1.0),
     );
-    keep(matched, scene, options.prior, strain, [options.conformal, options.stretch])
+    let kept = keep(matched, scene, options.prior, strain, [options.conformal, options.stretch]);
+    let kept = match &look.contour {
+        Some(contour) => {
+            let share = 100.0 / contour.vertices.len().max(1) as f64;
+            kept.plus(share * options.silhouette, Loss::Huber(2.0), contour.clone())
+        }
+        None => kept,
+    };
+    kept.plus(specular, Loss::GemanMcClure(2.0), look.highlights.clone())
         .plus(options.smoothing, Loss::Squared, smoothing)
         .plus(share * options.photometric, Loss::GemanMcClure(options.robust), photometric)
         .plus(1.0, Loss::Huber(1.0), hold_depth(scene, matches, &scene.posed, depth_sigma))

@@ -111,6 +111,18 @@ impl<'a> Look<'a> {
         self.photo.light.mirror_normal(point).dot(normal) > self.glossy
     }
 
+    /// Visible vertices that mirror the light, with the normals that do.
+    pub(super) fn highlights(&self, visible: &[bool]) -> Vec<(u32, Vector3)> {
+        let inside = |&v: &usize| visible[v] && !self.rest.topology.boundary[v];
+        let mirrors = |v: usize| {
+            let pixel = self.photo.camera.project(&self.shape[v])?.pixel;
+            let highlight =
+                self.photo.picture.saturated.at_pixel(&pixel) && self.photo.usable.at_pixel(&pixel);
+            highlight.then(|| (v as u32, self.photo.light.mirror_normal(&self.shape[v])))
+        };
+        (0..self.shape.len()).filter(inside).filter_map(mirrors).collect()
+    }
+
     fn in_halo(&self, pixel: usize) -> bool {
         f64::from(self.photo.picture.to_saturated[pixel]) <= self.options.halo
     }

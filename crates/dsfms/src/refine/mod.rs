@@ -1,5 +1,6 @@
 //! DSfMS: shading and specularities refine the coarse shape (paper §7, eq. 4).
 
+mod contour;
 pub mod evidence;
 mod glare;
 pub mod joint;

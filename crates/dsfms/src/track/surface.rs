@@ -146,6 +146,7 @@ impl Tracker<'_> {
             camera: &self.working.photo,
             picture: view.picture.as_ref()?,
             usable: &view.usable,
+            outline: None,
             light: &self.light,
             albedo: self.albedo,
             expected_log_gain: (!self.template.views.is_empty()).then_some(0.0),

@@ -1,0 +1,92 @@
+//! Silhouette condition: the occluding contour lies on the organ's outline.
+
+use super::{EnergyTerm, Infeasible, Jacobian};
+use crate::camera::Camera;
+use crate::geometry::Point3;
+use crate::image::Plane;
+use nalgebra::SVector;
+
+/// `r = d(π(vᵢ)) / σ` with the signed distance `d` to the outline, px, positive outside. What the
+/// condition holds on one side only (the rim of an open surface, which need not be where the organ
+/// ends) has no residual inside.
+///
+/// A vertex that leaves the image goes on seeing the distance at its edge.
+#[derive(Clone, Debug)]
+pub struct Silhouette<'a, C> {
+    /// Camera of the frame.
+    pub camera: &'a C,
+    /// Signed distance to the organ's outline.
+    pub distance: &'a Plane,
+    /// Vertices on the contour.
+    pub vertices: Vec<[u32; 1]>,
+    /// Which of them may also lie inside.
+    pub one_sided: Vec<bool>,
+    /// Noise of the outline, px.
+    pub sigma_px: f64,
+}
+
+impl<C: Camera> EnergyTerm<1> for Silhouette<'_, C> {
+    const LABEL: &'static str = "silhouette (joint)";
+
+    fn count(&self) -> usize {
+        self.vertices.len()
+    }
+
+    fn stencil(&self, i: usize) -> &[u32] {
+        &self.vertices[i]
+    }
+
+    fn residual(
+        &self,
+        i: usize,
+        v: &[Point3],
+        _: &[f64],
+        jacobian: Option<Jacobian<'_, 1>>,
+    ) -> Result<SVector<f64, 1>, Infeasible> {
+        let projection = self.camera.project(&v[0]).ok_or(Infeasible)?;
+        let [w, h] = self.distance.size.map(|s| s as f64 - 1.0);
+        let pixel = projection.pixel;
+        let inside = crate::geometry::Point2::new(pixel.x.clamp(0.0, w), pixel.y.clamp(0.0, h));
+        let (distance, slope) = self.distance.sample(&inside).ok_or(Infeasible)?;
+        if self.one_sided[i] && distance < 0.0 {
+            return Ok(SVector::zeros());
+        }
+        if let Some(j) = jacobian {
+            j.vertices[0] = slope.transpose() * projection.jacobian / self.sigma_px;
+        }
+        Ok(SVector::from([distance / self.sigma_px]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{CameraModel, Lens};
+    use crate::energy::check::{assert_jacobian, bent_patch};
+
+    #[test]
+    fn derivative_and_value() {
+        let mesh = bent_patch();
+        let camera = CameraModel {
+            size: [64, 48],
+            focal: [100.0, 110.0],
+            centre: [31.2, 23.3],
+            lens: Lens::Pinhole,
+        };
+        // The outline is the column x = 30.
+        let data = (0..64 * 48).map(|i| (i % 64) as f32 - 30.0).collect();
+        let distance = Plane { size: [64, 48], data };
+        let term = Silhouette {
+            camera: &camera,
+            distance: &distance,
+            vertices: vec![[6], [12], [13], [18]],
+            one_sided: vec![false, true, false, true],
+            sigma_px: 2.0,
+        };
+        assert_jacobian(&term, &mesh.positions, &[]);
+        let at = |x: f64| Point3::new((x - 31.2) * 0.5, 0.0, 50.0);
+        let value = |i: usize, x: f64| term.residual(i, &[at(x)], &[], None).unwrap()[0];
+        assert!((value(0, 34.0) - 2.0).abs() < 1e-9 && (value(0, 26.0) + 2.0).abs() < 1e-9);
+        assert!((value(1, 34.0) - 2.0).abs() < 1e-9 && value(1, 26.0) == 0.0);
+    }
+}

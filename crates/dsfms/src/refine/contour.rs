@@ -1,0 +1,87 @@
+//! The occluding contour of a shape, where the organ's outline in the frame is known.
+
+use crate::camera::{Camera, CameraModel};
+use crate::energy::Silhouette;
+use crate::geometry::{Point3, area_normal};
+use crate::image::Outline;
+use crate::mesh::Topology;
+use crate::raster::{Raster, regions::distance_to};
+
+/// A vertex further inside the predicted silhouette than this is on no contour against what lies
+/// around the organ, px.
+const AT_CONTOUR: f64 = 2.0;
+
+/// Vertices of the contour of `shape` (camera axes) against its surroundings: where faces turned to
+/// the camera meet others, and the rim of an open surface, held on one side only.
+pub(super) fn contour<'a>(
+    camera: &'a CameraModel,
+    topology: &Topology,
+    shape: &[Point3],
+    raster: &Raster,
+    outline: &'a Outline,
+    sigma_px: f64,
+) -> Silhouette<'a, CameraModel> {
+    let outside = distance_to(&raster.silhouette().complement());
+    let turned: Vec<bool> = topology
+        .faces
+        .iter()
+        .map(|face| {
+            let [a, b, c] = face.map(|v| &shape[v as usize]);
+            area_normal(a, b, c).dot(&a.coords) < 0.0
+        })
+        .collect();
+    let (mut vertices, mut one_sided) = (Vec::new(), Vec::new());
+    for (v, faces) in topology.vertex_faces.iter().enumerate() {
+        let front = faces.iter().filter(|&&f| turned[f as usize]).count();
+        let rim = topology.boundary[v] && front > 0;
+        if !rim && (front == 0 || front == faces.len()) {
+            continue;
+        }
+        let Some(pixel) = camera.project(&shape[v]).map(|p| p.pixel) else { continue };
+        if !outline.known_at(&pixel) {
+            continue;
+        }
+        let [x, y] = [pixel.x.round() as usize, pixel.y.round() as usize];
+        if f64::from(outside[y * raster.size[0] + x]) <= AT_CONTOUR {
+            vertices.push([v as u32]);
+            one_sided.push(rim);
+        }
+    }
+    Silhouette { camera, distance: &outline.distance, vertices, one_sided, sigma_px }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Lens;
+    use crate::image::Mask;
+    use crate::mesh::shapes;
+    use crate::raster::rasterize;
+
+    #[test]
+    fn the_contour_of_a_ball_is_its_widest_circle() {
+        let mesh = shapes::sphere(10.0, 3);
+        let shape: Vec<Point3> = mesh
+            .positions
+            .iter()
+            .map(|p| p + crate::geometry::Vector3::new(0.0, 0.0, 60.0))
+            .collect();
+        let camera = CameraModel {
+            size: [160, 120],
+            focal: [300.0; 2],
+            centre: [80.0, 60.0],
+            lens: Lens::Pinhole,
+        };
+        let raster = rasterize(&camera, &mesh.topology, &shape);
+        let organ: Mask = raster.silhouette();
+        let outline = Outline::new(&organ, None);
+        let found = contour(&camera, &mesh.topology, &shape, &raster, &outline, 2.0);
+        assert!(found.vertices.len() > 20, "{}", found.vertices.len());
+        assert!(found.one_sided.iter().all(|one| !one));
+        for [v] in &found.vertices {
+            let pixel = camera.project(&shape[*v as usize]).unwrap().pixel;
+            let distance = outline.distance.sample(&pixel).unwrap().0;
+            assert!(distance.abs() < 2.5, "vertex {v}: {distance} px");
+        }
+    }
+}
