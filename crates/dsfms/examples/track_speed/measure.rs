@@ -11,6 +11,8 @@ pub struct Meter {
     solve_ms: Vec<f64>,
     followed_ms: Vec<f64>,
     stages: BTreeMap<&'static str, Vec<f64>>,
+    /// Of the frames that were searched by descriptors.
+    searched: BTreeMap<&'static str, Vec<f64>>,
     status: [usize; 3],
     found: usize,
     /// Resident memory after every twentieth part of the run, MiB.
@@ -27,6 +29,7 @@ impl Meter {
             solve_ms: Vec::with_capacity(count),
             followed_ms: Vec::with_capacity(count),
             stages: BTreeMap::new(),
+            searched: BTreeMap::new(),
             status: [0; 3],
             found: 0,
             memory: Vec::new(),
@@ -44,9 +47,10 @@ impl Meter {
         let searched = tracked.stages.iter().any(|s| s.0 == "find");
         if !searched {
             self.followed_ms.push(1e3 * solve.as_secs_f64());
-            for (name, seconds) in &tracked.stages {
-                self.stages.entry(name).or_default().push(1e3 * seconds);
-            }
+        }
+        let stages = if searched { &mut self.searched } else { &mut self.stages };
+        for (name, seconds) in &tracked.stages {
+            stages.entry(name).or_default().push(1e3 * seconds);
         }
         if tracked.status != TrackStatus::Ok && self.count <= 1000 {
             eprintln!(
@@ -79,6 +83,10 @@ impl Meter {
         row("solve", &self.solve_ms);
         row("solve followed", &self.followed_ms);
         for (name, times) in &self.stages {
+            row(&format!("- {name}"), times);
+        }
+        println!("frames searched by descriptors");
+        for (name, times) in &self.searched {
             row(&format!("- {name}"), times);
         }
         let memory: Vec<String> = self.memory.iter().map(|m| format!("{m:.0}")).collect();

@@ -143,7 +143,7 @@ impl Problem for Objective<'_> {
     type State = Unknowns;
 
     fn costs(&self, state: &Unknowns) -> Option<Vec<f64>> {
-        self.terms.iter().map(|term| term.cost(state)).collect()
+        self.terms.par_iter().map(|term| term.cost(state)).collect()
     }
 
     fn labels(&self) -> Vec<&'static str> {

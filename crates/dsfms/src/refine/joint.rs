@@ -279,7 +279,7 @@ pub(super) fn look(
     Seen { image: look.image, samples, log_gain: weighed.log_gain }
 }
 
-pub(super) fn objective<'a>(
+fn objective<'a>(
     scene: &'a Scene,
     matches: &[Match],
     depth_sigma: f64,

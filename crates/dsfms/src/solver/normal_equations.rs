@@ -19,7 +19,7 @@ use super::pattern::Pattern;
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
 
 /// Meshes of more vertices are solved iteratively.
-pub const DIRECT_UP_TO: usize = 1000;
+pub const DIRECT_UP_TO: usize = 500;
 
 /// Sums of one linearisation; several are added in fixed order to use all cores.
 #[derive(Clone, Debug)]

@@ -9,8 +9,9 @@ use crate::image::filter::halve;
 /// Half the side of a patch less the centre, px of each level.
 pub const RADIUS: i32 = 8;
 
-/// Pixels of a patch.
-const COUNT: usize = ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as usize;
+/// Side of a patch, and its pixels.
+const SIDE: usize = 2 * RADIUS as usize + 1;
+const COUNT: usize = SIDE * SIDE;
 
 /// Steps on a level at most.
 const STEPS: usize = 12;
@@ -55,15 +56,8 @@ pub fn follow(render: &Pyramid, frame: &Pyramid, at: Point2, start: Point2) -> O
 /// matched.
 fn align(render: &Plane, frame: &Plane, at: Point2, start: Point2) -> Option<Point2> {
     let value = patch(render, at)?;
-    let mut gradient = [Vector2::zeros(); COUNT];
-    let mut hessian = nalgebra::Matrix2::zeros();
-    let around = |x: f64, y: f64| patch(render, at + Vector2::new(x, y));
-    let (left, right) = (around(-1.0, 0.0)?, around(1.0, 0.0)?);
-    let (above, below) = (around(0.0, -1.0)?, around(0.0, 1.0)?);
-    for k in 0..COUNT {
-        gradient[k] = 0.5 * Vector2::new(right[k] - left[k], below[k] - above[k]);
-        hessian += gradient[k] * gradient[k].transpose();
-    }
+    let gradient = gradients(render, at)?;
+    let hessian: nalgebra::Matrix2<f64> = gradient.iter().map(|g| g * g.transpose()).sum();
     let (mean, spread) = moments(&value);
     let inverse = hessian.try_inverse()?;
     let mut place = start;
@@ -86,7 +80,7 @@ fn align(render: &Plane, frame: &Plane, at: Point2, start: Point2) -> Option<Poi
             return Some(place);
         }
     }
-    Some(place)
+    None
 }
 
 /// Normalised cross-correlation, in `[-1, 1]`, of the patches about a place of each image; `None`
@@ -103,21 +97,38 @@ pub fn correlation(a: &Plane, at: Point2, b: &Plane, place: Point2) -> Option<f6
 
 /// Values of a patch, all with the same bilinear weights; `None` outside the image.
 fn patch(plane: &Plane, at: Point2) -> Option<[f64; COUNT]> {
+    window::<SIDE, COUNT>(plane, at)
+}
+
+/// Central differences of a patch, per px.
+fn gradients(plane: &Plane, at: Point2) -> Option<[Vector2; COUNT]> {
+    const WIDE: usize = SIDE + 2;
+    let values = window::<WIDE, { WIDE * WIDE }>(plane, at)?;
+    Some(std::array::from_fn(|k| {
+        let i = (k / SIDE + 1) * WIDE + k % SIDE + 1;
+        0.5 * Vector2::new(values[i + 1] - values[i - 1], values[i + WIDE] - values[i - WIDE])
+    }))
+}
+
+/// Values of a square of `SIDE` px about a place.
+fn window<const SIDE: usize, const COUNT: usize>(
+    plane: &Plane,
+    at: Point2,
+) -> Option<[f64; COUNT]> {
     let (x0, y0) = (at.x.floor(), at.y.floor());
     let (u, v) = (at.x - x0, at.y - y0);
-    let reach = f64::from(RADIUS);
+    let reach = (SIDE / 2) as f64;
     let inside = |c: f64, n: usize| c - reach >= 0.0 && c + reach + 1.0 <= n as f64 - 1.0;
     if !(inside(x0, plane.size[0]) && inside(y0, plane.size[1])) {
         return None;
     }
-    let (left, top) = (x0 as usize - RADIUS as usize, y0 as usize - RADIUS as usize);
-    let side = 2 * RADIUS as usize + 1;
+    let (left, top) = (x0 as usize - SIDE / 2, y0 as usize - SIDE / 2);
     let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
     let mut values = [0.0; COUNT];
-    for (row, line) in values.chunks_exact_mut(side).enumerate() {
+    for (row, line) in values.chunks_exact_mut(SIDE).enumerate() {
         let start = (top + row) * plane.size[0] + left;
-        let upper = &plane.data[start..=start + side];
-        let lower = &plane.data[start + plane.size[0]..=start + plane.size[0] + side];
+        let upper = &plane.data[start..=start + SIDE];
+        let lower = &plane.data[start + plane.size[0]..=start + plane.size[0] + SIDE];
         for (x, value) in line.iter_mut().enumerate() {
             let four = [upper[x], upper[x + 1], lower[x], lower[x + 1]];
             *value = four.iter().zip(weights).map(|(&c, w)| f64::from(c) * w).sum();
