@@ -87,6 +87,7 @@ impl<'a> Objective<'a> {
         self.workspace = std::mem::take(workspace);
         self.prepare();
         if let Some(system) = &mut self.workspace.system {
+            system.equations.reduce_by(options.reduction);
             system.equations.orient(&start.vertices).expect("a system that was ordered fits");
         }
         let found = minimize(&mut self, start, options);

@@ -27,6 +27,9 @@ pub struct VideoOptions {
     pub steps: usize,
     /// A step that lowers the cost by less than this part of it is the last.
     pub tolerance: f64,
+    /// The linear systems' residual is reduced by this factor: few good steps, since each costs a new
+    /// linearisation.
+    pub reduction: f64,
     /// Three samples a face as long as they are no more than this, else one.
     pub max_samples: usize,
     /// Geman-McClure scale of the matches, px: they start where the last frame ended, and are
@@ -39,8 +42,9 @@ impl Default for VideoOptions {
         Self {
             blur: 0.0045,
             blurs_after_gap: vec![0.018, 0.009],
-            steps: 6,
+            steps: 4,
             tolerance: 1e-3,
+            reduction: 0.03,
             max_samples: 3000,
             match_px: 1.5,
         }
@@ -100,8 +104,12 @@ pub fn join_near(
     video: &VideoOptions,
 ) -> Carried {
     let joint = JointOptions { max_samples: video.max_samples, ..joint.clone() };
-    let solver =
-        Options { max_steps: video.steps, cost_tolerance: video.tolerance, ..Options::default() };
+    let solver = Options {
+        max_steps: video.steps,
+        cost_tolerance: video.tolerance,
+        reduction: video.reduction,
+        ..Options::default()
+    };
     let start = Unknowns { vertices: near.shape.to_vec(), globals: vec![0.0, near.ambient] };
     let mut found = (start, 0, 0.0, 0);
     let before = if near.gap { &video.blurs_after_gap[..] } else { &[] };
@@ -121,9 +129,6 @@ pub fn join_near(
         let expected = photo.expected_log_gain.unwrap_or(look.log_gain);
         let problem = objective(frame, facets.clone(), expected, match_px, &joint);
         let (state, summary) = problem.minimise_in(&mut memory.workspace, state, &solver);
-        if std::env::var_os("TRACE").is_some() {
-            eprintln!("{summary:?}");
-        }
         let residual = facets.mean_residual(&state.vertices, &state.globals);
         found = (state, look.samples.len(), residual, steps + summary.iterations);
     }

@@ -11,10 +11,6 @@ use super::normal_equations::Matrix;
 use super::ordering::Ordered;
 use nalgebra::{Cholesky as Dense, Dyn, Matrix3, Point3, Vector3};
 
-/// The residual is reduced by this factor in the norm of the preconditioner, about what one
-/// linearisation is worth.
-const REDUCTION: f64 = 0.1;
-
 /// More iterations than this renew a factor made at another linearisation or damping.
 const AGED: usize = 25;
 
@@ -103,8 +99,9 @@ impl Iterative {
             let local = self.axes[v].tr_mul(&Vector3::new(r[3 * v], r[3 * v + 1], r[3 * v + 2]));
             (self.along[new], self.across[new]) = ([local.x, local.y], [local.z]);
         }
-        self.cholesky.solve(&self.factors[0], &mut self.along);
-        self.cholesky.solve(&self.factors[1], &mut self.across);
+        let Self { cholesky, factors, along, across, .. } = self;
+        let cholesky = &*cholesky;
+        rayon::join(|| cholesky.solve(&factors[0], along), || cholesky.solve(&factors[1], across));
         for (new, &v) in ordered.order.iter().enumerate() {
             let ([x, y], [across], v) = (self.along[new], self.across[new], v as usize);
             let global = self.axes[v] * Vector3::new(x, y, across);
@@ -118,7 +115,14 @@ impl Iterative {
     }
 
     /// The step, and the product of step and residual; `None` where the iteration fails.
-    pub fn step(&mut self, matrix: &Matrix, damping: f64) -> Option<(Vec<f64>, f64)> {
+    ///
+    /// The residual is reduced by `reduction` in the norm of the preconditioner.
+    pub fn step(
+        &mut self,
+        matrix: &Matrix,
+        damping: f64,
+        reduction: f64,
+    ) -> Option<(Vec<f64>, f64)> {
         self.fresh = false;
         if self.renew {
             self.factorise(matrix, damping).ok()?;
@@ -132,7 +136,7 @@ impl Iterative {
         self.precondition(matrix.ordered, &r, &mut z);
         let mut p = z.clone();
         let (mut rz, mut since) = (dot(&r, &z), 0);
-        let goal = REDUCTION * REDUCTION * rz;
+        let goal = reduction * reduction * rz;
         if goal.is_nan() || goal <= 0.0 {
             return None;
         }

@@ -58,9 +58,11 @@ impl Tracker<'_> {
                 let found = pose_near(self.camera, points, &pixels(&matches), options, start);
                 found.map_err(|error| error.to_string())
             };
-            let moved = to(&self.on(&matches, &last.vertices), last.motion)?.pose;
-            let posed = to(&self.on(&matches, &self.template.mesh.positions), moved * last.pose)?;
-            Ok::<_, String>(self.near(last, moved, posed, false))
+            let (shape, rest) = (self.expected(last), &self.template.mesh.positions);
+            let moved = to(&self.on(&matches, shape), Isometry::identity())?.pose;
+            let base = align_rigid_robust(&last.vertices, shape).unwrap_or_default();
+            let posed = to(&self.on(&matches, rest), moved * base * last.pose)?;
+            Ok::<_, String>(self.near(last, shape, moved, posed, false))
         })?;
         Ok(self.solved(view, matches, near, clock))
     }
@@ -79,14 +81,22 @@ impl Tracker<'_> {
             let (rest, register) = (&self.template.mesh, &options.register);
             let posed = pose(self.camera, rest, &matches, register, options.seed)
                 .map_err(|error| error.to_string())?;
-            Ok::<_, String>(self.near(last, posed.pose * last.pose.inverse(), posed, true))
+            let motion = posed.pose * last.pose.inverse();
+            Ok::<_, String>(self.near(last, &last.vertices, motion, posed, true))
         })?;
         Ok(self.solved(view, matches, near, clock))
     }
 
-    /// The last shape moved by a motion, as a start.
-    fn near(&self, last: &Last, motion: Isometry, posed: Posed, gap: bool) -> Start {
-        let shape: Vec<Point3> = last.vertices.iter().map(|v| motion * v).collect();
+    /// A shape like the last moved by a motion, as a start.
+    fn near(
+        &self,
+        last: &Last,
+        shape: &[Point3],
+        motion: Isometry,
+        posed: Posed,
+        gap: bool,
+    ) -> Start {
+        let shape: Vec<Point3> = shape.iter().map(|v| motion * v).collect();
         let visible = last.look.visible.clone();
         let rest = &self.template.mesh.positions;
         // A near light tells the distance of everything, so the shape knows the pose better than the

@@ -67,8 +67,8 @@ pub(super) struct Last {
     pub(super) pose: Isometry,
     pub(super) ambient: f64,
     pub(super) look: Look,
-    /// Rigid motion from the frame before it to it.
-    pub(super) motion: Isometry,
+    /// Where the next frame may show it.
+    pub(super) ahead: Vec<Point3>,
 }
 
 /// A surface before anybody has looked at it.
@@ -247,15 +247,19 @@ impl<'a> Tracker<'a> {
         Ok(self.judged(view, draft, Way::Found, clock))
     }
 
+    /// Where this frame may show the last shape.
+    pub(super) fn expected<'b>(&self, last: &'b Last) -> &'b [Point3] {
+        if last.frame + 1 == self.count { &last.ahead } else { &last.vertices }
+    }
+
     /// Matches of the last shape's anchors, carried on by its motion and then by their look.
     fn followed(&self, view: &View) -> Vec<Match> {
         let Some(last) = &self.last else { return Vec::new() };
-        let faces = &self.template.mesh.topology.faces;
+        let (faces, start) = (&self.template.mesh.topology.faces, self.expected(last));
         let (render, frame) = (&last.look.render, &view.seen.pyramid);
         let one = |a: &Anchor| -> Option<(f64, (Match, Vector2))> {
-            let corners = faces[a.face as usize].map(|v| &last.vertices[v as usize]);
-            let ahead = last.motion * point_at(corners, a.barycentric);
-            let start = self.working.camera.project(&ahead)?.pixel;
+            let corners = faces[a.face as usize].map(|v| &start[v as usize]);
+            let start = self.working.camera.project(&point_at(corners, a.barycentric))?.pixel;
             let place = follow(render, frame, a.pixel, start)
                 .or_else(|| follow(render, frame, a.pixel, a.pixel))?;
             whole(&view.seen.usable, place).then_some(())?;
@@ -316,21 +320,33 @@ impl<'a> Tracker<'a> {
                     .last
                     .as_ref()
                     .filter(|l| l.frame + 1 == self.count && c.surface.way == Way::Followed);
-                let motion =
-                    before.and_then(|l| align_rigid_robust(&l.vertices, &c.surface.vertices));
+                let vertices = c.surface.vertices.clone();
+                let ahead = before.and_then(|l| ahead(&l.vertices, &vertices));
                 self.last = Some(Last {
                     frame: self.count,
-                    vertices: c.surface.vertices.clone(),
+                    ahead: ahead.unwrap_or_else(|| vertices.clone()),
+                    vertices,
                     pose: c.surface.pose,
                     ambient: c.ambient,
                     look: c.look,
-                    motion: motion.unwrap_or_else(Isometry::identity),
                 });
                 (c.status, c.reasons, Some(c.surface))
             }
         };
         Tracked { status, reasons, surface, stages }
     }
+}
+
+/// Part of the change of shape that is expected to go on.
+const GOES_ON: f64 = 0.7;
+
+/// A shape moved and bent on as since the one before.
+fn ahead(before: &[Point3], now: &[Point3]) -> Option<Vec<Point3>> {
+    let motion = align_rigid_robust(before, now)?;
+    let on = |(before, now): (&Point3, &Point3)| {
+        motion * now + motion.rotation * (now - motion * before) * GOES_ON
+    };
+    Some(before.iter().zip(now).map(on).collect())
 }
 
 /// What is not much less alike than most.
