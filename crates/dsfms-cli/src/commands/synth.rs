@@ -1,13 +1,16 @@
-//! `dsfms synth`: synthetic cases as files that the other commands read.
+//! `dsfms synth`: synthetic cases and clips as files that the other commands read.
+
+mod video;
 
 use super::experiment::pace::Paced;
 use super::experiment::series::{SeriesArgs, percent};
 use crate::args::Global;
 use crate::draw::picture;
-use crate::exit::Outcome;
+use crate::exit::{Outcome, Usage};
 use crate::outputs::{prepare_folder, write_json, write_png, write_text};
 use crate::progress::Reporter;
 use clap::Args;
+use dsfms::experiment::Organ;
 use dsfms::geometry::Point2;
 use dsfms::image::{ColorImage, ToneCurve};
 use dsfms::io::camera::{CameraFile, write_camera};
@@ -18,7 +21,7 @@ use dsfms::io::vertex_truth::{VertexTruth, write_vertex_truth};
 use dsfms::mesh::Mesh;
 use dsfms::pipeline::Progress;
 use dsfms::synth::render::encoder;
-use dsfms::synth::{Case, Cell};
+use dsfms::synth::{Case, Cell, ClipOptions};
 use dsfms::template::bake::bake;
 use dsfms::template::{Flattening, LengthUnit, SurfaceTexels};
 use image::RgbImage;
@@ -34,11 +37,24 @@ Examples:
   dsfms reconstruct organ.template frame_000.png --camera camera.json --matches matches.csv \\
       --method joint -o out
   dsfms evaluate out truth --camera camera.json
+  # A clip of 500 frames to track, of a part of a uterus
+  dsfms synth --video --organ uterus --seed 1 -o clip
+  dsfms track clip/organ.template clip/frames --camera clip/camera.json -o out
+  # The same pictures as a video file
+  ffmpeg -framerate 25 -i clip/frames/frame_%03d.png -crf 15 -pix_fmt yuv420p clip.mp4
 
 Written for every case: frame_000.png, camera.json (with the light), matches.csv, rest.obj (mm, with
 UV) and albedo.png, truth/frame_000.ply (camera axes, the order of rest.obj) with
 truth/frame_000_vertices.npz, vertices.csv (vertex,zone,visible,displacement; the zone is what moved by
-more than a tenth of the largest displacement) and case.json.";
+more than a tenth of the largest displacement) and case.json.
+
+With --video: frames/frame_NNN.png, exploration/ (24 frames at rest), camera.json, rest.ply (mm),
+organ.template (mesh and poses given; light, albedo and descriptors measured in exploration/), clip.json
+and truth/: clip.npz (vertices: frames x vertices x 3 in camera axes, displacement in mm, visible, zone:
+what moved by at least half of the largest visible displacement), events.csv (event,first,last frame),
+frames.csv, instruments/ (masks), poses.json, light.json. The organ is pulled and pushed in turn,
+instruments touch and pass, the exposure jumps, the lens is covered for 10 frames, one cut changes view
+and shape. A run that was stopped goes on where it was.";
 
 /// Write synthetic cases: deformed organs with image, matches and truth (paper, section 8.1).
 #[derive(Debug, Args)]
@@ -49,7 +65,20 @@ pub struct SynthArgs {
     /// Extensions, percent.
     #[arg(long, value_delimiter = ',', default_value = "0,5,10,15,20", value_parser = percent)]
     ext: Vec<f64>,
-    /// Folder for the cases.
+    /// Write one clip instead of cases; of the options above it takes --organ and --vertices.
+    #[arg(long)]
+    video: bool,
+    /// Frames of the clip, 25 a second.
+    #[arg(long, value_name = "N", default_value_t = 500, value_parser = frames, requires = "video")]
+    frames: usize,
+    /// Size of the clip's frames, px.
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = super::track::size,
+        requires = "video")]
+    size: [usize; 2],
+    /// Files of the clip's frames.
+    #[arg(long, value_enum, default_value_t = video::FrameFormat::Png, requires = "video")]
+    frame_format: video::FrameFormat,
+    /// Folder for the cases or the clip.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
 }
@@ -61,6 +90,9 @@ const ALBEDO_SIDE: usize = 1024;
 pub fn run(args: &SynthArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
     prepare_folder(&args.output)?;
     let organ = args.series.organ()?;
+    if args.video {
+        return clip(args, &organ, global, reporter);
+    }
     let protocol = args.series.protocol(global.seed);
     let cells = args.ext.iter().flat_map(|&extension| {
         args.series.noise.iter().map(move |&noise| Cell { extension, noise })
@@ -94,6 +126,34 @@ pub fn run(args: &SynthArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
         anyhow::Ok(())
     })?;
     Ok(Outcome::Ok)
+}
+
+/// `--frames`.
+fn frames(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n @ 1..=100_000) => Ok(n),
+        _ => Err("expected a whole number from 1 to 100000".into()),
+    }
+}
+
+fn clip(
+    args: &SynthArgs,
+    organ: &Organ,
+    global: &Global,
+    reporter: &Reporter,
+) -> anyhow::Result<Outcome> {
+    if args.size.iter().any(|s| *s < 64) {
+        return Err(Usage("--size: a clip needs at least 64x64".into()).into());
+    }
+    let (frames, size, seed) = (args.frames, args.size, global.seed);
+    let arguments = video::VideoArgs {
+        organ,
+        vertices: args.series.vertices_or(1000),
+        options: ClipOptions { frames, size, seed },
+        format: args.frame_format,
+        folder: &args.output,
+    };
+    video::make(&arguments, global, reporter)
 }
 
 fn displacements(case: &Case) -> Vec<f64> {

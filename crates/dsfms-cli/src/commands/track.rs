@@ -104,7 +104,7 @@ enum TrackMethod {
 }
 
 /// `1280x720`.
-fn size(text: &str) -> Result<[usize; 2], String> {
+pub fn size(text: &str) -> Result<[usize; 2], String> {
     let parts: Option<Vec<usize>> = text.split('x').map(|n| n.parse().ok()).collect();
     match parts.as_deref() {
         Some(&[w, h]) if (1..65536).contains(&w) && (1..65536).contains(&h) => Ok([w, h]),

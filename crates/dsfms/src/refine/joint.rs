@@ -139,7 +139,7 @@ pub fn join(
     photo: &Photograph,
     options: &JointOptions,
 ) -> Joined {
-    let hold = depth_tolerance(scene, depth_sigma, photo.light, options);
+    let hold = depth_tolerance(scene, depth_sigma, &photo.light.light, options);
     let mut state = Unknowns { vertices: start.to_vec(), globals: vec![0.0, 0.0] };
     let mut expected = photo.expected_log_gain;
     let (mut last, mut workspace) = (None, Workspace::default());
@@ -161,7 +161,7 @@ pub fn join(
         last = Some((summary, look.samples.len()));
         // A near light tells the distance of everything, so the shape now knows the pose better than
         // the matches did; under a distant one only the matches hold it.
-        if matches!(photo.light, LightModel::Point(_)) {
+        if matches!(photo.light.light, LightModel::Point(_)) {
             reposed = Some(scene.reposed(&state.vertices));
         }
     }

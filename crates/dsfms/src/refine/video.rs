@@ -6,9 +6,11 @@
 
 use super::Photograph;
 use super::joint::{JointOptions, depth_tolerance, look};
+use crate::camera::CameraModel;
 use crate::energy::facet::Facets;
-use crate::energy::{GlobalsPrior, Objective, Smoothing, Unknowns, Workspace};
+use crate::energy::{EnergyTerm, GlobalsPrior, Objective, Smoothing, Unknowns, Workspace};
 use crate::geometry::Point3;
+use crate::light::Coated;
 use crate::mesh::normals::vertex_normals;
 use crate::register::objective::{hold_depth, keep, motion, stay};
 use crate::register::{Match, Scene};
@@ -139,14 +141,14 @@ pub fn join_near(
 /// The lines of the joint problem, with the condition on facets.
 fn objective<'a>(
     frame: &NearFrame<'a>,
-    facets: Facets<'a, crate::camera::CameraModel, crate::light::LightModel>,
+    facets: Facets<'a, CameraModel, Coated>,
     expected_log_gain: f64,
     match_px: f64,
     options: &JointOptions,
 ) -> Objective<'a> {
     let NearFrame { scene, matches, depth_sigma, photo } = *frame;
-    let hold = depth_tolerance(scene, depth_sigma, photo.light, options);
-    let share = 334.0 / crate::energy::EnergyTerm::count(&facets).max(1) as f64;
+    let hold = depth_tolerance(scene, depth_sigma, &photo.light.light, options);
+    let share = 334.0 / facets.count().max(1) as f64;
     let smoothing = Smoothing::of_displacement(&scene.laplacian, &scene.posed, scene.visible_area);
     let strain = Loss::GemanMcClure(options.strain);
     let prior = |index, mean, sigma| GlobalsPrior { index: [index], mean, sigma };

@@ -57,9 +57,7 @@ pub fn deform_to(
     of: ExtensionOf,
     lift: f64,
 ) -> Deformation {
-    let normals = vertex_normals(&mesh.topology, &mesh.positions);
-    let field: Vec<Vector3> =
-        mesh.positions.iter().zip(&normals).map(|(v, n)| pull(v, n, attractions, lift)).collect();
+    let field = attraction_field(mesh, attractions, lift);
     let largest = field.iter().map(|d| d.norm()).fold(0.0, f64::max);
     let zone: Vec<bool> =
         field.iter().map(|d| largest > 0.0 && d.norm() > ZONE * largest).collect();
@@ -80,6 +78,12 @@ pub fn deform_to(
     let vertices = at(if extension > 0.0 { high } else { 0.0 });
     let [extension, largest_extension] = zone_extension(mesh, &vertices, &zone);
     Deformation { vertices, zone, extension, largest_extension }
+}
+
+/// `Σⱼ (1 − θ²/θ₀²)² (gⱼ − v) + lift ‖·‖ N` at every vertex: the displacement of [`deform`] for κ = 1.
+pub fn attraction_field(mesh: &Mesh, attractions: &[Attraction], lift: f64) -> Vec<Vector3> {
+    let normals = vertex_normals(&mesh.topology, &mesh.positions);
+    mesh.positions.iter().zip(&normals).map(|(v, n)| pull(v, n, attractions, lift)).collect()
 }
 
 fn pull(v: &Point3, normal: &Vector3, attractions: &[Attraction], lift: f64) -> Vector3 {

@@ -2,6 +2,7 @@
 //! rendering with self-occlusion and texture, sparse correspondences that avoid the deformed zone.
 
 pub mod case;
+pub mod clip;
 pub mod correspond;
 pub mod deform;
 pub mod part;
@@ -12,6 +13,7 @@ pub mod render;
 mod shadow;
 
 pub use case::{Admitted, Case, CaseOptions};
+pub use clip::{Clip, ClipOptions};
 pub use correspond::{Draw, correspond};
 pub use deform::{Attraction, Deformation, ExtensionOf, deform, deform_to};
 pub use part::part;

@@ -104,9 +104,13 @@ pub fn correlation(a: &Plane, at: Point2, b: &Plane, place: Point2) -> Option<f6
     Some(product / (spread_a * spread_b))
 }
 
-/// Values of a patch, all with the same bilinear weights; `None` outside the image.
+/// Values of a patch less that of its middle, so that single precision is enough for its spread;
+/// `None` outside the image.
 fn patch(plane: &Plane, at: Point2) -> Option<[f32; COUNT]> {
-    window::<SIDE, COUNT>(plane, at)
+    let mut values = window::<SIDE, COUNT>(plane, at)?;
+    let middle = values[COUNT / 2];
+    values.iter_mut().for_each(|v| *v -= middle);
+    Some(values)
 }
 
 /// Central differences of a patch, per px, by column and by row.
@@ -125,7 +129,7 @@ fn gradients(plane: &Plane, at: Point2) -> Option<[[f32; COUNT]; 2]> {
     Some(found)
 }
 
-/// Values of a square of `SIDE` px about a place.
+/// Values of a square of `SIDE` px about a place, all with the same bilinear weights.
 fn window<const SIDE: usize, const COUNT: usize>(
     plane: &Plane,
     at: Point2,
@@ -171,10 +175,7 @@ fn total(values: &[f32; COUNT]) -> f64 {
 /// Mean and standard deviation.
 fn moments(values: &[f32; COUNT]) -> (f64, f64) {
     let mean = total(values) / COUNT as f64;
-    // About the middle value first: nothing of a small spread may be lost.
-    let middle = values[COUNT / 2];
-    let away = values.map(|v| v - middle);
-    let square = dot(&away, &away) / COUNT as f64 - (mean - f64::from(middle)).powi(2);
+    let square = dot(values, values) / COUNT as f64 - mean * mean;
     (mean, square.max(0.0).sqrt())
 }
 

@@ -5,7 +5,7 @@ use super::mips::Mips;
 use crate::camera::CameraModel;
 use crate::geometry::{Point2, Point3, Vector2, Vector3};
 use crate::image::{Mask, Plane};
-use crate::light::{Light, LightModel};
+use crate::light::Light;
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
 use crate::raster::{rasterize, visible_vertices};
@@ -97,7 +97,7 @@ impl Look {
         rest: &Mesh,
         shape: &[Point3],
         albedo: &Mips,
-        light: &LightModel,
+        light: &impl Light,
     ) -> Self {
         let topology = &rest.topology;
         let raster = rasterize(&working.camera, topology, shape);

@@ -101,7 +101,7 @@ impl Tracker<'_> {
         let rest = &self.template.mesh.positions;
         // A near light tells the distance of everything, so the shape knows the pose better than the
         // matches do; under a distant one only they hold it.
-        let base = match self.light {
+        let base = match self.light.light {
             LightModel::Point(_) => {
                 let seen = |shape: &[Point3]| -> Vec<Point3> {
                     shape.iter().zip(&visible).filter(|s| *s.1).map(|s| *s.0).collect()

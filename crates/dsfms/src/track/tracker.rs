@@ -9,7 +9,7 @@ use super::{Surface, TrackError, TrackOptions, TrackStatus, Tracked, Way};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3, Vector2, align_rigid_robust, median, point_at};
 use crate::image::{Frame, Mask, ToneCurve};
-use crate::light::LightModel;
+use crate::light::Coated;
 use crate::mesh::laplacian::Laplacian;
 use crate::pipeline::Method;
 use crate::refine::VideoMemory;
@@ -35,7 +35,7 @@ pub struct Tracker<'a> {
     pub(super) template: &'a Template,
     pub(super) albedo: Mips,
     search: Search<'a>,
-    pub(super) light: LightModel,
+    pub(super) light: Coated,
     pub(super) camera: &'a CameraModel,
     pub(super) options: TrackOptions,
     pub(super) working: Working,
@@ -128,7 +128,7 @@ impl<'a> Tracker<'a> {
             template,
             albedo: Mips::new(template.albedo.as_ref().ok_or(TrackError::NoAlbedo)?),
             search: Search::new(&template.mesh, features),
-            light: template.light.clone().unwrap_or_default(),
+            light: template.lighting(),
             camera,
             options,
             working,

@@ -22,9 +22,9 @@ pub struct SeriesArgs {
     /// Light along the optical axis, or near and 3 mm above the camera.
     #[arg(long, value_enum, default_value_t = LightName::Distant)]
     light: LightName,
-    /// Vertices of the template.
-    #[arg(long, value_name = "N", default_value_t = 334, value_parser = vertices)]
-    vertices: usize,
+    /// Vertices of the template; default 334, for a clip 1000.
+    #[arg(long, value_name = "N", value_parser = vertices)]
+    vertices: Option<usize>,
     /// What an extension states: the largest relative edge-length change in the deformed zone, or the
     /// mean one.
     #[arg(long, value_enum, default_value_t = ExtensionName::Largest)]
@@ -81,7 +81,8 @@ impl SeriesArgs {
         };
         let ends = |pick: fn(f64, f64) -> f64| self.height.iter().copied().reduce(pick);
         let height = [ends(f64::min), ends(f64::max)].map(|h| h.unwrap_or(1.0));
-        let (vertices, attractions, reach) = (self.vertices, self.attractions, self.reach);
+        let (attractions, reach) = (self.attractions, self.reach);
+        let vertices = self.vertices_or(Protocol::default().vertices);
         Protocol {
             vertices,
             light,
@@ -93,6 +94,11 @@ impl SeriesArgs {
             height,
             seed,
         }
+    }
+
+    /// Vertices, where they are not given.
+    pub fn vertices_or(&self, default: usize) -> usize {
+        self.vertices.unwrap_or(default)
     }
 
     /// The organ.
