@@ -175,7 +175,7 @@ mod tests {
 
     fn samples() -> Vec<Sample> {
         let brightness =
-            Brightness { weights: [0.5, 0.6, -0.2], albedo: 0.6, white: 0.9, sigma: 0.05 };
+            Brightness { weights: [0.5, 0.6, 0.2], albedo: 0.6, white: 0.9, sigma: 0.05 };
         let barycentric = [0.5, 0.3, 0.2];
         [0, 5, 5, 17, 31].map(|face| Sample { face, barycentric, brightness }).to_vec()
     }

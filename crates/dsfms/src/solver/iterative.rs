@@ -106,12 +106,8 @@ impl Iterative {
             let local = (local * scale).map(|c| c as f32);
             (self.along[new], self.across[new]) = ([local.x, local.y], [local.z]);
         }
-        let Self { cholesky, factors, along, across, .. } = self;
-        let cholesky = &*cholesky;
-        rayon::join(
-            || cholesky.solve_with(&factors[0], along),
-            || cholesky.solve_with(&factors[1], across),
-        );
+        self.cholesky.solve_with(&self.factors[0], &mut self.along);
+        self.cholesky.solve_with(&self.factors[1], &mut self.across);
         for (new, &v) in ordered.order.iter().enumerate() {
             let ([x, y], [across], v) = (self.along[new], self.across[new], v as usize);
             let local = Vector3::new(x, y, across).map(f64::from);
