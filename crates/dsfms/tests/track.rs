@@ -113,3 +113,52 @@ fn another_organ_is_never_good() {
     clip.frames.truncate(3);
     assert!(track(&clip).iter().all(|t| t.status != TrackStatus::Ok));
 }
+
+fn joint(clip: &Clip, threads: usize) -> Vec<Tracked> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let mut options = TrackOptions::default();
+    // The frames bend one way; what the first might be mistaken for is another test's.
+    options.reconstruct.joint.mirrors = 0;
+    let (template, camera, tone) = (&clip.template, &clip.camera, ToneCurve::Srgb);
+    pool.install(|| {
+        let mut tracker = Tracker::new(template, camera, &tone, Method::Joint, options).unwrap();
+        clip.frames.iter().map(|f| tracker.next(f, None).unwrap()).collect()
+    })
+}
+
+#[test]
+fn joint_from_the_last_shape_is_as_good_as_alone_survives_black_and_ignores_threads() {
+    let mut clip = clip();
+    clip.frames.truncate(6);
+    let (one, two) = (joint(&clip, 1), joint(&clip, 2));
+    let shapes = |all: &[Tracked]| -> Vec<Option<Vec<Point3>>> {
+        all.iter().map(|t| t.surface.as_ref().map(|s| s.vertices.clone())).collect()
+    };
+    assert!(shapes(&one) == shapes(&two), "threads change the bits");
+    let error = |k: usize, shape: &[Point3]| {
+        let truth = clip.truth[k].as_ref().unwrap();
+        let squares = shape.iter().zip(truth).map(|(a, b)| (a - b).norm_squared());
+        (squares.sum::<f64>() / truth.len() as f64).sqrt()
+    };
+    let surface = |k: usize| one[k].surface.as_ref().unwrap();
+    assert_eq!(surface(3).way, Way::Followed);
+    assert!(surface(3).photometric.is_some_and(|r| r < 0.1));
+    // The last before the black frame, and the first after it.
+    for k in [3, 5] {
+        let last = clip.frames[k].clone();
+        let alone = Clip { frames: vec![last], ..clip_of(&clip) };
+        let alone = joint(&alone, 2);
+        let (warm, cold) = (
+            error(k, &surface(k).vertices),
+            error(k, &alone[0].surface.as_ref().unwrap().vertices),
+        );
+        assert!(warm < 1.2 * cold + 0.05, "frame {k}: {warm:.3} mm, alone {cold:.3} mm");
+    }
+    assert_eq!(one[4].status, TrackStatus::Lost);
+}
+
+/// Camera, template and truth of a clip.
+fn clip_of(clip: &Clip) -> Clip {
+    let (camera, template) = (clip.camera.clone(), clip.template.clone());
+    Clip { camera, template, frames: Vec::new(), truth: clip.truth.clone() }
+}

@@ -1,7 +1,7 @@
 //! A clip of known truth: a moving camera over tissue that is pushed and pulled.
 
-use dsfms::camera::{CameraModel, Lens};
-use dsfms::geometry::{Isometry, Point3, Vector3};
+use dsfms::camera::{Camera, CameraModel, Lens};
+use dsfms::geometry::{Isometry, Point3, Vector2, Vector3, point_at};
 use dsfms::image::Frame;
 use dsfms::light::{LightModel, PointLight, Spot};
 use dsfms::mesh::Mesh;
@@ -93,6 +93,34 @@ impl Clip {
             )
         };
         println!("error mm, zone: {}; all: {}", of(0), of(1));
+    }
+
+    /// How far the kept matches lie from where the truth projects: `median / 90 % / mean offset`.
+    pub fn print_matches(&self, tracked: &[Option<Tracked>]) {
+        let (mut distances, mut sum) = (Vec::new(), Vector2::zeros());
+        for (t, truth) in tracked.iter().flatten().zip(&self.truth) {
+            let matches = t.surface.iter().flat_map(|s| &s.matches).filter(|m| m.1);
+            for (m, _) in matches {
+                let face = self.template.mesh.topology.faces[m.face as usize];
+                let point = point_at(face.map(|v| &truth[v as usize]), m.barycentric);
+                let Some(seen) = self.camera.project(&point) else { continue };
+                distances.push((m.pixel - seen.pixel).norm());
+                sum += m.pixel - seen.pixel;
+            }
+        }
+        distances.sort_unstable_by(f64::total_cmp);
+        let n = distances.len();
+        if n > 0 {
+            println!(
+                "matches {}, a frame {:.0}: {:.2} px median, {:.2} px 90 %, offset {:.2} {:.2}",
+                n,
+                n as f64 / tracked.iter().flatten().count() as f64,
+                distances[n / 2],
+                distances[n * 9 / 10],
+                sum.x / n as f64,
+                sum.y / n as f64
+            );
+        }
     }
 
     /// Every so-manieth frame by itself, found and solved from nothing, beside the tracked one.

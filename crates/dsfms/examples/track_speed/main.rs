@@ -35,6 +35,7 @@ struct Args {
     rate: Option<f64>,
     vertices: usize,
     cold_every: usize,
+    options: TrackOptions,
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -48,6 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (meter, tracked) = run(&clip, &args, count)?;
     meter.print();
     clip.print_errors(&tracked);
+    clip.print_matches(&tracked);
     if args.cold_every > 0 {
         clip.print_cold(&tracked, args.method, args.cold_every);
     }
@@ -64,6 +66,7 @@ fn args() -> Result<Args, Box<dyn std::error::Error>> {
         rate: None,
         vertices: 1000,
         cold_every: 0,
+        options: TrackOptions::default(),
     };
     while let Some(arg) = all.next() {
         if !arg.starts_with("--") {
@@ -78,6 +81,9 @@ fn args() -> Result<Args, Box<dyn std::error::Error>> {
             "--loop" => args.rounds = Some(value.parse()?),
             "--rate" => args.rate = Some(value.parse()?),
             "--vertices" => args.vertices = value.parse()?,
+            "--options" => {
+                args.options = TrackOptions::from_toml(&std::fs::read_to_string(value)?)?
+            }
             "--cold-every" => args.cold_every = value.parse()?,
             _ => return Err(format!("{arg} {value} is not understood").into()),
         }
@@ -104,7 +110,7 @@ fn run(
     args: &Args,
     count: usize,
 ) -> Result<(Meter, Vec<Option<Tracked>>), Box<dyn std::error::Error>> {
-    let options = TrackOptions::default();
+    let options = args.options.clone();
     let tone = clip.template.tone.clone();
     let mut tracker = Tracker::new(&clip.template, &clip.camera, &tone, args.method, options)?;
     let mut preparation = tracker.preparation();

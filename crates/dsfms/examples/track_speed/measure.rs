@@ -11,6 +11,10 @@ pub struct Meter {
     solve_ms: Vec<f64>,
     followed_ms: Vec<f64>,
     stages: BTreeMap<&'static str, Vec<f64>>,
+    /// Of the frames that were searched by descriptors.
+    searched: BTreeMap<&'static str, Vec<f64>>,
+    /// Mean photometric residual and reprojection error of every surface.
+    residuals: [Vec<f64>; 2],
     status: [usize; 3],
     found: usize,
     /// Resident memory after every twentieth part of the run, MiB.
@@ -27,6 +31,8 @@ impl Meter {
             solve_ms: Vec::with_capacity(count),
             followed_ms: Vec::with_capacity(count),
             stages: BTreeMap::new(),
+            searched: BTreeMap::new(),
+            residuals: [Vec::new(), Vec::new()],
             status: [0; 3],
             found: 0,
             memory: Vec::new(),
@@ -41,12 +47,17 @@ impl Meter {
         self.solve_ms.push(1e3 * solve.as_secs_f64());
         self.status[tracked.status as usize] += 1;
         self.found += usize::from(tracked.surface.as_ref().is_some_and(|s| s.way == Way::Found));
+        if let Some(s) = &tracked.surface {
+            self.residuals[0].extend(s.photometric.map(|r| 100.0 * r));
+            self.residuals[1].push(s.reprojection_px);
+        }
         let searched = tracked.stages.iter().any(|s| s.0 == "find");
         if !searched {
             self.followed_ms.push(1e3 * solve.as_secs_f64());
-            for (name, seconds) in &tracked.stages {
-                self.stages.entry(name).or_default().push(1e3 * seconds);
-            }
+        }
+        let stages = if searched { &mut self.searched } else { &mut self.stages };
+        for (name, seconds) in &tracked.stages {
+            stages.entry(name).or_default().push(1e3 * seconds);
         }
         if tracked.status != TrackStatus::Ok && self.count <= 1000 {
             eprintln!(
@@ -81,6 +92,13 @@ impl Meter {
         for (name, times) in &self.stages {
             row(&format!("- {name}"), times);
         }
+        println!("frames searched by descriptors");
+        for (name, times) in &self.searched {
+            row(&format!("- {name}"), times);
+        }
+        println!("residuals");
+        row("photometric, %", &self.residuals[0]);
+        row("mean px", &self.residuals[1]);
         let memory: Vec<String> = self.memory.iter().map(|m| format!("{m:.0}")).collect();
         println!("memory {} MiB; peak {:.0} MiB", memory.join(" "), memory_mib("VmHWM:"));
     }

@@ -9,6 +9,7 @@ pub mod boundary;
 pub mod check;
 pub mod diffuse;
 pub mod face;
+pub mod facet;
 pub mod globals;
 pub mod isometric;
 pub mod motion;

@@ -87,6 +87,7 @@ impl<'a> Objective<'a> {
         self.workspace = std::mem::take(workspace);
         self.prepare();
         if let Some(system) = &mut self.workspace.system {
+            system.equations.reduce_by(options.reduction);
             system.equations.orient(&start.vertices).expect("a system that was ordered fits");
         }
         let found = minimize(&mut self, start, options);
@@ -143,7 +144,7 @@ impl Problem for Objective<'_> {
     type State = Unknowns;
 
     fn costs(&self, state: &Unknowns) -> Option<Vec<f64>> {
-        self.terms.iter().map(|term| term.cost(state)).collect()
+        self.terms.par_iter().map(|term| term.cost(state)).collect()
     }
 
     fn labels(&self) -> Vec<&'static str> {

@@ -321,7 +321,7 @@ fn lobe(highlights: &[(u32, Vector3)], normals: &[Vector3]) -> f64 {
 /// Bounds of the spread of the normals of a highlight, degrees.
 const LOBE_DEG: [f64; 2] = [4.0, 15.0];
 
-pub(super) fn objective<'a>(
+fn objective<'a>(
     scene: &'a Scene,
     matches: &[Match],
     depth_sigma: f64,

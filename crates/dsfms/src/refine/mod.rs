@@ -14,4 +14,4 @@ pub use evidence::{Evidence, Photograph};
 pub use joint::{Joined, JointOptions, join};
 pub use objective::{Refined, refine};
 pub use options::RefineOptions;
-pub use video::{Carried, VideoMemory, VideoOptions, join_near};
+pub use video::{Carried, Near, NearFrame, VideoMemory, VideoOptions, join_near};

@@ -5,30 +5,51 @@
 //! memory of the last solve.
 
 use super::Photograph;
-use super::joint::{JointOptions, depth_tolerance, look, objective};
-use crate::energy::{Photometric, Unknowns, Workspace};
+use super::joint::{JointOptions, depth_tolerance, look};
+use crate::camera::CameraModel;
+use crate::energy::facet::Facets;
+use crate::energy::{EnergyTerm, GlobalsPrior, Objective, Smoothing, Unknowns, Workspace};
 use crate::geometry::Point3;
+use crate::light::Coated;
+use crate::mesh::normals::vertex_normals;
+use crate::register::objective::{hold_depth, keep, motion, stay};
 use crate::register::{Match, Scene};
-use crate::solver::Options;
+use crate::solver::{Loss, Options};
 use serde::{Deserialize, Serialize};
 
 /// Options of the solve from the last shape.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VideoOptions {
-    /// Blurs of image and albedo, coarse to fine, as fractions of the image diagonal.
-    pub blurs: Vec<f64>,
+    /// Blur of image and albedo, as a fraction of the image diagonal.
+    pub blur: f64,
+    /// Blurs before it, coarse to fine, where the last shape is that of many frames ago.
+    pub blurs_after_gap: Vec<f64>,
     /// Steps of the solver at each.
     pub steps: usize,
     /// A step that lowers the cost by less than this part of it is the last.
     pub tolerance: f64,
+    /// The linear systems' residual is reduced by this factor: few good steps, since each costs a new
+    /// linearisation.
+    pub reduction: f64,
     /// Three samples a face as long as they are no more than this, else one.
     pub max_samples: usize,
+    /// Geman-McClure scale of the matches, px: they start where the last frame ended, and are
+    /// followed to a fraction of a pixel.
+    pub match_px: f64,
 }
 
 impl Default for VideoOptions {
     fn default() -> Self {
-        Self { blurs: vec![0.0045], steps: 4, tolerance: 1e-3, max_samples: 3000 }
+        Self {
+            blur: 0.0045,
+            blurs_after_gap: vec![0.018, 0.009],
+            steps: 4,
+            tolerance: 1e-3,
+            reduction: 0.03,
+            max_samples: 3000,
+            match_px: 1.5,
+        }
     }
 }
 
@@ -36,6 +57,17 @@ impl Default for VideoOptions {
 #[derive(Default)]
 pub struct VideoMemory {
     workspace: Workspace,
+}
+
+/// A shape near that of the frame, and the ambient light that went with it.
+#[derive(Clone, Copy, Debug)]
+pub struct Near<'a> {
+    /// Vertices in camera axes.
+    pub shape: &'a [Point3],
+    /// Linear light.
+    pub ambient: f64,
+    /// The shape is that of many frames ago.
+    pub gap: bool,
 }
 
 /// The shape of a frame.
@@ -53,37 +85,83 @@ pub struct Carried {
     pub steps: usize,
 }
 
-/// Solve motion, prior and shading together, from a shape and an ambient light near the solution.
-///
-/// `depth_sigma` is eq. 3's tolerance for the depth of the matches under a distant light.
-#[expect(clippy::too_many_arguments, reason = "one problem, its start and its memory")]
+/// A frame to solve from a shape near it.
+pub struct NearFrame<'a> {
+    /// The rest shape posed, and what of it is seen.
+    pub scene: &'a Scene<'a>,
+    /// Where the template's points are.
+    pub matches: &'a [Match],
+    /// Eq. 3's tolerance for the depth of the matches under a distant light.
+    pub depth_sigma: f64,
+    /// The image.
+    pub photo: &'a Photograph<'a>,
+}
+
+/// Solve motion, prior and shading together, from a shape near the solution.
 pub fn join_near(
     memory: &mut VideoMemory,
-    scene: &Scene,
-    (start, ambient): (&[Point3], f64),
-    depth_sigma: f64,
-    matches: &[Match],
-    photo: &Photograph,
+    frame: &NearFrame,
+    near: Near,
     joint: &JointOptions,
     video: &VideoOptions,
 ) -> Carried {
-    let hold = depth_tolerance(scene, depth_sigma, &photo.light.light, joint);
     let joint = JointOptions { max_samples: video.max_samples, ..joint.clone() };
-    let solver =
-        Options { max_steps: video.steps, cost_tolerance: video.tolerance, ..Options::default() };
-    let mut state = Unknowns { vertices: start.to_vec(), globals: vec![0.0, ambient] };
-    let (mut samples, mut residual, mut steps) = (0, 0.0, 0);
-    for &blur in &video.blurs {
+    let solver = Options {
+        max_steps: video.steps,
+        cost_tolerance: video.tolerance,
+        reduction: video.reduction,
+        ..Options::default()
+    };
+    let start = Unknowns { vertices: near.shape.to_vec(), globals: vec![0.0, near.ambient] };
+    let mut found = (start, 0, 0.0, 0);
+    let before = if near.gap { &video.blurs_after_gap[..] } else { &[] };
+    for (stage, &blur) in before.iter().chain([&video.blur]).enumerate() {
+        // Coarse stages have yet to bring the matches within reach.
+        let match_px = if stage < before.len() { joint.match_px } else { video.match_px };
+        let (mut state, _, _, steps) = found;
+        let NearFrame { scene, photo, .. } = *frame;
         let look = look(photo, scene.rest, &state.vertices, blur, &joint);
-        state.globals[0] = look.log_gain;
-        let gain = photo.expected_log_gain.unwrap_or(look.log_gain);
-        let problem = objective(scene, matches, hold, photo, &look, gain, &joint);
-        let (next, summary) = problem.minimise_in(&mut memory.workspace, state, &solver);
-        (state, steps) = (next, steps + summary.iterations);
         let topology = &scene.rest.topology;
-        samples = look.samples.len();
-        let seen = Photometric::new(photo.camera, photo.light, &look.image, topology, look.samples);
-        residual = seen.mean_residual(&state.vertices, &state.globals);
+        let normals = vertex_normals(topology, &state.vertices);
+        let shape = &state.vertices;
+        let (camera, image) = (photo.camera, &look.image);
+        let facets =
+            Facets::new(camera, photo.light, image, topology, shape, &normals, &look.samples);
+        state.globals[0] = facets.log_gain(shape, state.globals[1]);
+        let expected = photo.expected_log_gain.unwrap_or(look.log_gain);
+        let problem = objective(frame, facets.clone(), expected, match_px, &joint);
+        let (state, summary) = problem.minimise_in(&mut memory.workspace, state, &solver);
+        let residual = facets.mean_residual(&state.vertices, &state.globals);
+        found = (state, look.samples.len(), residual, steps + summary.iterations);
     }
+    let (state, samples, residual, steps) = found;
     Carried { vertices: state.vertices, ambient: state.globals[1], samples, residual, steps }
+}
+
+/// The lines of the joint problem, with the condition on facets.
+fn objective<'a>(
+    frame: &NearFrame<'a>,
+    facets: Facets<'a, CameraModel, Coated>,
+    expected_log_gain: f64,
+    match_px: f64,
+    options: &JointOptions,
+) -> Objective<'a> {
+    let NearFrame { scene, matches, depth_sigma, photo } = *frame;
+    let hold = depth_tolerance(scene, depth_sigma, &photo.light.light, options);
+    let share = 334.0 / facets.count().max(1) as f64;
+    let smoothing = Smoothing::of_displacement(&scene.laplacian, &scene.posed, scene.visible_area);
+    let strain = Loss::GemanMcClure(options.strain);
+    let prior = |index, mean, sigma| GlobalsPrior { index: [index], mean, sigma };
+    let matched = Objective::over(scene.posed.len(), 2).plus(
+        1.0,
+        Loss::GemanMcClure(match_px),
+        motion(scene, matches, 1.0),
+    );
+    keep(matched, scene, options.prior, strain, [options.conformal, options.stretch])
+        .plus(options.smoothing, Loss::Squared, smoothing)
+        .plus(share * options.photometric, Loss::GemanMcClure(options.robust), facets)
+        .plus(1.0, Loss::Huber(1.0), hold_depth(scene, matches, &scene.posed, hold))
+        .plus(3.0, Loss::Squared, stay(scene))
+        .plus(1.0, Loss::Squared, prior(0, expected_log_gain, options.gain_sigma))
+        .plus(1.0, Loss::Squared, prior(1, 0.0, options.ambient_sigma))
 }

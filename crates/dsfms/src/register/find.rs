@@ -8,7 +8,7 @@ use crate::mesh::Mesh;
 use crate::sfm::matching::UnitDescriptors;
 use crate::sfm::places::match_places;
 use crate::sfm::random::Random;
-use crate::sfm::{SfmOptions, detect, resect};
+use crate::sfm::{Features2d, SfmOptions, detect, resect};
 use crate::template::Features;
 
 /// Fewest matches a found pose must rest on: below this, chance agreements of unrelated tissue
@@ -36,41 +36,69 @@ pub fn find(
     options: &RegisterOptions,
     seed: u64,
 ) -> Result<Vec<Match>, RegisterError> {
-    let places: Vec<Point3> = features
-        .faces
-        .iter()
-        .zip(&features.barycentrics)
-        .map(|(&f, &b)| point_at(rest.corners(f as usize), b))
-        .collect();
-    let sfm = SfmOptions::default();
-    let seen = detect(frame, Some(usable), &sfm);
-    let (a, b) =
-        (UnitDescriptors::new(&seen.descriptors), UnitDescriptors::new(&features.descriptors));
-    let radius = 0.02 * extent(&rest.positions);
-    let pairs = match_places(&a, &b, &places, radius, sfm.ratio, sfm.max_distance);
-    if pairs.len() < NEEDED {
-        return Err(RegisterError::TooFewMatches { found: pairs.len(), needed: NEEDED });
+    let seen = detect(frame, Some(usable), &SfmOptions::default());
+    Search::new(rest, features).matches(camera, &seen, options, seed)
+}
+
+/// A template's descriptors, ready to be looked for in many frames.
+pub struct Search<'a> {
+    features: &'a Features,
+    descriptors: UnitDescriptors,
+    places: Vec<Point3>,
+    radius: f64,
+}
+
+impl<'a> Search<'a> {
+    /// For the descriptors on a rest shape.
+    pub fn new(rest: &Mesh, features: &'a Features) -> Self {
+        let places = features.faces.iter().zip(&features.barycentrics);
+        Self {
+            places: places.map(|(&f, &b)| point_at(rest.corners(f as usize), b)).collect(),
+            descriptors: UnitDescriptors::new(&features.descriptors),
+            radius: 0.02 * extent(&rest.positions),
+            features,
+        }
     }
-    let pixels: Vec<Point2> = pairs.iter().map(|m| seen.points[m.a as usize]).collect();
-    let points: Vec<Point3> = pairs.iter().map(|m| places[m.b as usize]).collect();
-    let tolerance = 0.5 * options.robust_px[0];
-    let posed = resect(camera, &points, &pixels, tolerance, &mut Random::new(seed, 1));
-    let inliers = posed.as_ref().map_or(0, |p| p.inliers.len());
-    let posed = posed
-        .filter(|_| inliers >= NEEDED)
-        .ok_or(RegisterError::NoPose { inliers, found: pairs.len() })?;
-    let offsets: Vec<Option<Vector2>> = points
-        .iter()
-        .zip(&pixels)
-        .map(|(p, x)| Some(x - camera.project(&(posed.pose * p))?.pixel))
-        .collect();
-    let kept = agreeing(&pixels, &offsets, 2.0 * tolerance);
-    let matches = kept.into_iter().take(MOST).map(|i| Match {
-        face: features.faces[pairs[i].b as usize],
-        barycentric: features.barycentrics[pairs[i].b as usize],
-        pixel: pixels[i],
-    });
-    Ok(matches.collect())
+
+    /// Matches with the features of a frame, as [`find`] gives them.
+    ///
+    /// # Errors
+    /// As for [`find`].
+    pub fn matches(
+        &self,
+        camera: &CameraModel,
+        seen: &Features2d,
+        options: &RegisterOptions,
+        seed: u64,
+    ) -> Result<Vec<Match>, RegisterError> {
+        let Self { features, descriptors, places, radius } = self;
+        let sfm = SfmOptions::default();
+        let a = UnitDescriptors::new(&seen.descriptors);
+        let pairs = match_places(&a, descriptors, places, *radius, sfm.ratio, sfm.max_distance);
+        if pairs.len() < NEEDED {
+            return Err(RegisterError::TooFewMatches { found: pairs.len(), needed: NEEDED });
+        }
+        let pixels: Vec<Point2> = pairs.iter().map(|m| seen.points[m.a as usize]).collect();
+        let points: Vec<Point3> = pairs.iter().map(|m| places[m.b as usize]).collect();
+        let tolerance = 0.5 * options.robust_px[0];
+        let posed = resect(camera, &points, &pixels, tolerance, &mut Random::new(seed, 1));
+        let inliers = posed.as_ref().map_or(0, |p| p.inliers.len());
+        let posed = posed
+            .filter(|_| inliers >= NEEDED)
+            .ok_or(RegisterError::NoPose { inliers, found: pairs.len() })?;
+        let offsets: Vec<Option<Vector2>> = points
+            .iter()
+            .zip(&pixels)
+            .map(|(p, x)| Some(x - camera.project(&(posed.pose * p))?.pixel))
+            .collect();
+        let kept = agreeing(&pixels, &offsets, 2.0 * tolerance, SLACK_PX);
+        let matches = kept.into_iter().take(MOST).map(|i| Match {
+            face: features.faces[pairs[i].b as usize],
+            barycentric: features.barycentrics[pairs[i].b as usize],
+            pixel: pixels[i],
+        });
+        Ok(matches.collect())
+    }
 }
 
 /// Largest side of the bounding box.
@@ -84,9 +112,17 @@ fn extent(points: &[Point3]) -> f64 {
         .fold(0.0, f64::max)
 }
 
+/// Tolerance of [`agreeing`] for the noise of descriptors' places, px.
+const SLACK_PX: f64 = 4.0;
+
 /// Indices whose offset is below `limit` and within a tolerance of the median offset of the eight
-/// nearest others; the tolerance, 4 px plus a third of that median's length, allows for strain.
-fn agreeing(pixels: &[Point2], offsets: &[Option<Vector2>], limit: f64) -> Vec<usize> {
+/// nearest others; the tolerance, `slack` px plus a third of that median's length, allows for strain.
+pub fn agreeing(
+    pixels: &[Point2],
+    offsets: &[Option<Vector2>],
+    limit: f64,
+    slack: f64,
+) -> Vec<usize> {
     let usable = |i: &usize| offsets[*i].is_some_and(|o| o.norm() < limit);
     let candidates: Vec<usize> = (0..pixels.len()).filter(usable).collect();
     let agrees = |&i: &usize| {
@@ -95,15 +131,17 @@ fn agreeing(pixels: &[Point2], offsets: &[Option<Vector2>], limit: f64) -> Vec<u
             .filter(|&&j| j != i)
             .map(|&j| ((pixels[i] - pixels[j]).norm_squared(), j))
             .collect();
-        others.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        others.truncate(8);
+        if others.len() > 8 {
+            others.select_nth_unstable_by(8, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            others.truncate(8);
+        }
         let component = |axis: usize| {
             let mut values: Vec<f64> =
                 others.iter().filter_map(|&(_, j)| offsets[j].map(|o| o[axis])).collect();
             median(&mut values).unwrap_or(0.0)
         };
         let typical = Vector2::new(component(0), component(1));
-        offsets[i].is_some_and(|o| (o - typical).norm() < 4.0 + typical.norm() / 3.0)
+        offsets[i].is_some_and(|o| (o - typical).norm() < slack + typical.norm() / 3.0)
     };
     candidates.iter().filter(|i| agrees(i)).copied().collect()
 }
@@ -122,7 +160,7 @@ mod tests {
             .map(|p| Some(Vector2::new(if p.x > 35.0 { 12.0 } else { 0.0 }, 0.0)))
             .collect();
         offsets[22] = Some(Vector2::new(-14.0, 3.0));
-        let kept = agreeing(&pixels, &offsets, 60.0);
+        let kept = agreeing(&pixels, &offsets, 60.0, SLACK_PX);
         assert!(!kept.contains(&22));
         assert!(kept.len() >= 36, "{}", kept.len());
     }

@@ -4,6 +4,7 @@ use super::matching::{DescriptorMatch, UnitDescriptors, distance};
 use crate::geometry::Point3;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
+use rayon::prelude::*;
 
 /// For every descriptor of `a` its nearest of `b`, when its distance is at most `max_distance` and
 /// less than `ratio` times that to the nearest descriptor of any **other** place, farther than
@@ -19,15 +20,14 @@ pub fn match_places(
     max_distance: f32,
 ) -> Vec<DescriptorMatch> {
     /// Rows per product: the block of similarities stays in the cache.
-    const BLOCK: usize = 128;
+    const BLOCK: usize = 64;
     let (na, nb) = (a.len(), b.len());
     if na == 0 || nb == 0 {
         return Vec::new();
     }
-    let mut block = vec![0.0f32; BLOCK.min(na) * nb];
-    let mut found: Vec<DescriptorMatch> = Vec::new();
-    for start in (0..na).step_by(BLOCK) {
+    let of_block = |start: usize| -> Vec<DescriptorMatch> {
         let rows = BLOCK.min(na - start);
+        let (mut block, mut found) = (vec![0.0f32; rows * nb], Vec::new());
         matmul(
             MatMut::from_row_major_slice_mut(&mut block[..rows * nb], rows, nb),
             Accum::Replace,
@@ -45,7 +45,11 @@ pub fn match_places(
                 found.push(DescriptorMatch { a, b, distance: nearest });
             }
         }
-    }
+        found
+    };
+    let starts: Vec<usize> = (0..na).step_by(BLOCK).collect();
+    let found: Vec<Vec<DescriptorMatch>> = starts.into_par_iter().map(of_block).collect();
+    let found = found.concat();
     unique_places(found, places, radius)
 }
 

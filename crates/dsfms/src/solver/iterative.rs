@@ -11,10 +11,6 @@ use super::normal_equations::Matrix;
 use super::ordering::Ordered;
 use nalgebra::{Cholesky as Dense, Dyn, Matrix3, Point3, Vector3};
 
-/// The residual is reduced by this factor in the norm of the preconditioner, about what one
-/// linearisation is worth.
-const REDUCTION: f64 = 0.1;
-
 /// More iterations than this renew a factor made at another linearisation or damping.
 const AGED: usize = 25;
 
@@ -23,16 +19,17 @@ const LIMIT: usize = 200;
 
 pub(super) struct Iterative {
     cholesky: Cholesky,
-    /// Along the surface, and across it.
-    factors: [Factor; 2],
+    factor: Factor,
+    /// Along the surface, and across it: single precision is enough to precondition.
+    factors: [Vec<f32>; 2],
     corner: Option<Dense<f64, Dyn>>,
     /// Axes of every vertex, in its columns.
     axes: Vec<Matrix3<f64>>,
     fresh: bool,
     renew: bool,
     values: [Vec<f64>; 2],
-    along: Vec<[f64; 2]>,
-    across: Vec<[f64; 1]>,
+    along: Vec<[f32; 2]>,
+    across: Vec<[f32; 1]>,
 }
 
 impl Iterative {
@@ -42,6 +39,7 @@ impl Iterative {
         let values = [0, 1].map(|_| vec![0.0; cholesky.nnz()]);
         Ok(Self {
             cholesky,
+            factor: Factor::default(),
             factors: Default::default(),
             corner: None,
             axes: vec![Matrix3::identity(); ordered.len()],
@@ -85,7 +83,8 @@ impl Iterative {
             }
         }
         for (values, factor) in self.values.iter().zip(&mut self.factors) {
-            self.cholesky.factorise(values, factor)?;
+            self.cholesky.factorise(values, &mut self.factor)?;
+            self.factor.single(factor);
         }
         let mut corner = matrix.sums.corner.clone();
         for k in 0..corner.nrows() {
@@ -98,16 +97,21 @@ impl Iterative {
 
     /// `z = M⁻¹ r`.
     fn precondition(&mut self, ordered: &Ordered, r: &[f64], z: &mut [f64]) {
+        // Within the range of single precision, whatever the unit.
+        let largest = r.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        let scale = if largest > 0.0 { 1.0 / largest } else { 1.0 };
         for (new, &v) in ordered.order.iter().enumerate() {
             let v = v as usize;
             let local = self.axes[v].tr_mul(&Vector3::new(r[3 * v], r[3 * v + 1], r[3 * v + 2]));
+            let local = (local * scale).map(|c| c as f32);
             (self.along[new], self.across[new]) = ([local.x, local.y], [local.z]);
         }
-        self.cholesky.solve(&self.factors[0], &mut self.along);
-        self.cholesky.solve(&self.factors[1], &mut self.across);
+        self.cholesky.solve_with(&self.factors[0], &mut self.along);
+        self.cholesky.solve_with(&self.factors[1], &mut self.across);
         for (new, &v) in ordered.order.iter().enumerate() {
             let ([x, y], [across], v) = (self.along[new], self.across[new], v as usize);
-            let global = self.axes[v] * Vector3::new(x, y, across);
+            let local = Vector3::new(x, y, across).map(f64::from);
+            let global = self.axes[v] * local / scale;
             z[3 * v..3 * v + 3].copy_from_slice(global.as_slice());
         }
         let globals = 3 * ordered.len()..;
@@ -118,7 +122,14 @@ impl Iterative {
     }
 
     /// The step, and the product of step and residual; `None` where the iteration fails.
-    pub fn step(&mut self, matrix: &Matrix, damping: f64) -> Option<(Vec<f64>, f64)> {
+    ///
+    /// The residual is reduced by `reduction` in the norm of the preconditioner.
+    pub fn step(
+        &mut self,
+        matrix: &Matrix,
+        damping: f64,
+        reduction: f64,
+    ) -> Option<(Vec<f64>, f64)> {
         self.fresh = false;
         if self.renew {
             self.factorise(matrix, damping).ok()?;
@@ -132,7 +143,7 @@ impl Iterative {
         self.precondition(matrix.ordered, &r, &mut z);
         let mut p = z.clone();
         let (mut rz, mut since) = (dot(&r, &z), 0);
-        let goal = REDUCTION * REDUCTION * rz;
+        let goal = reduction * reduction * rz;
         if goal.is_nan() || goal <= 0.0 {
             return None;
         }

@@ -40,6 +40,8 @@ pub struct Options {
     pub gradient_tolerance: f64,
     /// Initial damping, relative to the diagonal of the normal matrix.
     pub initial_damping: f64,
+    /// An iterative solver of the linear systems reduces their residual by this factor.
+    pub reduction: f64,
 }
 
 impl Default for Options {
@@ -49,6 +51,7 @@ impl Default for Options {
             cost_tolerance: 1e-6,
             gradient_tolerance: 1e-12,
             initial_damping: 1e-8,
+            reduction: 0.1,
         }
     }
 }

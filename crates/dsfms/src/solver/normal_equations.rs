@@ -19,7 +19,7 @@ use super::pattern::Pattern;
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
 
 /// Meshes of more vertices are solved iteratively.
-pub const DIRECT_UP_TO: usize = 1000;
+pub const DIRECT_UP_TO: usize = 500;
 
 /// Sums of one linearisation; several are added in fixed order to use all cores.
 #[derive(Clone, Debug)]
@@ -93,6 +93,8 @@ pub struct NormalEquations {
     sums: Accumulator,
     direct: Option<Direct>,
     iterative: Option<Iterative>,
+    /// By which the iterative solver reduces the residual.
+    reduction: f64,
 }
 
 /// The parts of the matrix, borrowed by a solver.
@@ -141,7 +143,8 @@ impl NormalEquations {
         let ordered = Ordered::new(&near, &smooth)?;
         let sums = Accumulator::new(&near, globals);
         let isotropic = vec![0.0; smooth.len()];
-        Ok(Self { near, smooth, ordered, isotropic, sums, direct: None, iterative: None })
+        let (direct, iterative) = (None, None);
+        Ok(Self { near, smooth, ordered, isotropic, sums, direct, iterative, reduction: 0.1 })
     }
 
     /// Pattern of `N`.
@@ -182,6 +185,11 @@ impl NormalEquations {
         Ok(())
     }
 
+    /// How far the iterative solver reduces the residual of a system.
+    pub fn reduce_by(&mut self, reduction: f64) {
+        self.reduction = reduction;
+    }
+
     fn matrix(&self) -> Matrix<'_> {
         let Self { near, smooth, ordered, isotropic, sums, .. } = self;
         Matrix { near, smooth, ordered, isotropic, sums }
@@ -206,7 +214,7 @@ impl NormalEquations {
     /// (whose gradient is twice `∇`, as for a sum of squares).
     pub fn step(&mut self, damping: f64) -> Option<Step> {
         if let Some(mut solver) = self.iterative.take() {
-            let found = solver.step(&self.matrix(), damping);
+            let found = solver.step(&self.matrix(), damping, self.reduction);
             self.iterative = Some(solver);
             if let Some((delta, slack)) = found {
                 let predicted = self.predicted(&delta, damping) + slack;

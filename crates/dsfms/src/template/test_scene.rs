@@ -6,7 +6,7 @@ use super::spots::{smoothed_normals, surface_point};
 use crate::camera::{CameraModel, Lens};
 use crate::geometry::{Isometry, Point3, Vector3};
 use crate::image::{ColorImage, Mask};
-use crate::light::{Light, LightModel};
+use crate::light::LightModel;
 use crate::mesh::{Mesh, Topology};
 use crate::raster::rasterize;
 use std::sync::Arc;

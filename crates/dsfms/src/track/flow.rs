@@ -9,8 +9,9 @@ use crate::image::filter::halve;
 /// Half the side of a patch less the centre, px of each level.
 pub const RADIUS: i32 = 8;
 
-/// Pixels of a patch.
-const COUNT: usize = ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as usize;
+/// Side of a patch, and its pixels.
+const SIDE: usize = 2 * RADIUS as usize + 1;
+const COUNT: usize = SIDE * SIDE;
 
 /// Steps on a level at most.
 const STEPS: usize = 12;
@@ -39,8 +40,14 @@ pub fn follow(render: &Pyramid, frame: &Pyramid, at: Point2, start: Point2) -> O
     for level in (0..render.levels.len().min(frame.levels.len())).rev() {
         let scale = 0.5_f64.powi(level as i32);
         let centre = Point2::from((at.coords.add_scalar(0.5)) * scale - Vector2::repeat(0.5));
-        let found =
-            align(&render.levels[level], &frame.levels[level], centre, centre + offset * scale);
+        let settled = if level > 0 { 0.1 } else { 0.02 };
+        let found = align(
+            &render.levels[level],
+            &frame.levels[level],
+            centre,
+            centre + offset * scale,
+            settled,
+        );
         match found {
             Some(found) => offset = (found - centre) / scale,
             // A coarse level may see beyond the border of what is known; the finest decides.
@@ -52,20 +59,17 @@ pub fn follow(render: &Pyramid, frame: &Pyramid, at: Point2, start: Point2) -> O
 }
 
 /// One level: inverse compositional steps on the patch with its mean removed and its contrast
-/// matched.
-fn align(render: &Plane, frame: &Plane, at: Point2, start: Point2) -> Option<Point2> {
+/// matched. Coarse levels only lead to the finest and need not settle as well.
+fn align(render: &Plane, frame: &Plane, at: Point2, start: Point2, settled: f64) -> Option<Point2> {
     let value = patch(render, at)?;
-    let mut gradient = [Vector2::zeros(); COUNT];
-    let mut hessian = nalgebra::Matrix2::zeros();
-    let around = |x: f64, y: f64| patch(render, at + Vector2::new(x, y));
-    let (left, right) = (around(-1.0, 0.0)?, around(1.0, 0.0)?);
-    let (above, below) = (around(0.0, -1.0)?, around(0.0, 1.0)?);
-    for k in 0..COUNT {
-        gradient[k] = 0.5 * Vector2::new(right[k] - left[k], below[k] - above[k]);
-        hessian += gradient[k] * gradient[k].transpose();
-    }
-    let (mean, spread) = moments(&value);
-    let inverse = hessian.try_inverse()?;
+    let [gx, gy] = gradients(render, at)?;
+    let (xx, xy, yy) = (dot(&gx, &gx), dot(&gx, &gy), dot(&gy, &gy));
+    let inverse = nalgebra::Matrix2::new(xx, xy, xy, yy).try_inverse()?;
+    let spread = moments(&value).1;
+    // The gradients' own means, so that those of the patches need not be taken away everywhere.
+    let (sum_x, sum_y) = (total(&gx), total(&gy));
+    let mean = total(&value) / COUNT as f64;
+    let own = Vector2::new(dot(&gx, &value) - sum_x * mean, dot(&gy, &value) - sum_y * mean);
     let mut place = start;
     for _ in 0..STEPS {
         let seen = patch(frame, place)?;
@@ -74,19 +78,18 @@ fn align(render: &Plane, frame: &Plane, at: Point2, start: Point2) -> Option<Poi
             return None;
         }
         let contrast = spread / seen_spread;
-        let right: Vector2 = (0..COUNT)
-            .map(|k| gradient[k] * ((seen[k] - seen_mean) * contrast - (value[k] - mean)))
-            .sum();
-        let step = inverse * right;
+        let other =
+            Vector2::new(dot(&gx, &seen) - sum_x * seen_mean, dot(&gy, &seen) - sum_y * seen_mean);
+        let step = inverse * (other * contrast - own);
         place -= step;
         if step.norm().is_nan() || step.norm() >= 2.0 * RADIUS as f64 {
             return None;
         }
-        if step.norm() < 0.02 {
+        if step.norm() < settled {
             return Some(place);
         }
     }
-    Some(place)
+    None
 }
 
 /// Normalised cross-correlation, in `[-1, 1]`, of the patches about a place of each image; `None`
@@ -97,40 +100,83 @@ pub fn correlation(a: &Plane, at: Point2, b: &Plane, place: Point2) -> Option<f6
     if spread_a < 1e-6 || spread_b < 1e-6 {
         return None;
     }
-    let product: f64 = left.iter().zip(&right).map(|(x, y)| (x - mean_a) * (y - mean_b)).sum();
-    Some(product / (COUNT as f64 * spread_a * spread_b))
+    let product = dot(&left, &right) / COUNT as f64 - mean_a * mean_b;
+    Some(product / (spread_a * spread_b))
 }
 
-/// Values of a patch, all with the same bilinear weights; `None` outside the image.
-fn patch(plane: &Plane, at: Point2) -> Option<[f64; COUNT]> {
+/// Values of a patch less that of its middle, so that single precision is enough for its spread;
+/// `None` outside the image.
+fn patch(plane: &Plane, at: Point2) -> Option<[f32; COUNT]> {
+    let mut values = window::<SIDE, COUNT>(plane, at)?;
+    let middle = values[COUNT / 2];
+    values.iter_mut().for_each(|v| *v -= middle);
+    Some(values)
+}
+
+/// Central differences of a patch, per px, by column and by row.
+fn gradients(plane: &Plane, at: Point2) -> Option<[[f32; COUNT]; 2]> {
+    const WIDE: usize = SIDE + 2;
+    let values = window::<WIDE, { WIDE * WIDE }>(plane, at)?;
+    let mut found = [[0.0; COUNT]; 2];
+    for y in 0..SIDE {
+        let row = &values[(y + 1) * WIDE..][..WIDE];
+        let (above, below) = (&values[y * WIDE..][..WIDE], &values[(y + 2) * WIDE..][..WIDE]);
+        for x in 0..SIDE {
+            found[0][y * SIDE + x] = 0.5 * (row[x + 2] - row[x]);
+            found[1][y * SIDE + x] = 0.5 * (below[x + 1] - above[x + 1]);
+        }
+    }
+    Some(found)
+}
+
+/// Values of a square of `SIDE` px about a place, all with the same bilinear weights.
+fn window<const SIDE: usize, const COUNT: usize>(
+    plane: &Plane,
+    at: Point2,
+) -> Option<[f32; COUNT]> {
     let (x0, y0) = (at.x.floor(), at.y.floor());
-    let (u, v) = (at.x - x0, at.y - y0);
-    let reach = f64::from(RADIUS);
+    let (u, v) = ((at.x - x0) as f32, (at.y - y0) as f32);
+    let reach = (SIDE / 2) as f64;
     let inside = |c: f64, n: usize| c - reach >= 0.0 && c + reach + 1.0 <= n as f64 - 1.0;
     if !(inside(x0, plane.size[0]) && inside(y0, plane.size[1])) {
         return None;
     }
-    let (left, top) = (x0 as usize - RADIUS as usize, y0 as usize - RADIUS as usize);
-    let side = 2 * RADIUS as usize + 1;
-    let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
+    let (left, top) = (x0 as usize - SIDE / 2, y0 as usize - SIDE / 2);
+    let [a, b, c, d] = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
     let mut values = [0.0; COUNT];
-    for (row, line) in values.chunks_exact_mut(side).enumerate() {
+    for (row, line) in values.chunks_exact_mut(SIDE).enumerate() {
         let start = (top + row) * plane.size[0] + left;
-        let upper = &plane.data[start..=start + side];
-        let lower = &plane.data[start + plane.size[0]..=start + plane.size[0] + side];
-        for (x, value) in line.iter_mut().enumerate() {
-            let four = [upper[x], upper[x + 1], lower[x], lower[x + 1]];
-            *value = four.iter().zip(weights).map(|(&c, w)| f64::from(c) * w).sum();
+        let upper = &plane.data[start..=start + SIDE];
+        let lower = &plane.data[start + plane.size[0]..=start + plane.size[0] + SIDE];
+        for x in 0..SIDE {
+            line[x] = (a * upper[x] + b * upper[x + 1]) + (c * lower[x] + d * lower[x + 1]);
         }
     }
     Some(values)
 }
 
+/// Sums side by side, which the compiler makes vectors of; the same order everywhere.
+const LANES: usize = 8;
+
+fn dot(a: &[f32; COUNT], b: &[f32; COUNT]) -> f64 {
+    let mut sums = [0.0_f32; LANES];
+    for (a, b) in a.chunks_exact(LANES).zip(b.chunks_exact(LANES)) {
+        (0..LANES).for_each(|k| sums[k] += a[k] * b[k]);
+    }
+    let rest = COUNT - COUNT % LANES..;
+    let rest: f32 = a[rest.clone()].iter().zip(&b[rest]).map(|(a, b)| a * b).sum();
+    sums.iter().map(|&s| f64::from(s)).sum::<f64>() + f64::from(rest)
+}
+
+fn total(values: &[f32; COUNT]) -> f64 {
+    dot(values, &[1.0; COUNT])
+}
+
 /// Mean and standard deviation.
-fn moments(values: &[f64; COUNT]) -> (f64, f64) {
-    let mean = values.iter().sum::<f64>() / COUNT as f64;
-    let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-    (mean, (squares / COUNT as f64).sqrt())
+fn moments(values: &[f32; COUNT]) -> (f64, f64) {
+    let mean = total(values) / COUNT as f64;
+    let square = dot(values, values) / COUNT as f64 - mean * mean;
+    (mean, square.max(0.0).sqrt())
 }
 
 #[cfg(test)]

@@ -1,13 +1,14 @@
 //! What a shape of the template should look like, and where it has texture to hold on to.
 
 use super::flow::{Pyramid, RADIUS, correlation};
-use super::reduce::LUMA;
+use super::mips::Mips;
 use crate::camera::CameraModel;
-use crate::geometry::{Point2, Point3};
+use crate::geometry::{Point2, Point3, Vector2, Vector3};
 use crate::image::{Mask, Plane};
+use crate::light::Light;
 use crate::mesh::Mesh;
+use crate::mesh::normals::vertex_normals;
 use crate::raster::{rasterize, visible_vertices};
-use crate::template::SurfaceTexels;
 use rayon::prelude::*;
 
 /// Sizes of the image that patches are followed through.
@@ -79,7 +80,7 @@ pub struct Anchor {
     pub pixel: Point2,
 }
 
-/// The albedo of a shape as the working camera would see it.
+/// The brightness of a shape as the working camera would see it.
 pub struct Look {
     /// Brightness and its halves; the mean where there is no surface.
     pub render: Pyramid,
@@ -90,17 +91,29 @@ pub struct Look {
 }
 
 impl Look {
-    /// Render a shape (camera axes).
-    pub fn new(working: &Working, rest: &Mesh, shape: &[Point3], albedo: &SurfaceTexels) -> Self {
-        let raster = rasterize(&working.camera, &rest.topology, shape);
-        let tolerance = 0.5 * rest.mean_edge_length();
-        let visible = visible_vertices(&working.camera, &rest.topology, shape, &raster, tolerance);
+    /// Render a shape (camera axes) under the light.
+    pub(super) fn new(
+        working: &Working,
+        rest: &Mesh,
+        shape: &[Point3],
+        albedo: &Mips,
+        light: &impl Light,
+    ) -> Self {
+        let topology = &rest.topology;
+        let raster = rasterize(&working.camera, topology, shape);
+        let edge = rest.mean_edge_length();
+        let visible = visible_vertices(&working.camera, topology, shape, &raster, 0.5 * edge);
+        let level = albedo.for_edge(edge_px(&working.camera, edge, shape));
+        let normals = vertex_normals(topology, shape);
+        let lit = |(p, n): (&Point3, &Vector3)| light.shade(p, n).value.max(0.0);
+        let lit: Vec<f64> = shape.iter().zip(&normals).map(lit).collect();
         let value = |face: usize, b: [f64; 3]| {
-            let texel = albedo.index(face, b);
-            let rgb = albedo.value[texel];
-            let known = albedo.views.get(texel).is_none_or(|&n| n > 0);
-            let bright: f32 = (0..3).map(|c| LUMA[c] * rgb[c].max(0.0).sqrt()).sum();
-            (known, bright)
+            let corners = topology.faces[face];
+            let shade: f64 = (0..3).map(|k| b[k] * lit[corners[k] as usize]).sum();
+            let texel = level.texels.index(face, b);
+            let bright = level.bright[texel];
+            let known = !bright.is_nan();
+            (known, if known { bright * shade.sqrt() as f32 } else { f32::NAN })
         };
         let pixels = raster.render((false, f32::NAN), value);
         let surface = pixels.iter().filter(|p| !p.1.is_nan());
@@ -123,15 +136,22 @@ impl Look {
         let frame = &seen.pyramid.levels[0];
         let agrees = |a: &Anchor| -> Option<bool> {
             whole(&seen.usable, a.pixel).then_some(())?;
-            let best = (0..9).filter_map(|k| {
-                let shift = nalgebra::Vector2::new(f64::from(k % 3 - 1), f64::from(k / 3 - 1));
+            // The centre first: where that agrees, as it mostly does, it is enough.
+            Some([4, 1, 3, 5, 7, 0, 2, 6, 8].into_iter().any(|k| {
+                let shift = Vector2::new(f64::from(k % 3 - 1), f64::from(k / 3 - 1));
                 correlation(&self.render.levels[0], a.pixel, frame, a.pixel + shift)
-            });
-            Some(best.fold(-1.0, f64::max) >= least)
+                    .is_some_and(|alike| alike >= least)
+            }))
         };
         let all: Vec<Option<bool>> = self.anchors.par_iter().map(agrees).collect();
         [all.iter().filter(|a| **a == Some(true)).count(), all.iter().flatten().count()]
     }
+}
+
+/// Length of an edge on the image, px, where the shape is.
+pub(super) fn edge_px(camera: &CameraModel, edge: f64, shape: &[Point3]) -> f64 {
+    let depth = shape.iter().map(|p| p.z).sum::<f64>() / shape.len().max(1) as f64;
+    edge * 0.5 * (camera.focal[0] + camera.focal[1]) / depth.max(1e-300)
 }
 
 /// Whether the middle, the corners and the sides of a patch lie in a mask.

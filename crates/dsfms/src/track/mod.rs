@@ -8,6 +8,7 @@
 
 pub mod flow;
 pub mod look;
+mod mips;
 mod prepare;
 mod reduce;
 pub mod shapes;

@@ -7,6 +7,8 @@ use super::look::{LEVELS, Seen, Working};
 use super::reduce::{Reduced, Tables, any, clear_about, halve_mask, halved, stretch};
 use crate::camera::CameraModel;
 use crate::image::{Frame, Mask, Picture, ToneCurve, viewport};
+use crate::sfm::{Features2d, SfmOptions, detect};
+use rayon::prelude::*;
 use std::time::Instant;
 
 /// Margin about highlights within which nothing is compared, of the image diagonal.
@@ -75,10 +77,33 @@ pub(super) struct View {
 }
 
 impl View {
-    /// `true` where the organ may be seen, at the size of the frame.
-    pub(super) fn usable_in(&self, frame: &Frame) -> Mask {
-        stretch(&self.usable_working, frame.size)
+    /// Features of the frame at the size of the working image, by pixels of the frame.
+    pub(super) fn features(&self, frame: &Frame, working: &Working, most: usize) -> Features2d {
+        let small = smaller(frame, working.halvings);
+        let options = SfmOptions { max_features: most, ..SfmOptions::default() };
+        let mut found = detect(&small, Some(&self.usable_working), &options);
+        found.points.iter_mut().for_each(|p| *p = working.to_frame(*p));
+        found
     }
+}
+
+/// Halve a frame so many times, in encoded values.
+fn smaller(frame: &Frame, halvings: u32) -> Frame {
+    let side = 1usize << halvings;
+    let size = frame.size.map(|n| n >> halvings);
+    let (width, half) = (frame.size[0], (side * side / 2) as u32);
+    let pixel = |i: usize| {
+        let (x, y) = (i % size[0] * side, i / size[0] * side);
+        let mut sum = [half; 3];
+        for row in y..y + side {
+            for p in &frame.rgb[row * width + x..][..side] {
+                (0..3).for_each(|c| sum[c] += u32::from(p[c]));
+            }
+        }
+        sum.map(|v| (v / (side * side) as u32) as u8)
+    };
+    let rgb = (0..size[0] * size[1]).into_par_iter().map(pixel).collect();
+    Frame { name: frame.name.clone(), size, rgb }
 }
 
 impl Preparation {

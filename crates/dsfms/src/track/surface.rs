@@ -1,10 +1,11 @@
 //! The surface that matches give: anew, or from the shape of the frame before.
 
+use super::look::edge_px;
 use super::prepare::View;
-use super::tracker::{Clock, Draft, Tracker};
+use super::tracker::{Clock, Draft, Last, Tracker};
 use crate::geometry::{Isometry, Point2, Point3, align_rigid_robust, point_at};
 use crate::light::LightModel;
-use crate::refine::{Photograph, join, join_near};
+use crate::refine::{Near, NearFrame, Photograph, join, join_near};
 use crate::register::objective::{depth_tolerance, errors_px, explained};
 use crate::register::{
     Match, Posed, Registered, Scene, pose, pose_near, register_in, register_near,
@@ -31,7 +32,7 @@ impl Tracker<'_> {
             (scene, coarse)
         });
         let mut draft = Draft::of(&scene, &posed, matches, coarse);
-        if let Some(photo) = self.photograph(view) {
+        if let Some(photo) = self.photograph(view, &draft.vertices) {
             let kept = draft.kept();
             let (start, hold) = (&draft.vertices, draft.depth_uncertainty * scene.radius());
             let joined =
@@ -50,34 +51,100 @@ impl Tracker<'_> {
         clock: &mut Clock,
     ) -> Result<Draft, String> {
         self.enough(&matches)?;
-        let (near, posed, scene) = clock.time("pose", || {
-            let (near, posed, base, visible) = self.near(&matches)?;
-            let rest = &self.template.mesh;
-            let rigid = rest.positions.iter().map(|p| base * p).collect();
-            let laplacian = self.laplacian.clone();
-            let scene = Scene::seen(self.camera, rest, rigid, visible, laplacian);
-            Ok::<_, String>((near, posed, scene))
+        let last = self.last.as_ref().ok_or("nothing to follow")?;
+        let near = clock.time("pose", || {
+            let options = &self.options.reconstruct.register;
+            let to = |points: &[Point3], start: Isometry| {
+                let found = pose_near(self.camera, points, &pixels(&matches), options, start);
+                found.map_err(|error| error.to_string())
+            };
+            let (shape, rest) = (self.expected(last), &self.template.mesh.positions);
+            let moved = to(&self.on(&matches, shape), Isometry::identity())?.pose;
+            let base = align_rigid_robust(&last.vertices, shape).unwrap_or_default();
+            let posed = to(&self.on(&matches, rest), moved * base * last.pose)?;
+            Ok::<_, String>(self.near(last, shape, moved, posed, false))
         })?;
+        Ok(self.solved(view, matches, near, clock))
+    }
+
+    /// The surface bent as it was last, where the template was found again.
+    pub(super) fn again(
+        &mut self,
+        view: &View,
+        matches: Vec<Match>,
+        clock: &mut Clock,
+    ) -> Result<Draft, String> {
+        self.enough(&matches)?;
+        let last = self.last.as_ref().ok_or("nothing to follow")?;
+        let near = clock.time("pose", || {
+            let options = &self.options.reconstruct;
+            let (rest, register) = (&self.template.mesh, &options.register);
+            let posed = pose(self.camera, rest, &matches, register, options.seed)
+                .map_err(|error| error.to_string())?;
+            let motion = posed.pose * last.pose.inverse();
+            Ok::<_, String>(self.near(last, &last.vertices, motion, posed, true))
+        })?;
+        Ok(self.solved(view, matches, near, clock))
+    }
+
+    /// A shape like the last moved by a motion, as a start.
+    fn near(
+        &self,
+        last: &Last,
+        shape: &[Point3],
+        motion: Isometry,
+        posed: Posed,
+        gap: bool,
+    ) -> Start {
+        let shape: Vec<Point3> = shape.iter().map(|v| motion * v).collect();
+        let visible = last.look.visible.clone();
+        let rest = &self.template.mesh.positions;
+        // A near light tells the distance of everything, so the shape knows the pose better than the
+        // matches do; under a distant one only they hold it.
+        let base = match self.light.light {
+            LightModel::Point(_) => {
+                let seen = |shape: &[Point3]| -> Vec<Point3> {
+                    shape.iter().zip(&visible).filter(|s| *s.1).map(|s| *s.0).collect()
+                };
+                align_rigid_robust(&seen(rest), &seen(&shape)).unwrap_or(posed.pose)
+            }
+            LightModel::Collinear => posed.pose,
+        };
+        let rigid = rest.iter().map(|p| base * p).collect();
+        Start { shape, ambient: last.ambient, gap, posed, rigid, visible }
+    }
+
+    fn solved(
+        &mut self,
+        view: &View,
+        matches: Vec<Match>,
+        near: Start,
+        clock: &mut Clock,
+    ) -> Draft {
         let mut memory = std::mem::take(&mut self.memory);
-        let draft = match self.photograph(view) {
+        let Start { shape, ambient, gap, posed, rigid, visible } = near;
+        let rest = &self.template.mesh;
+        let scene = clock.time("pose", || {
+            Scene::seen(self.camera, rest, rigid, visible, self.laplacian.clone())
+        });
+        let options = &self.options.reconstruct;
+        let register = &options.register;
+        let draft = match self.photograph(view, &shape) {
             None => {
                 let memory = &mut memory.register;
-                let options = &self.options.reconstruct.register;
                 let coarse = clock.time("register", || {
-                    register_near(memory, &scene, &matches, &posed, &near, options)
+                    register_near(memory, &scene, &matches, &posed, &shape, register)
                 });
                 Draft::of(&scene, &posed, matches, coarse)
             }
             Some(photo) => {
-                let memory = &mut memory.video;
-                let ambient = self.last.as_ref().map_or(0.0, |l| l.ambient);
-                let options = &self.options.reconstruct;
-                let register = &options.register;
-                let hold = depth_tolerance(&scene, &matches, &posed, &near, register);
-                let start = (near.as_slice(), ambient);
-                let (joint, video) = (&options.joint, &self.options.video);
+                let depth_sigma = depth_tolerance(&scene, &matches, &posed, &shape, register);
                 let found = clock.time("joint", || {
-                    join_near(memory, &scene, start, hold, &matches, &photo, joint, video)
+                    let (scene, photo) = (&scene, &photo);
+                    let frame = NearFrame { scene, matches: &matches, depth_sigma, photo };
+                    let near = Near { shape: &shape, ambient, gap };
+                    let (joint, video) = (&options.joint, &self.options.video);
+                    join_near(&mut memory.video, &frame, near, joint, video)
                 });
                 let (kept, residual_px) = explained(&scene, &matches, &found.vertices, register);
                 let mut draft = Draft {
@@ -86,7 +153,7 @@ impl Tracker<'_> {
                     matches: matches.into_iter().zip(kept).collect(),
                     residual_px,
                     reprojection_px: 0.0,
-                    depth_uncertainty: hold / scene.radius(),
+                    depth_uncertainty: depth_sigma / scene.radius(),
                     photometric: Some(found.residual),
                     ambient: found.ambient,
                 };
@@ -95,7 +162,14 @@ impl Tracker<'_> {
             }
         };
         self.memory = memory;
-        Ok(draft)
+        draft
+    }
+
+    /// The points of matches on a shape.
+    fn on(&self, matches: &[Match], shape: &[Point3]) -> Vec<Point3> {
+        let faces = &self.template.mesh.topology.faces;
+        let corners = |m: &Match| faces[m.face as usize].map(|v| &shape[v as usize]);
+        matches.iter().map(|m| point_at(corners(m), m.barycentric)).collect()
     }
 
     fn enough(&self, matches: &[Match]) -> Result<(), String> {
@@ -106,52 +180,37 @@ impl Tracker<'_> {
         Ok(())
     }
 
-    /// The last shape moved rigidly to where its matches now are, the pose of the rest shape, the
-    /// pose from which the shape's bending is counted, and which vertices are seen.
-    #[expect(clippy::type_complexity, reason = "four parts of one answer")]
-    fn near(&self, matches: &[Match]) -> Result<(Vec<Point3>, Posed, Isometry, Vec<bool>), String> {
-        let last = self.last.as_ref().ok_or("nothing to follow")?;
-        let (rest, options) = (&self.template.mesh, &self.options.reconstruct.register);
-        let pixels: Vec<Point2> = matches.iter().map(|m| m.pixel).collect();
-        let on = |shape: &[Point3]| -> Vec<Point3> {
-            let corners = |m: &Match| rest.topology.faces[m.face as usize].map(|v| v as usize);
-            let point = |m: &Match| point_at(corners(m).map(|v| &shape[v]), m.barycentric);
-            matches.iter().map(point).collect()
-        };
-        let to = |points: &[Point3], start: Isometry| {
-            let found = pose_near(self.camera, points, &pixels, options, start);
-            found.map_err(|error| error.to_string())
-        };
-        let moved = to(&on(&last.vertices), last.motion)?.pose;
-        let near: Vec<Point3> = last.vertices.iter().map(|v| moved * v).collect();
-        let posed = to(&on(&rest.positions), moved * last.pose)?;
-        let visible = last.look.visible.clone();
-        // A near light tells the distance of everything, so the shape knows the pose better than the
-        // matches do; under a distant one only they hold it.
-        let base = match self.light.light {
-            LightModel::Point(_) => {
-                let seen = |shape: &[Point3]| -> Vec<Point3> {
-                    shape.iter().zip(&visible).filter(|s| *s.1).map(|s| *s.0).collect()
-                };
-                align_rigid_robust(&seen(&rest.positions), &seen(&near)).unwrap_or(posed.pose)
-            }
-            LightModel::Collinear => posed.pose,
-        };
-        Ok((near, posed, base, visible))
-    }
-
     /// The frame as shading is read from it; `None` for the method without.
-    fn photograph<'b>(&'b self, view: &'b View) -> Option<Photograph<'b>> {
+    fn photograph<'b>(&'b self, view: &'b View, shape: &[Point3]) -> Option<Photograph<'b>> {
+        let camera = &self.working.photo;
+        let edge = edge_px(camera, self.template.mesh.mean_edge_length(), shape);
         Some(Photograph {
-            camera: &self.working.photo,
+            camera,
             picture: view.picture.as_ref()?,
             usable: &view.usable,
             outline: None,
             light: &self.light,
-            albedo: self.albedo,
+            albedo: &self.albedo.for_edge(edge).texels,
             expected_log_gain: (!self.template.views.is_empty()).then_some(0.0),
         })
     }
+}
+
+/// Where the solve of a frame begins.
+struct Start {
+    shape: Vec<Point3>,
+    ambient: f64,
+    /// The shape is that of many frames ago.
+    gap: bool,
+    /// The rest shape by its matches.
+    posed: Posed,
+    /// The rest shape from which bending is counted.
+    rigid: Vec<Point3>,
+    visible: Vec<bool>,
+}
+
+fn pixels(matches: &[Match]) -> Vec<Point2> {
+    matches.iter().map(|m| m.pixel).collect()
 }
 
 impl Draft {

@@ -2,26 +2,39 @@
 
 use super::flow::{correlation, follow};
 use super::look::{Anchor, Look, Working, whole};
+use super::mips::Mips;
 use super::prepare::{Preparation, Prepared, View};
 use super::verdict::judge;
 use super::{Surface, TrackError, TrackOptions, TrackStatus, Tracked, Way};
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Isometry, Point3, align_rigid_robust, point_at};
+use crate::geometry::{Isometry, Point2, Point3, Vector2, align_rigid_robust, median, point_at};
 use crate::image::{Frame, Mask, ToneCurve};
 use crate::light::Coated;
 use crate::mesh::laplacian::Laplacian;
 use crate::pipeline::Method;
 use crate::refine::VideoMemory;
-use crate::register::{Match, RegisterMemory, find};
-use crate::template::{Features, SurfaceTexels, Template};
+use crate::register::find::{Search, agreeing};
+use crate::register::{Match, RegisterMemory};
+use crate::template::Template;
 use rayon::prelude::*;
 use std::time::Instant;
+
+/// A followed place moves like its neighbours within this and a third of their motion, px of the
+/// working image.
+const STRAY_PX: f64 = 1.5;
+
+/// Features of a frame that are looked up at most; more tell little.
+const MOST_FEATURES: usize = 2000;
+
+/// Searches beside a degraded surface that found nothing better make the next one this much rarer at
+/// most.
+const RAREST: usize = 16;
 
 /// Follows a template through the frames of one camera.
 pub struct Tracker<'a> {
     pub(super) template: &'a Template,
-    pub(super) albedo: &'a SurfaceTexels,
-    features: &'a Features,
+    pub(super) albedo: Mips,
+    search: Search<'a>,
     pub(super) light: Coated,
     pub(super) camera: &'a CameraModel,
     pub(super) options: TrackOptions,
@@ -35,6 +48,8 @@ pub struct Tracker<'a> {
     count: usize,
     /// Frame of the last search by descriptors beside a degraded surface.
     searched: Option<usize>,
+    /// How much rarer such searches have become, since they found nothing better.
+    rarer: usize,
 }
 
 /// What outlives a frame, for speed alone.
@@ -52,8 +67,8 @@ pub(super) struct Last {
     pub(super) pose: Isometry,
     pub(super) ambient: f64,
     pub(super) look: Look,
-    /// Rigid motion from the frame before it to it.
-    pub(super) motion: Isometry,
+    /// Where the next frame may show it.
+    pub(super) ahead: Vec<Point3>,
 }
 
 /// A surface before anybody has looked at it.
@@ -104,14 +119,15 @@ impl<'a> Tracker<'a> {
         if !matches!(method, Method::Dsfm | Method::Joint) {
             return Err(TrackError::Method(method));
         }
-        let blurs = options.video.blurs.iter().chain(&options.reconstruct.joint.blurs);
-        let working = Working::of(camera, blurs.copied().fold(f64::INFINITY, f64::min));
+        let features = template.features.as_ref().ok_or(TrackError::NoDescriptors)?;
+        let blurs = options.reconstruct.joint.blurs.iter();
+        let working = Working::of(camera, blurs.copied().fold(options.video.blur, f64::min));
         let shading = method == Method::Joint;
         let preparation = Preparation::new(camera, tone, &working, shading);
         Ok(Self {
             template,
-            albedo: template.albedo.as_ref().ok_or(TrackError::NoAlbedo)?,
-            features: template.features.as_ref().ok_or(TrackError::NoDescriptors)?,
+            albedo: Mips::new(template.albedo.as_ref().ok_or(TrackError::NoAlbedo)?),
+            search: Search::new(&template.mesh, features),
             light: template.lighting(),
             camera,
             options,
@@ -122,6 +138,7 @@ impl<'a> Tracker<'a> {
             last: None,
             count: 0,
             searched: None,
+            rarer: 1,
         })
     }
 
@@ -175,9 +192,12 @@ impl<'a> Tracker<'a> {
             }
             None => Err("not found yet".to_owned()),
         };
-        let due = |at: usize| self.count >= at + self.options.search_every;
+        let due = |at: usize| self.count >= at + self.rarer * self.options.search_every;
         match &followed {
-            Ok(c) if c.status == TrackStatus::Ok => return followed,
+            Ok(c) if c.status == TrackStatus::Ok => {
+                self.rarer = 1;
+                return followed;
+            }
             Ok(c) if c.status == TrackStatus::Degraded && !self.searched.is_none_or(due) => {
                 return followed;
             }
@@ -188,14 +208,13 @@ impl<'a> Tracker<'a> {
         }
         let seed = self.options.reconstruct.seed;
         let matches = clock.time("find", || {
+            let seen = view.features(frame, &self.working, MOST_FEATURES);
             let options = &self.options.reconstruct.register;
-            let usable = view.usable_in(frame);
-            find(self.camera, &self.template.mesh, self.features, frame, &usable, options, seed)
+            self.search.matches(self.camera, &seen, options, seed)
         });
         let found = matches
             .map_err(|error| error.to_string())
-            .and_then(|matches| self.anew(view, matches, clock))
-            .map(|draft| self.judged(view, draft, Way::Found, clock));
+            .and_then(|matches| self.found(view, matches, clock));
         let rank = |c: &Result<Candidate, String>| {
             c.as_ref().map_or(0.0, |c| match c.status {
                 TrackStatus::Ok => 2.0 + c.surface.agreement,
@@ -203,36 +222,68 @@ impl<'a> Tracker<'a> {
                 TrackStatus::Lost => 0.0,
             })
         };
-        if rank(&followed) >= rank(&found) && rank(&followed) > 0.0 { followed } else { found }
+        let keep = rank(&followed) >= rank(&found) && rank(&followed) > 0.0;
+        self.rarer = if keep { (2 * self.rarer).min(RAREST) } else { 1 };
+        if keep { followed } else { found }
+    }
+
+    /// The surface where the template was found: bent as it was last, and where that does not hold, from
+    /// nothing.
+    fn found(
+        &mut self,
+        view: &View,
+        matches: Vec<Match>,
+        clock: &mut Clock,
+    ) -> Result<Candidate, String> {
+        if self.last.is_some() {
+            let again = self.again(view, matches.clone(), clock);
+            if let Ok(c) = again.map(|draft| self.judged(view, draft, Way::Found, clock))
+                && c.status == TrackStatus::Ok
+            {
+                return Ok(c);
+            }
+        }
+        let draft = self.anew(view, matches, clock)?;
+        Ok(self.judged(view, draft, Way::Found, clock))
+    }
+
+    /// Where this frame may show the last shape.
+    pub(super) fn expected<'b>(&self, last: &'b Last) -> &'b [Point3] {
+        if last.frame + 1 == self.count { &last.ahead } else { &last.vertices }
     }
 
     /// Matches of the last shape's anchors, carried on by its motion and then by their look.
     fn followed(&self, view: &View) -> Vec<Match> {
         let Some(last) = &self.last else { return Vec::new() };
-        let faces = &self.template.mesh.topology.faces;
+        let (faces, start) = (&self.template.mesh.topology.faces, self.expected(last));
         let (render, frame) = (&last.look.render, &view.seen.pyramid);
-        let one = |a: &Anchor| -> Option<Match> {
-            let corners = faces[a.face as usize].map(|v| &last.vertices[v as usize]);
-            let ahead = last.motion * point_at(corners, a.barycentric);
-            let start = self.working.camera.project(&ahead)?.pixel;
+        let one = |a: &Anchor| -> Option<(f64, (Match, Vector2))> {
+            let corners = faces[a.face as usize].map(|v| &start[v as usize]);
+            let start = self.working.camera.project(&point_at(corners, a.barycentric))?.pixel;
             let place = follow(render, frame, a.pixel, start)
                 .or_else(|| follow(render, frame, a.pixel, a.pixel))?;
             whole(&view.seen.usable, place).then_some(())?;
             let alike = correlation(&render.levels[0], a.pixel, &frame.levels[0], place)?;
-            (alike >= self.options.correlation).then(|| Match {
-                face: a.face,
-                barycentric: a.barycentric,
-                pixel: self.working.to_frame(place),
-            })
+            let pixel = self.working.to_frame(place);
+            let found = Match { face: a.face, barycentric: a.barycentric, pixel };
+            (alike >= self.options.correlation).then(|| (1.0 - alike, (found, place - a.pixel)))
         };
-        last.look.anchors.par_iter().map(one).collect::<Vec<_>>().into_iter().flatten().collect()
+        let found: Vec<_> = last.look.anchors.par_iter().map(one).collect();
+        let matches = alike_enough(found.into_iter().flatten().collect());
+        let (matches, offsets): (Vec<Match>, Vec<Option<Vector2>>) =
+            matches.into_iter().map(|(m, offset)| (m, Some(offset))).unzip();
+        // Neighbours move alike, so that a patch which settled on another texture stands out.
+        let pixels: Vec<Point2> = matches.iter().map(|m| m.pixel).collect();
+        let agreeing = agreeing(&pixels, &offsets, f64::INFINITY, STRAY_PX);
+        agreeing.into_iter().map(|i| matches[i]).collect()
     }
 
     /// Look at a surface and judge it.
     fn judged(&self, view: &View, draft: Draft, way: Way, clock: &mut Clock) -> Candidate {
         let rest = &self.template.mesh;
-        let look =
-            clock.time("look", || Look::new(&self.working, rest, &draft.vertices, self.albedo));
+        let look = clock.time("look", || {
+            Look::new(&self.working, rest, &draft.vertices, &self.albedo, &self.light)
+        });
         let [agreeing, places] =
             clock.time("agree", || look.agreement(&view.seen, self.options.verdict.correlation));
         let ambient = draft.ambient;
@@ -269,19 +320,38 @@ impl<'a> Tracker<'a> {
                     .last
                     .as_ref()
                     .filter(|l| l.frame + 1 == self.count && c.surface.way == Way::Followed);
-                let motion =
-                    before.and_then(|l| align_rigid_robust(&l.vertices, &c.surface.vertices));
+                let vertices = c.surface.vertices.clone();
+                let ahead = before.and_then(|l| ahead(&l.vertices, &vertices));
                 self.last = Some(Last {
                     frame: self.count,
-                    vertices: c.surface.vertices.clone(),
+                    ahead: ahead.unwrap_or_else(|| vertices.clone()),
+                    vertices,
                     pose: c.surface.pose,
                     ambient: c.ambient,
                     look: c.look,
-                    motion: motion.unwrap_or_else(Isometry::identity),
                 });
                 (c.status, c.reasons, Some(c.surface))
             }
         };
         Tracked { status, reasons, surface, stages }
     }
+}
+
+/// Part of the change of shape that is expected to go on.
+const GOES_ON: f64 = 0.7;
+
+/// A shape moved and bent on as since the one before.
+fn ahead(before: &[Point3], now: &[Point3]) -> Option<Vec<Point3>> {
+    let motion = align_rigid_robust(before, now)?;
+    let on = |(before, now): (&Point3, &Point3)| {
+        motion * now + motion.rotation * (now - motion * before) * GOES_ON
+    };
+    Some(before.iter().zip(now).map(on).collect())
+}
+
+/// What is not much less alike than most.
+fn alike_enough<T>(found: Vec<(f64, T)>) -> Vec<T> {
+    let mut unlike: Vec<f64> = found.iter().map(|f| f.0).collect();
+    let limit = 2.0 * median(&mut unlike).unwrap_or(0.0);
+    found.into_iter().filter(|f| f.0 <= limit).map(|f| f.1).collect()
 }
