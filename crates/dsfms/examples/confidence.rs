@@ -216,7 +216,7 @@ fn look(
         camera: &case.camera,
         picture: &Picture::of(&case.frame, &ToneCurve::Srgb),
         usable: &usable,
-        light: &case.template.light.clone().unwrap_or_default(),
+        light: &case.template.lighting(),
         albedo: &case.template.albedo.clone().unwrap_or_default(),
         expected_log_gain: None,
     };

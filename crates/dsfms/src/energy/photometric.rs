@@ -133,6 +133,27 @@ impl<'a, C, L> Photometric<'a, C, L> {
     }
 }
 
+impl<C: Camera, L: Light> Photometric<'_, C, L> {
+    /// Mean of `|image − prediction| / image` over the samples; 0 without any.
+    pub fn mean_residual(&self, vertices: &[Point3], globals: &[f64]) -> f64 {
+        let (mut sum, mut count, mut stencil) = (0.0, 0.0, Vec::new());
+        for i in 0..self.count() {
+            stencil.clear();
+            stencil.extend(self.stencil(i).iter().map(|&v| vertices[v as usize]));
+            let Ok(r) = self.residual(i, &stencil, globals, None) else { continue };
+            let Sample { barycentric, brightness, .. } = &self.samples[i];
+            let point =
+                crate::geometry::point_at([&stencil[0], &stencil[1], &stencil[2]], *barycentric);
+            let Some(pixel) = self.camera.project(&point).map(|p| p.pixel) else { continue };
+            let Some((seen, _)) = self.image.mixed(&pixel, &brightness.weights) else { continue };
+            if seen > 0.0 {
+                (sum, count) = (sum + (r[0] * brightness.sigma / seen).abs(), count + 1.0);
+            }
+        }
+        sum / f64::max(count, 1.0)
+    }
+}
+
 impl<C: Camera, L: Light> EnergyTerm<1> for Photometric<'_, C, L> {
     const LABEL: &'static str = "photometric (joint)";
 

@@ -184,6 +184,7 @@ mod tests {
             camera: None,
             tone: Default::default(),
             light: None,
+            coat: Default::default(),
         }
     }
 

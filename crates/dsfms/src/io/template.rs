@@ -164,6 +164,7 @@ fn write_files(folder: &Path, template: &Template) -> Result<(), TemplateFileErr
         tone: template.tone.clone(),
         camera: template.camera.clone(),
         light: template.light.clone(),
+        coat: template.coat,
         files,
         views: template.views.clone(),
     };
@@ -224,6 +225,7 @@ pub fn read_template(path: &Path) -> Result<Template, TemplateFileError> {
         camera: manifest.camera,
         tone: manifest.tone,
         light: manifest.light,
+        coat: manifest.coat,
     })
 }
 

@@ -2,7 +2,7 @@
 
 use crate::camera::CameraModel;
 use crate::image::ToneCurve;
-use crate::light::LightModel;
+use crate::light::{Coat, LightModel};
 use crate::template::{LengthUnit, View};
 use serde::{Deserialize, Serialize};
 
@@ -23,6 +23,8 @@ pub(super) struct Manifest {
     pub camera: Option<CameraModel>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light: Option<LightModel>,
+    #[serde(default)]
+    pub coat: Coat,
     #[serde(default)]
     pub files: Vec<FileNote>,
     #[serde(default)]

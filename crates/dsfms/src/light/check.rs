@@ -1,11 +1,13 @@
 //! The check every light passes: both derivatives against central differences.
 
-use super::{Light, LightModel, PointLight, Spot, specular_angle};
+use super::coat::WET_TISSUE;
+use super::{Coat, Coated, Light, LightModel, PointLight, Spot, specular_angle};
 use crate::geometry::{Point3, Vector3};
 
+const WET: Coat = Coat { refractive_index: WET_TISSUE, ambient: 0.05 };
+
 /// `d_normal` and `d_point` at scattered points with scattered normals, and darkness behind.
-fn check_light(light: &LightModel) {
-    light.validate().unwrap();
+fn check_light(light: &impl Light) {
     for i in 0..40 {
         let t = i as f64;
         let point = Point3::new(
@@ -23,7 +25,7 @@ fn check_light(light: &LightModel) {
     }
 }
 
-fn check_derivatives(light: &LightModel, point: &Point3, normal: &Vector3) {
+fn check_derivatives(light: &impl Light, point: &Point3, normal: &Vector3) {
     let shade = light.shade(point, normal);
     let h = 1e-5;
     for axis in 0..3 {
@@ -46,14 +48,19 @@ fn point_light(spot: Spot, positions: &[[f64; 3]]) -> LightModel {
 #[test]
 fn every_light_passes() {
     check_light(&LightModel::Collinear);
+    check_light(&Coated { light: LightModel::Collinear, coat: WET });
     let ring = [[0.0, -3.0, 0.0], [2.6, 1.5, 0.0], [-2.6, 1.5, -1.0]];
     for spot in [
         Spot::Isotropic,
         Spot::Linear { inner_deg: 10.0, outer_deg: 52.0 },
         Spot::CosinePower { exponent: 1.5 },
     ] {
-        check_light(&point_light(spot, &ring[..1]));
-        check_light(&point_light(spot, &ring));
+        for positions in [&ring[..1], &ring] {
+            let light = point_light(spot, positions);
+            light.validate().unwrap();
+            check_light(&light);
+            check_light(&Coated { light, coat: WET });
+        }
     }
 }
 

@@ -38,8 +38,10 @@ pub fn specular_angle(light: &impl Light, point: &Point3, normal: &Vector3) -> f
 
 #[cfg(test)]
 mod check;
+pub mod coat;
 pub mod collinear;
 pub mod model;
 pub mod point;
 
+pub use coat::{Coat, Coated};
 pub use model::{LightError, LightModel, PointLight, Spot};

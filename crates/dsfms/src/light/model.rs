@@ -119,6 +119,14 @@ pub enum LightError {
     Exponent(f64),
 }
 
+impl PointLight {
+    /// Mean of the positions, camera axes.
+    pub fn mean_position(&self) -> Point3 {
+        let sum: Vector3 = self.positions.iter().map(|p| p.coords).sum();
+        (sum / self.positions.len().max(1) as f64).into()
+    }
+}
+
 impl LightModel {
     /// Check every number.
     pub fn validate(&self) -> Result<(), LightError> {

@@ -48,9 +48,7 @@ fn shade_one(light: &PointLight, q: &Vector3, normal: &Vector3) -> Shade {
 
 /// Half vector between the directions to the camera centre and to the mean light position.
 pub fn mirror_normal(light: &PointLight, point: &Point3) -> Vector3 {
-    let count = light.positions.len().max(1) as f64;
-    let mean = light.positions.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords) / count;
     let to_camera = -point.coords.normalize();
-    let to_light = (mean - point.coords).normalize();
+    let to_light = (light.mean_position() - point).normalize();
     (to_camera + to_light).normalize()
 }

@@ -5,7 +5,7 @@ use crate::camera::Camera;
 use crate::confidence::{Model, Solved, confidence};
 use crate::geometry::Point3;
 use crate::image::{Mask, Picture, usable, viewport};
-use crate::light::LightModel;
+use crate::light::Coated;
 use crate::refine::{Joined, JointOptions, Photograph, RefineOptions, Refined, join, refine};
 use crate::register::scene::visibility;
 use crate::register::{Match, Posed, RegisterOptions, Registered, Scene, find, pose, register};
@@ -107,7 +107,7 @@ struct Sight<'a> {
     observation: &'a Observation<'a>,
     /// Pixels where the organ may be seen.
     usable: Mask,
-    light: LightModel,
+    light: Coated,
     /// The frame beside the albedo, where the method looks at brightness and there is one.
     compared: Option<(Picture, &'a SurfaceTexels)>,
 }
@@ -121,7 +121,7 @@ impl<'a> Sight<'a> {
             template,
             observation,
             usable: usable(frame.size, lit, instrument, organ),
-            light: template.light.clone().unwrap_or_default(),
+            light: template.lighting(),
             compared: albedo.map(|albedo| (Picture::of(frame, tone), albedo)),
         }
     }
@@ -256,7 +256,7 @@ fn shade_alone(
         usable: photo.usable,
         saturated: &photo.picture.saturated,
         albedo: Some(photo.albedo),
-        light: photo.light,
+        light: &photo.light.light,
     };
     let shaded = log.time("sfs", || shape_from_shading(&input, &SfsOptions::default()))?;
     log.attach(&shaded.summary);

@@ -19,7 +19,7 @@ use crate::camera::CameraModel;
 use crate::dense::{DenseOptions, PosedFrame, depth_maps, surface};
 use crate::geometry::{Isometry, Point3};
 use crate::image::{Frame, Mask, ToneCurve, viewport};
-use crate::light::LightModel;
+use crate::light::{Coat, LightModel};
 use crate::mesh::Mesh;
 use crate::mesh::remesh::{RemeshOptions, remesh};
 use crate::sfm::{self, Features2d, SfmOptions, SfmStage};
@@ -248,6 +248,7 @@ pub fn template_from_mesh(
         camera: None,
         tone: ToneCurve::default(),
         light: None,
+        coat: Coat::default(),
     }
 }
 

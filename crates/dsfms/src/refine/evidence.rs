@@ -7,7 +7,7 @@ use crate::camera::{Camera, CameraModel};
 use crate::energy::diffuse::DiffuseVertex;
 use crate::geometry::{Point3, Vector3};
 use crate::image::{ColorImage, Mask, Picture};
-use crate::light::{Light, LightModel};
+use crate::light::{Coated, Light};
 use crate::mesh::Mesh;
 use crate::raster::visible_vertices;
 use crate::template::SurfaceTexels;
@@ -22,7 +22,7 @@ pub struct Photograph<'a> {
     /// `true` where the organ may be seen (no instrument, inside the organ mask if there is one).
     pub usable: &'a Mask,
     /// Light of the frame.
-    pub light: &'a LightModel,
+    pub light: &'a Coated,
     /// Albedo of the template.
     pub albedo: &'a SurfaceTexels,
     /// Expected log gain; 0 when template and frame share their exposure.

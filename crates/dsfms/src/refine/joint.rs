@@ -139,10 +139,7 @@ pub fn join(
     photo: &Photograph,
     options: &JointOptions,
 ) -> Joined {
-    let hold = match photo.light {
-        LightModel::Point(_) => depth_sigma.max(options.near_depth_hold * scene.radius()),
-        LightModel::Collinear => depth_sigma,
-    };
+    let hold = depth_tolerance(scene, depth_sigma, &photo.light.light, options);
     let mut state = Unknowns { vertices: start.to_vec(), globals: vec![0.0, 0.0] };
     let mut expected = photo.expected_log_gain;
     let (mut last, mut workspace) = (None, Workspace::default());
@@ -164,7 +161,7 @@ pub fn join(
         last = Some((summary, look.samples.len()));
         // A near light tells the distance of everything, so the shape now knows the pose better than
         // the matches did; under a distant one only the matches hold it.
-        if matches!(photo.light, LightModel::Point(_)) {
+        if matches!(photo.light.light, LightModel::Point(_)) {
             reposed = Some(scene.reposed(&state.vertices));
         }
     }
@@ -175,6 +172,19 @@ pub fn join(
         vertices: state.vertices,
         samples,
         summary,
+    }
+}
+
+/// Tolerance for the depth of the matches, given that of eq. 3.
+pub(super) fn depth_tolerance(
+    scene: &Scene,
+    depth_sigma: f64,
+    light: &LightModel,
+    options: &JointOptions,
+) -> f64 {
+    match light {
+        LightModel::Point(_) => depth_sigma.max(options.near_depth_hold * scene.radius()),
+        LightModel::Collinear => depth_sigma,
     }
 }
 
@@ -201,10 +211,10 @@ fn settle<'a>(
 }
 
 /// What one shape makes of a photograph at one blur.
-struct Seen {
-    image: ColorImage,
-    samples: Vec<Sample>,
-    log_gain: f64,
+pub(super) struct Seen {
+    pub(super) image: ColorImage,
+    pub(super) samples: Vec<Sample>,
+    pub(super) log_gain: f64,
 }
 
 /// Barycentrics of the samples of a face.
@@ -225,7 +235,7 @@ fn faces_drawn(raster: &Raster) -> usize {
     faces.len()
 }
 
-fn look(
+pub(super) fn look(
     photo: &Photograph,
     rest: &Mesh,
     shape: &[Point3],
@@ -269,7 +279,7 @@ fn look(
     Seen { image: look.image, samples, log_gain: weighed.log_gain }
 }
 
-fn objective<'a>(
+pub(super) fn objective<'a>(
     scene: &'a Scene,
     matches: &[Match],
     depth_sigma: f64,

@@ -7,8 +7,10 @@ mod look;
 pub mod mirror;
 pub mod objective;
 pub mod options;
+pub mod video;
 
 pub use evidence::{Evidence, Photograph};
 pub use joint::{Joined, JointOptions, join};
 pub use objective::{Refined, refine};
 pub use options::RefineOptions;
+pub use video::{Carried, VideoMemory, VideoOptions, join_near};

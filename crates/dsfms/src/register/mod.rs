@@ -12,9 +12,9 @@ pub mod scene;
 
 use crate::geometry::Point2;
 pub use find::find;
-pub use objective::{RegisterMemory, Registered, register, register_in};
+pub use objective::{RegisterMemory, Registered, register, register_in, register_near};
 pub use options::{Prior, RegisterOptions};
-pub use pose::{Posed, pose};
+pub use pose::{Posed, pose, pose_near};
 pub use scene::Scene;
 
 /// A correspondence between a template point and a pixel of the deformed frame.

@@ -86,13 +86,82 @@ pub fn register_in(
         let anew = scene.reposed(&state);
         (motion, round, reposed) = (moved, round + 1, Some(anew));
     };
-    let errors = errors_px(scene, matches, &state);
+    Registered::of(scene, matches, state, hold.hypot(motion), summary, options)
+}
+
+/// Tolerance for the depth of the matches in a frame whose shape is nearly known, length units: that
+/// of [`register`], whose rounds the known shape replaces.
+pub fn depth_tolerance(
+    scene: &Scene,
+    matches: &[Match],
+    posed: &Posed,
+    near: &[Point3],
+    options: &RegisterOptions,
+) -> f64 {
+    let hold = options.depth_hold * scene.radius();
+    hold.hypot(motion_near(scene, matches, posed, near, options))
+}
+
+fn motion_near(
+    scene: &Scene,
+    matches: &[Match],
+    posed: &Posed,
+    near: &[Point3],
+    options: &RegisterOptions,
+) -> f64 {
+    let hold = options.depth_hold * scene.radius();
+    let motion = options.depth_hold_motion * unexplained_motion(scene, posed);
+    if motion <= hold {
+        return motion;
+    }
+    motion.max(displacement(scene, matches, near, 3.0 * options.robust_px[1]))
+}
+
+/// Solve eq. 3 from a shape near the solution (that of the frame before): the last loss alone, and
+/// no rounds.
+pub fn register_near(
+    memory: &mut RegisterMemory,
+    scene: &Scene,
+    matches: &[Match],
+    posed: &Posed,
+    near: &[Point3],
+    options: &RegisterOptions,
+) -> Registered {
+    let motion = motion_near(scene, matches, posed, near, options);
+    let problem = Problem { scene, matches, motion, options };
+    let losses = losses(options);
+    let last = &losses[losses.len() - 1..];
+    let (vertices, summary) = problem.anneal(&mut memory.workspace, near.to_vec(), last, 1e-4);
+    let depth_sigma = (options.depth_hold * scene.radius()).hypot(motion);
+    Registered::of(scene, matches, vertices, depth_sigma, summary, options)
+}
+
+impl Registered {
+    fn of(
+        scene: &Scene,
+        matches: &[Match],
+        vertices: Vec<Point3>,
+        depth_sigma: f64,
+        summary: Summary,
+        options: &RegisterOptions,
+    ) -> Self {
+        let (kept, residual_px) = explained(scene, matches, &vertices, options);
+        Self { vertices, kept, residual_px, depth_sigma, summary }
+    }
+}
+
+/// Which matches a shape explains, and their median reprojection error, px.
+pub fn explained(
+    scene: &Scene,
+    matches: &[Match],
+    shape: &[Point3],
+    options: &RegisterOptions,
+) -> (Vec<bool>, f64) {
+    let errors = errors_px(scene, matches, shape);
     let limit = 3.0 * options.robust_px[1];
-    let kept: Vec<bool> = errors.iter().map(|&e| e <= limit).collect();
+    let kept = errors.iter().map(|&e| e <= limit).collect();
     let mut inliers: Vec<f64> = errors.into_iter().filter(|&e| e <= limit).collect();
-    let residual_px = median(&mut inliers).unwrap_or(f64::INFINITY);
-    let depth_sigma = hold.hypot(motion);
-    Registered { vertices: state, kept, residual_px, depth_sigma, summary }
+    (kept, median(&mut inliers).unwrap_or(f64::INFINITY))
 }
 
 /// Eq. 3 on one mesh.

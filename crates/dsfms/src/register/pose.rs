@@ -57,22 +57,60 @@ pub fn pose(
     }
     let points: Vec<Point3> = matches.iter().map(|m| rest_point(rest, m)).collect();
     let pixels: Vec<Point2> = matches.iter().map(|m| m.pixel).collect();
-    let [coarse, fine] = options.robust_px;
-    let found = resect(camera, &points, &pixels, 0.5 * coarse, &mut Random::new(seed, 0))
+    let tolerance = 0.5 * options.robust_px[0];
+    let found = resect(camera, &points, &pixels, tolerance, &mut Random::new(seed, 0))
         .ok_or(RegisterError::NoPose { inliers: 0, found: matches.len() })?;
     if found.inliers.len() < NEEDED || 3 * found.inliers.len() < matches.len() {
         return Err(RegisterError::NoPose { inliers: found.inliers.len(), found: matches.len() });
     }
-    let (mut pose, mut scale) = (found.pose, coarse);
+    Ok(settled(camera, &points, &pixels, found.pose, options.robust_px))
+}
+
+/// The rigid pose near a known one (a frame before), which nine in ten matches are not far from.
+///
+/// # Errors
+/// Fewer than four matches, or no pose there that a third of them agree with.
+pub fn pose_near(
+    camera: &CameraModel,
+    points: &[Point3],
+    pixels: &[Point2],
+    options: &RegisterOptions,
+    start: Isometry,
+) -> Result<Posed, RegisterError> {
+    let found = points.len();
+    if found < NEEDED {
+        return Err(RegisterError::TooFewMatches { found, needed: NEEDED });
+    }
+    let [coarse, fine] = options.robust_px;
+    let mut left = residuals(camera, &start, points, pixels);
+    left.sort_unstable_by(f64::total_cmp);
+    let from = (2.0 * left[left.len() * 9 / 10]).min(coarse).max(fine);
+    let posed = settled(camera, points, pixels, start, [from, fine]);
+    let inliers = posed.residuals_px.iter().filter(|&&r| r < 0.5 * coarse).count();
+    if inliers < NEEDED || 3 * inliers < found {
+        return Err(RegisterError::NoPose { inliers, found });
+    }
+    Ok(posed)
+}
+
+/// Anneal the scale of the loss from the first to the second, px, or to the level of the residuals.
+fn settled(
+    camera: &CameraModel,
+    points: &[Point3],
+    pixels: &[Point2],
+    start: Isometry,
+    [coarse, fine]: [f64; 2],
+) -> Posed {
+    let (mut pose, mut scale) = (start, coarse);
     loop {
-        pose = refine_pose(camera, &pose, &points, &pixels, Loss::GemanMcClure(scale));
-        let floor = fine.max(2.0 * median_of(&residuals(camera, &pose, &points, &pixels)));
+        pose = refine_pose(camera, &pose, points, pixels, Loss::GemanMcClure(scale));
+        let floor = fine.max(2.0 * median_of(&residuals(camera, &pose, points, pixels)));
         if scale <= floor {
             break;
         }
         scale = (0.5 * scale).max(floor);
     }
-    let residuals_px = residuals(camera, &pose, &points, &pixels);
+    let residuals_px = residuals(camera, &pose, points, pixels);
     let offset = |i: usize| -> Option<Vector2> {
         let seen = camera.project(&(pose * points[i]))?;
         (residuals_px[i] < coarse).then_some(pixels[i] - seen.pixel)
@@ -80,7 +118,7 @@ pub fn pose(
     let offsets: Vec<(Point3, Vector2)> =
         (0..points.len()).filter_map(|i| Some((points[i], offset(i)?))).collect();
     let shared_motion_px = shared_motion(&offsets);
-    Ok(Posed { pose, residuals_px, shared_motion_px })
+    Posed { pose, residuals_px, shared_motion_px }
 }
 
 /// Root mean product of every point's offset with its nearest neighbour's; 0 where the mean is

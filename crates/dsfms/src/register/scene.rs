@@ -30,7 +30,18 @@ impl<'a> Scene<'a> {
     /// Look at the posed rest shape.
     pub fn new(camera: &'a CameraModel, rest: &'a Mesh, posed: Vec<Point3>) -> Self {
         let visible = visibility(camera, rest, &posed);
-        let laplacian = Laplacian::new(rest);
+        Self::seen(camera, rest, posed, visible, Laplacian::new(rest))
+    }
+
+    /// The posed rest shape where it is known which vertices the camera sees; `laplacian` is that of
+    /// the rest shape.
+    pub fn seen(
+        camera: &'a CameraModel,
+        rest: &'a Mesh,
+        posed: Vec<Point3>,
+        visible: Vec<bool>,
+        laplacian: Laplacian,
+    ) -> Self {
         let total: f64 = laplacian.mass.iter().sum();
         let seen: f64 =
             laplacian.mass.iter().zip(&visible).filter(|(_, v)| **v).map(|(m, _)| m).sum();

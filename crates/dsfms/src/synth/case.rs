@@ -110,6 +110,7 @@ impl Case {
             camera: Some(camera.clone()),
             tone: ToneCurve::Srgb,
             light: Some(options.light.clone()),
+            coat: Default::default(),
         };
         Self { camera, template, frame, matches, deformation, truth, visible }
     }

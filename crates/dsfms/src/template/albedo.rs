@@ -8,13 +8,12 @@
 //! the one global factor that images leave open is thereby fixed.
 
 use super::SurfaceTexels;
-use super::coat::WET_TISSUE;
 use super::known_light::{Exposure, KnownLight};
 use super::photometric::{AlbedoView, Observation, ObservationBounds, PreparedView};
 use super::spots::{prepare, smoothed_normals, surface_point};
 use super::texel_fill::{choose_resolution, fill_unseen};
 use crate::geometry::Vector3;
-use crate::light::LightModel;
+use crate::light::{Coat, LightModel, coat::WET_TISSUE};
 use crate::mesh::Mesh;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -105,6 +104,13 @@ pub enum AlbedoError {
         /// Number of frames given.
         views: usize,
     },
+}
+
+impl AlbedoOptions {
+    /// The tissue as the options describe it.
+    pub fn coat(&self) -> Coat {
+        Coat { refractive_index: self.refractive_index, ambient: self.ambient }
+    }
 }
 
 /// Estimate albedo and gains. `mesh` in the template frame, outward orientation; `light` as

@@ -1,12 +1,11 @@
 //! Exposure gains under a known light.
 
 use super::albedo::AlbedoOptions;
-use super::coat::relative_transmission;
 use super::log_linear::{LogLinear, ShadingModel};
 use super::photometric::{AlbedoView, Observation, PreparedView};
 use super::spots::observe_spots;
 use crate::geometry::Vector3;
-use crate::light::{Light, LightModel};
+use crate::light::LightModel;
 use crate::mesh::Mesh;
 
 /// A known light: nothing but gains to solve for.
@@ -17,9 +16,7 @@ pub(super) struct KnownLight<'a> {
 
 impl KnownLight<'_> {
     pub fn shade(&self, o: &Observation) -> f64 {
-        let film = self.options.refractive_index;
-        let passed = relative_transmission(film, self.light, &o.point, &o.normal);
-        passed * (self.light.shade(&o.point, &o.normal).value + self.options.ambient)
+        self.options.coat().shade(self.light, &o.point, &o.normal).value
     }
 }
 

@@ -6,13 +6,12 @@
 //! models are fitted and the one with the best Bayesian information criterion is kept.
 
 use super::albedo::{AlbedoError, check_views};
-use super::coat::{WET_TISSUE, relative_transmission};
 use super::known_light::centred_gains;
 use super::log_linear::{LogFit, LogLinear, ShadingModel};
 use super::photometric::{AlbedoView, Observation, ObservationBounds};
 use super::spots::{observe_spots, prepare, smoothed_normals};
 use crate::geometry::{Point3, median};
-use crate::light::{Light, LightModel, PointLight, Spot};
+use crate::light::{Coat, LightModel, PointLight, Spot, coat};
 use crate::mesh::Mesh;
 use serde::{Deserialize, Serialize};
 
@@ -47,7 +46,7 @@ impl Default for LightFitOptions {
             gain_sigma: 0.3,
             ambient: true,
             offset_sigma: 0.1,
-            refractive_index: WET_TISSUE,
+            refractive_index: coat::WET_TISSUE,
         }
     }
 }
@@ -201,11 +200,7 @@ fn models(
         _ => None,
     };
     let distance = given.map_or(median, |l| l.reference_distance);
-    let mean = |l: &PointLight| {
-        l.positions.iter().map(|p| p.coords).sum::<crate::geometry::Vector3>()
-            / l.positions.len() as f64
-    };
-    let origin = given.map_or([0.0; 3], |l| (mean(l) / distance).into());
+    let origin = given.map_or([0.0; 3], |l| (l.mean_position() / distance).coords.into());
     let spot = given.map_or(Spot::Isotropic, |l| l.spot);
     let mut families = vec![Family::Fixed("collinear", LightModel::Collinear)];
     families.extend(initial.map(|light| Family::Fixed("given", light.clone())));
@@ -311,15 +306,15 @@ fn decode_spot(family: SpotFamily, theta: &[f64]) -> Spot {
 }
 
 impl ShadingModel for ParametricLight {
-    type At = (LightModel, f64);
+    type At = (LightModel, Coat);
 
     fn at(&self, theta: &[f64]) -> Self::At {
-        self.decode(theta)
+        let (light, ambient) = self.decode(theta);
+        (light, Coat { refractive_index: self.refractive_index, ambient })
     }
 
-    fn log_shading(&self, o: &Observation, (light, ambient): &Self::At) -> f64 {
-        let passed = relative_transmission(self.refractive_index, light, &o.point, &o.normal);
-        (passed * (light.shade(&o.point, &o.normal).value + ambient)).max(1e-4).ln()
+    fn log_shading(&self, o: &Observation, (light, coat): &Self::At) -> f64 {
+        coat.shade(light, &o.point, &o.normal).value.max(1e-4).ln()
     }
 
     fn steps(&self) -> Vec<f64> {

@@ -3,7 +3,6 @@
 pub mod albedo;
 pub mod anchor;
 pub mod bake;
-pub mod coat;
 mod combine;
 pub mod flatten;
 mod known_light;
@@ -24,7 +23,7 @@ pub mod texture;
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point2, Point3};
 use crate::image::ToneCurve;
-use crate::light::LightModel;
+use crate::light::{Coat, Coated, LightModel};
 use crate::mesh::Mesh;
 use serde::{Deserialize, Serialize};
 pub use texels::SurfaceTexels;
@@ -75,6 +74,15 @@ pub struct Template {
     pub tone: ToneCurve,
     /// Light as calibrated on the exploration frames (or as given).
     pub light: Option<LightModel>,
+    /// What the tissue made of that light.
+    pub coat: Coat,
+}
+
+impl Template {
+    /// The light of a frame and the tissue it falls on.
+    pub fn lighting(&self) -> Coated {
+        Coated { light: self.light.clone().unwrap_or_default(), coat: self.coat }
+    }
 }
 
 /// A sparse point of the exploration.

@@ -1,6 +1,6 @@
 //! A wavy patch photographed from several sides under a known light, for the tests of this folder.
 
-use super::coat::{WET_TISSUE, relative_transmission};
+use super::albedo::AlbedoOptions;
 use super::photometric::{AlbedoView, ObservationBounds};
 use super::spots::{smoothed_normals, surface_point};
 use crate::camera::{CameraModel, Lens};
@@ -75,11 +75,11 @@ pub fn picture(mesh: &Mesh, light: &LightModel, pose: Isometry, gain: f64) -> Pi
     let positions: Vec<_> = mesh.positions.iter().map(|p| pose * p).collect();
     let raster = rasterize(&camera, &mesh.topology, &positions);
     let normals = smoothed_normals(mesh, 0);
+    let coat = AlbedoOptions::default().coat();
     let data = raster.render([0.0; 3], |face, w| {
         let Some((p, n)) = surface_point(mesh, &normals, face, w) else { return [0.0; 3] };
         let (point, normal) = (pose * p, pose * n);
-        let passed = relative_transmission(WET_TISSUE, light, &point, &normal);
-        let light = gain * passed * light.shade(&point, &normal).value;
+        let light = gain * coat.shade(light, &point, &normal).value;
         true_albedo(&p).map(|a| (a * light) as f32)
     });
     let image = ColorImage { size: SIZE, data };

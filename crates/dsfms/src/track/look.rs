@@ -1,12 +1,12 @@
 //! What a shape of the template should look like, and where it has texture to hold on to.
 
 use super::flow::{Pyramid, RADIUS, correlation};
+use super::reduce::LUMA;
 use crate::camera::CameraModel;
 use crate::geometry::{Point2, Point3};
-use crate::image::filter::halve;
-use crate::image::{Frame, Mask, Plane, ToneCurve};
+use crate::image::{Mask, Plane};
 use crate::mesh::Mesh;
-use crate::raster::rasterize;
+use crate::raster::{rasterize, visible_vertices};
 use crate::template::SurfaceTexels;
 use rayon::prelude::*;
 
@@ -22,25 +22,34 @@ const MOST: usize = 320;
 /// The working image is halved until its diagonal is no longer than this, px.
 const DIAGONAL: f64 = 1000.0;
 
-/// Weights of red, green and blue.
-const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
+/// The photograph is halved as long as its finest blur keeps this standard deviation, px.
+const LEAST_BLUR: f64 = 1.5;
 
-/// The size at which patches are compared: coarse enough to be fast.
+/// The sizes at which a frame is looked at: coarse enough to be fast.
 #[derive(Clone, Debug)]
 pub struct Working {
-    /// Camera of the working image.
+    /// Camera of the working image, at whose size patches are compared.
     pub camera: CameraModel,
-    halvings: u32,
+    pub(super) halvings: u32,
+    /// Camera of the photograph, from which shading is read.
+    pub(super) photo: CameraModel,
+    pub(super) photo_halvings: u32,
 }
 
 impl Working {
-    /// For frames of this camera.
-    pub fn of(camera: &CameraModel) -> Self {
-        let (mut camera, mut halvings) = (camera.clone(), 0);
-        while (camera.size[0] as f64).hypot(camera.size[1] as f64) > DIAGONAL {
-            (camera, halvings) = (camera.halved(), halvings + 1);
-        }
-        Self { camera, halvings }
+    /// For frames of this camera; `blur`: the finest at which shading is read, of the diagonal.
+    pub fn of(camera: &CameraModel, blur: f64) -> Self {
+        let diagonal = |camera: &CameraModel| (camera.size[0] as f64).hypot(camera.size[1] as f64);
+        let halve = |mut halved: CameraModel, enough: &dyn Fn(f64) -> bool| {
+            let mut times = 0;
+            while !enough(diagonal(&halved)) {
+                (halved, times) = (halved.halved(), times + 1);
+            }
+            (halved, times)
+        };
+        let (working, halvings) = halve(camera.clone(), &|d| d <= DIAGONAL);
+        let (photo, photo_halvings) = halve(camera.clone(), &|d| 0.5 * d * blur < LEAST_BLUR);
+        Self { camera: working, halvings, photo, photo_halvings }
     }
 
     /// Pixel of the frame at a pixel of the working image.
@@ -55,33 +64,8 @@ impl Working {
 pub struct Seen {
     /// Brightness and its halves.
     pub pyramid: Pyramid,
-    /// `true` where the organ may be seen.
+    /// `true` where the organ may be seen and no highlight is near.
     pub usable: Mask,
-}
-
-impl Seen {
-    /// Reduce a frame.
-    pub fn new(frame: &Frame, tone: &ToneCurve, usable: &Mask, working: &Working) -> Self {
-        let table = tone.table().map(f32::sqrt);
-        let bright = |p: &[u8; 3]| (0..3).map(|c| LUMA[c] * table[p[c] as usize]).sum();
-        let mut plane =
-            Plane { size: frame.size, data: frame.rgb.par_iter().map(bright).collect() };
-        let mut usable = usable.clone();
-        for _ in 0..working.halvings {
-            (plane, usable) = (halve(&plane), halve_mask(&usable));
-        }
-        Self { pyramid: Pyramid::new(plane, LEVELS), usable }
-    }
-}
-
-/// Half the size, `true` where all four pixels are.
-fn halve_mask(mask: &Mask) -> Mask {
-    let size = mask.size.map(|n| n / 2);
-    let all = |i: usize| {
-        let (x, y) = (2 * (i % size[0]), 2 * (i / size[0]));
-        mask.at(x, y) && mask.at(x + 1, y) && mask.at(x, y + 1) && mask.at(x + 1, y + 1)
-    };
-    Mask { size, data: (0..size[0] * size[1]).map(all).collect() }
 }
 
 /// A textured place of the template.
@@ -101,12 +85,16 @@ pub struct Look {
     pub render: Pyramid,
     /// Places to compare.
     pub anchors: Vec<Anchor>,
+    /// Vertices that the working camera sees.
+    pub visible: Vec<bool>,
 }
 
 impl Look {
     /// Render a shape (camera axes).
     pub fn new(working: &Working, rest: &Mesh, shape: &[Point3], albedo: &SurfaceTexels) -> Self {
         let raster = rasterize(&working.camera, &rest.topology, shape);
+        let tolerance = 0.5 * rest.mean_edge_length();
+        let visible = visible_vertices(&working.camera, &rest.topology, shape, &raster, tolerance);
         let value = |face: usize, b: [f64; 3]| {
             let texel = albedo.index(face, b);
             let rgb = albedo.value[texel];
@@ -126,7 +114,7 @@ impl Look {
             let (face, barycentric) = raster.surface(x, y)?;
             Some(Anchor { face, barycentric, pixel: Point2::new(x as f64, y as f64) })
         });
-        Self { anchors: anchors.collect(), render }
+        Self { anchors: anchors.collect(), render, visible }
     }
 
     /// How many of the anchors whose surroundings may be used the frame agrees with, to a pixel, and

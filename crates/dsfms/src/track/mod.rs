@@ -8,13 +8,18 @@
 
 pub mod flow;
 pub mod look;
+mod prepare;
+mod reduce;
 pub mod shapes;
+mod surface;
 mod tracker;
 pub mod verdict;
 
 use crate::geometry::{Isometry, Point3};
 use crate::pipeline::{Method, ReconstructOptions};
+use crate::refine::VideoOptions;
 use crate::register::Match;
+pub use prepare::{Preparation, Prepared};
 use serde::{Deserialize, Serialize};
 pub use tracker::Tracker;
 pub use verdict::VerdictOptions;
@@ -25,6 +30,8 @@ pub use verdict::VerdictOptions;
 pub struct TrackOptions {
     /// Weights of the solves, and the seed.
     pub reconstruct: ReconstructOptions,
+    /// The joint solve from the last shape.
+    pub video: VideoOptions,
     /// When a surface is believed.
     pub verdict: VerdictOptions,
     /// Least normalised cross-correlation of a followed patch with the template's, in `[-1, 1]`.
@@ -40,6 +47,7 @@ impl Default for TrackOptions {
     fn default() -> Self {
         Self {
             reconstruct: ReconstructOptions::default(),
+            video: VideoOptions::default(),
             verdict: VerdictOptions::default(),
             correlation: 0.7,
             patience: 10,
@@ -102,6 +110,11 @@ pub struct Surface {
     pub matches: Vec<(Match, bool)>,
     /// Median distance of the kept matches from the surface, px.
     pub residual_px: f64,
+    /// Their mean distance, px.
+    pub reprojection_px: f64,
+    /// Mean relative difference of the frame's brightness from what template, light and exposure
+    /// predict at the surface; `None` for the method without shading.
+    pub photometric: Option<f64>,
     /// How far the depth of the surface is uncertain for the solve of eq. 3, of the visible radius:
     /// it grows with the motion that no rigid pose explains.
     pub depth_uncertainty: f64,

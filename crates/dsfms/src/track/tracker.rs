@@ -1,58 +1,71 @@
 //! The state between frames, and one frame's way through find, follow and verdict.
 
 use super::flow::{correlation, follow};
-use super::look::{Look, Seen, Working, whole};
+use super::look::{Anchor, Look, Working, whole};
+use super::prepare::{Preparation, Prepared, View};
 use super::verdict::judge;
 use super::{Surface, TrackError, TrackOptions, TrackStatus, Tracked, Way};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point3, align_rigid_robust, point_at};
-use crate::image::{Frame, Mask, Picture, ToneCurve, saturation, usable, viewport};
-use crate::light::LightModel;
+use crate::image::{Frame, Mask, ToneCurve};
+use crate::light::Coated;
+use crate::mesh::laplacian::Laplacian;
 use crate::pipeline::Method;
-use crate::refine::{Photograph, join};
-use crate::register::{
-    Match, Posed, RegisterMemory, RegisterOptions, Scene, find, pose, register_in,
-};
+use crate::refine::VideoMemory;
+use crate::register::{Match, RegisterMemory, find};
 use crate::template::{Features, SurfaceTexels, Template};
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Margin about highlights within which nothing is compared, of the image diagonal.
-const HALO: f64 = 0.003;
-
-/// Frames for which the outline of the endoscope's viewport is kept.
-const VIEWPORT_FRAMES: usize = 25;
-
-/// Brightest value of a frame that counts as black.
-const BLACK: u8 = 16;
-
 /// Follows a template through the frames of one camera.
 pub struct Tracker<'a> {
-    template: &'a Template,
-    albedo: &'a SurfaceTexels,
+    pub(super) template: &'a Template,
+    pub(super) albedo: &'a SurfaceTexels,
     features: &'a Features,
-    light: LightModel,
-    camera: &'a CameraModel,
-    tone: &'a ToneCurve,
-    method: Method,
-    options: TrackOptions,
-    working: Working,
-    memory: RegisterMemory,
-    viewport: Option<(usize, Option<Mask>)>,
-    last: Option<Last>,
+    pub(super) light: Coated,
+    pub(super) camera: &'a CameraModel,
+    pub(super) options: TrackOptions,
+    pub(super) working: Working,
+    /// Of the rest shape.
+    pub(super) laplacian: Laplacian,
+    pub(super) memory: Memory,
+    preparation: Preparation,
+    pub(super) last: Option<Last>,
     /// Frames given.
     count: usize,
     /// Frame of the last search by descriptors beside a degraded surface.
     searched: Option<usize>,
 }
 
+/// What outlives a frame, for speed alone.
+#[derive(Default)]
+pub(super) struct Memory {
+    pub(super) register: RegisterMemory,
+    pub(super) video: VideoMemory,
+}
+
 /// The last surface that was not lost.
-struct Last {
+pub(super) struct Last {
     frame: usize,
-    vertices: Vec<Point3>,
-    look: Look,
+    pub(super) vertices: Vec<Point3>,
+    /// `camera_from_template` of its matches.
+    pub(super) pose: Isometry,
+    pub(super) ambient: f64,
+    pub(super) look: Look,
     /// Rigid motion from the frame before it to it.
-    motion: Isometry,
+    pub(super) motion: Isometry,
+}
+
+/// A surface before anybody has looked at it.
+pub(super) struct Draft {
+    pub(super) vertices: Vec<Point3>,
+    pub(super) pose: Isometry,
+    pub(super) matches: Vec<(Match, bool)>,
+    pub(super) residual_px: f64,
+    pub(super) reprojection_px: f64,
+    pub(super) depth_uncertainty: f64,
+    pub(super) photometric: Option<f64>,
+    pub(super) ambient: f64,
 }
 
 /// A surface with its judgement.
@@ -61,21 +74,14 @@ struct Candidate {
     reasons: Vec<String>,
     surface: Surface,
     look: Look,
-}
-
-/// What a frame offers to every attempt.
-struct View<'f> {
-    frame: &'f Frame,
-    usable: Mask,
-    seen: Seen,
+    ambient: f64,
 }
 
 /// Wall times.
-#[derive(Default)]
-struct Clock(Vec<(&'static str, f64)>);
+pub(super) struct Clock(Vec<(&'static str, f64)>);
 
 impl Clock {
-    fn time<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
+    pub(super) fn time<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let value = work();
         self.0.push((name, start.elapsed().as_secs_f64()));
@@ -98,22 +104,31 @@ impl<'a> Tracker<'a> {
         if !matches!(method, Method::Dsfm | Method::Joint) {
             return Err(TrackError::Method(method));
         }
+        let blurs = options.video.blurs.iter().chain(&options.reconstruct.joint.blurs);
+        let working = Working::of(camera, blurs.copied().fold(f64::INFINITY, f64::min));
+        let shading = method == Method::Joint;
+        let preparation = Preparation::new(camera, tone, &working, shading);
         Ok(Self {
             template,
             albedo: template.albedo.as_ref().ok_or(TrackError::NoAlbedo)?,
             features: template.features.as_ref().ok_or(TrackError::NoDescriptors)?,
-            light: template.light.clone().unwrap_or_default(),
+            light: template.lighting(),
             camera,
-            tone,
-            method,
             options,
-            working: Working::of(camera),
-            memory: RegisterMemory::default(),
-            viewport: None,
+            working,
+            laplacian: Laplacian::new(&template.mesh),
+            memory: Memory::default(),
+            preparation,
             last: None,
             count: 0,
             searched: None,
         })
+    }
+
+    /// Prepares this tracker's frames; may live on another thread. It counts frames by itself: take
+    /// one, and give it every frame that [`solve`](Self::solve) gets.
+    pub fn preparation(&self) -> Preparation {
+        self.preparation.clone()
     }
 
     /// The next frame; `instrument`: `true` where an instrument covers the organ.
@@ -126,47 +141,37 @@ impl<'a> Tracker<'a> {
         frame: &Frame,
         instrument: Option<&Mask>,
     ) -> Result<Tracked, TrackError> {
-        for found in [Some(frame.size), instrument.map(|m| m.size)].into_iter().flatten() {
-            if found != self.camera.size {
-                let (name, expected) = (frame.name.clone(), self.camera.size);
-                return Err(TrackError::SizeMismatch { name, found, expected });
-            }
-        }
-        self.count += 1;
-        let brightest = frame.rgb.iter().flatten().copied().max().unwrap_or(0);
-        if brightest < BLACK {
-            let reasons = vec![format!("the frame is black (brightest pixel {brightest} of 255)")];
-            let stages = Vec::new();
-            return Ok(Tracked { status: TrackStatus::Lost, reasons, surface: None, stages });
-        }
-        let mut clock = Clock::default();
-        let view = clock.time("prepare", || self.view(frame, instrument));
-        let outcome = self.attempts(&view, &mut clock);
-        Ok(self.settle(outcome, clock.0))
+        let prepared = self.preparation.prepare(frame.clone(), instrument)?;
+        Ok(self.solve(&prepared))
     }
 
-    fn view<'f>(&mut self, frame: &'f Frame, instrument: Option<&Mask>) -> View<'f> {
-        let old = |&(at, _): &(usize, _)| self.count >= at + VIEWPORT_FRAMES;
-        if self.viewport.as_ref().is_none_or(old) {
-            self.viewport = Some((self.count, viewport(std::slice::from_ref(frame))));
-        }
-        let lit = self.viewport.as_ref().and_then(|v| v.1.clone());
-        let usable = usable(frame.size, lit, instrument, None);
-        let [w, h] = frame.size;
-        let halo = HALO * (w as f64).hypot(h as f64);
-        let clear = usable.minus(&saturation(frame).dilate(halo));
-        let seen = Seen::new(frame, self.tone, &clear, &self.working);
-        View { frame, usable, seen }
+    /// The next frame, prepared by [`preparation`](Self::preparation).
+    pub fn solve(&mut self, prepared: &Prepared) -> Tracked {
+        self.count += 1;
+        let mut clock = Clock(vec![("prepare", prepared.seconds)]);
+        let Some(view) = &prepared.view else {
+            let brightest = prepared.brightest;
+            let reasons = vec![format!("the frame is black (brightest pixel {brightest} of 255)")];
+            return Tracked { status: TrackStatus::Lost, reasons, surface: None, stages: clock.0 };
+        };
+        let outcome = self.attempts(&prepared.frame, view, &mut clock);
+        self.settle(outcome, clock.0)
     }
 
     /// Follow, and find where that is not good enough; the better of both.
-    fn attempts(&mut self, view: &View, clock: &mut Clock) -> Result<Candidate, String> {
+    fn attempts(
+        &mut self,
+        frame: &Frame,
+        view: &View,
+        clock: &mut Clock,
+    ) -> Result<Candidate, String> {
         let fresh =
             |last: &Last| (self.count - last.frame <= self.options.patience).then_some(last.frame);
         let followed = match self.last.as_ref().and_then(fresh) {
             Some(_) => {
                 let matches = clock.time("follow", || self.followed(view));
-                self.surface(view, matches, Way::Followed, clock)
+                let draft = self.carried(view, matches, clock);
+                draft.map(|draft| self.judged(view, draft, Way::Followed, clock))
             }
             None => Err("not found yet".to_owned()),
         };
@@ -184,12 +189,13 @@ impl<'a> Tracker<'a> {
         let seed = self.options.reconstruct.seed;
         let matches = clock.time("find", || {
             let options = &self.options.reconstruct.register;
-            let (rest, frame) = (&self.template.mesh, view.frame);
-            find(self.camera, rest, self.features, frame, &view.usable, options, seed)
+            let usable = view.usable_in(frame);
+            find(self.camera, &self.template.mesh, self.features, frame, &usable, options, seed)
         });
         let found = matches
             .map_err(|error| error.to_string())
-            .and_then(|matches| self.surface(view, matches, Way::Found, clock));
+            .and_then(|matches| self.anew(view, matches, clock))
+            .map(|draft| self.judged(view, draft, Way::Found, clock));
         let rank = |c: &Result<Candidate, String>| {
             c.as_ref().map_or(0.0, |c| match c.status {
                 TrackStatus::Ok => 2.0 + c.surface.agreement,
@@ -205,7 +211,7 @@ impl<'a> Tracker<'a> {
         let Some(last) = &self.last else { return Vec::new() };
         let faces = &self.template.mesh.topology.faces;
         let (render, frame) = (&last.look.render, &view.seen.pyramid);
-        let one = |a: &super::look::Anchor| -> Option<Match> {
+        let one = |a: &Anchor| -> Option<Match> {
             let corners = faces[a.face as usize].map(|v| &last.vertices[v as usize]);
             let ahead = last.motion * point_at(corners, a.barycentric);
             let start = self.working.camera.project(&ahead)?.pixel;
@@ -222,81 +228,30 @@ impl<'a> Tracker<'a> {
         last.look.anchors.par_iter().map(one).collect::<Vec<_>>().into_iter().flatten().collect()
     }
 
-    /// The surface that matches give, judged; the error says why there is none.
-    fn surface(
-        &mut self,
-        view: &View,
-        matches: Vec<Match>,
-        way: Way,
-        clock: &mut Clock,
-    ) -> Result<Candidate, String> {
-        let needed = self.options.verdict.matches[0];
-        if matches.len() < needed {
-            let found = matches.len();
-            return Err(format!("only {found} matches, at least {needed} are needed"));
-        }
-        let options = &self.options.reconstruct;
+    /// Look at a surface and judge it.
+    fn judged(&self, view: &View, draft: Draft, way: Way, clock: &mut Clock) -> Candidate {
         let rest = &self.template.mesh;
-        let posed = clock
-            .time("pose", || pose(self.camera, rest, &matches, &options.register, options.seed));
-        let posed = posed.map_err(|error| error.to_string())?;
-        let memory = &mut self.memory;
-        let (scene, coarse) = clock.time("register", || {
-            let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
-            let scene = Scene::new(self.camera, rest, rigid);
-            let options = match way {
-                Way::Found => options.register.clone(),
-                Way::Followed => narrowed(&options.register, &posed),
-            };
-            let coarse = register_in(memory, &scene, &matches, &posed, &options);
-            (scene, coarse)
-        });
-        let matches: Vec<(Match, bool)> =
-            matches.into_iter().zip(coarse.kept.iter().copied()).collect();
-        let mut vertices = coarse.vertices;
-        if self.method == Method::Joint {
-            let kept: Vec<Match> = matches.iter().filter(|m| m.1).map(|m| m.0).collect();
-            let start = (vertices.as_slice(), coarse.depth_sigma);
-            vertices = clock.time("joint", || self.joined(view, &scene, start, &kept));
-        }
-        let look = clock.time("look", || Look::new(&self.working, rest, &vertices, self.albedo));
+        let look =
+            clock.time("look", || Look::new(&self.working, rest, &draft.vertices, self.albedo));
         let [agreeing, places] =
             clock.time("agree", || look.agreement(&view.seen, self.options.verdict.correlation));
-        let agreement = agreeing as f64 / places.max(1) as f64;
-        let residual_px = coarse.residual_px;
-        let depth_uncertainty = coarse.depth_sigma / scene.radius();
+        let ambient = draft.ambient;
         let surface = Surface {
-            vertices,
-            pose: posed.pose,
-            matches,
-            residual_px,
-            depth_uncertainty,
-            agreement,
+            vertices: draft.vertices,
+            pose: draft.pose,
+            matches: draft.matches,
+            residual_px: draft.residual_px,
+            reprojection_px: draft.reprojection_px,
+            photometric: draft.photometric,
+            depth_uncertainty: draft.depth_uncertainty,
+            agreement: agreeing as f64 / places.max(1) as f64,
             places,
             way,
         };
         let last = self.last.as_ref().filter(|l| way == Way::Followed && l.frame + 1 == self.count);
         let before = last.map(|l| l.vertices.as_slice());
         let (status, reasons) = judge(rest, &surface, before, &self.options.verdict);
-        Ok(Candidate { status, reasons, surface, look })
-    }
-
-    fn joined(
-        &self,
-        view: &View,
-        scene: &Scene,
-        (start, depth_sigma): (&[Point3], f64),
-        kept: &[Match],
-    ) -> Vec<Point3> {
-        let photo = Photograph {
-            camera: self.camera,
-            picture: &Picture::of(view.frame, self.tone),
-            usable: &view.usable,
-            light: &self.light,
-            albedo: self.albedo,
-            expected_log_gain: (!self.template.views.is_empty()).then_some(0.0),
-        };
-        join(scene, start, depth_sigma, kept, &photo, &self.options.reconstruct.joint).vertices
+        Candidate { status, reasons, surface, look, ambient }
     }
 
     /// Remember a surface that holds.
@@ -319,6 +274,8 @@ impl<'a> Tracker<'a> {
                 self.last = Some(Last {
                     frame: self.count,
                     vertices: c.surface.vertices.clone(),
+                    pose: c.surface.pose,
+                    ambient: c.ambient,
                     look: c.look,
                     motion: motion.unwrap_or_else(Isometry::identity),
                 });
@@ -327,15 +284,4 @@ impl<'a> Tracker<'a> {
         };
         Tracked { status, reasons, surface, stages }
     }
-}
-
-/// Followed matches are few px off where they are wrong, so that the annealing need not start further
-/// than what the rigid pose leaves of nine in ten of them.
-fn narrowed(options: &RegisterOptions, posed: &Posed) -> RegisterOptions {
-    let mut left = posed.residuals_px.clone();
-    left.sort_unstable_by(f64::total_cmp);
-    let most = left.get(left.len() * 9 / 10).copied().unwrap_or(f64::INFINITY);
-    let [coarse, fine] = options.robust_px;
-    let start = (2.0 * most).min(coarse).max(fine);
-    RegisterOptions { robust_px: [start, fine], ..options.clone() }
 }

@@ -142,6 +142,8 @@ mod tests {
             pose: Isometry::identity(),
             matches: (0..100).map(|i| (m, i < kept)).collect(),
             residual_px: 0.5,
+            reprojection_px: 0.6,
+            photometric: None,
             depth_uncertainty: 0.04,
             agreement,
             places: 100,

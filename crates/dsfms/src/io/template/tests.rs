@@ -2,7 +2,7 @@ use super::*;
 use crate::camera::{CameraModel, Lens};
 use crate::geometry::{Isometry, Vector3};
 use crate::image::ToneCurve;
-use crate::light::{LightModel, PointLight, Spot};
+use crate::light::{Coat, LightModel, PointLight, Spot};
 use crate::mesh::shapes;
 use crate::template::bake::choose_resolution;
 use crate::template::flatten::{FlattenOptions, flatten};
@@ -54,6 +54,7 @@ fn tiny() -> Template {
             reference_distance: 50.0,
             spot: Spot::Linear { inner_deg: 10.0, outer_deg: 52.0 },
         })),
+        coat: Coat { refractive_index: 1.4, ambient: 0.03 },
     }
 }
 
@@ -70,6 +71,7 @@ fn assert_same(a: &Template, b: &Template) {
     assert_eq!(a.camera, b.camera);
     assert_eq!(a.tone, b.tone);
     assert_eq!(a.light, b.light);
+    assert_eq!(a.coat, b.coat);
 }
 
 #[test]

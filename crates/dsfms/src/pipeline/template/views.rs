@@ -63,6 +63,7 @@ impl Views<'_> {
             camera: Some(self.exploration.camera.clone()),
             tone: self.exploration.tone.clone(),
             light: Some(light.light.clone()),
+            coat: shading.coat(),
             mesh,
         };
         Ok((template, Some(light)))

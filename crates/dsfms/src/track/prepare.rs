@@ -1,0 +1,158 @@
+//! What a frame needs before any surface is known: done ahead of the solve, on another thread where
+//! there is one.
+
+use super::TrackError;
+use super::flow::Pyramid;
+use super::look::{LEVELS, Seen, Working};
+use super::reduce::{Reduced, Tables, any, clear_about, halve_mask, halved, stretch};
+use crate::camera::CameraModel;
+use crate::image::{Frame, Mask, Picture, ToneCurve, viewport};
+use std::time::Instant;
+
+/// Margin about highlights within which nothing is compared, of the image diagonal.
+const HALO: f64 = 0.003;
+
+/// Frames for which the outline of the endoscope's viewport is kept.
+const VIEWPORT_FRAMES: usize = 25;
+
+/// The viewport is looked for in a frame of at most so many columns.
+const VIEWPORT_COLUMNS: usize = 400;
+
+/// What the mask of the viewport loses at its rim at that size is given back, px of that size; the
+/// rest of the margin is about what it would be at full size.
+const VIEWPORT_GIVEN_BACK: f64 = 4.0;
+
+/// An instrument is wider than its mask by this, px of the frame: shadow, blur and lag.
+const INSTRUMENT_MARGIN: f64 = 3.0;
+
+/// Brightest value of a frame that counts as black.
+const BLACK: u8 = 16;
+
+/// Prepares the frames of one video, in order; remembers the outline of the endoscope's viewport.
+///
+/// It borrows nothing, so that it can run on a thread of its own:
+///
+/// ```ignore
+/// let mut preparation = tracker.preparation();
+/// // on the reader's thread:
+/// sender.send(preparation.prepare(frame, None)?);
+/// // on the tracker's:
+/// let tracked = tracker.solve(&receiver.recv()?);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Preparation {
+    size: [usize; 2],
+    tables: Tables,
+    working: Working,
+    /// Shading is read.
+    shading: bool,
+    /// When the viewport was looked for, and what was found.
+    viewport: Option<(usize, Option<Mask>)>,
+    /// Frames given.
+    count: usize,
+}
+
+/// A frame and what of it may be used.
+pub struct Prepared {
+    /// The frame itself.
+    pub frame: Frame,
+    /// Wall time that the preparation took, seconds.
+    pub seconds: f64,
+    /// Its brightest value.
+    pub(super) brightest: u8,
+    /// `None` where the frame is black.
+    pub(super) view: Option<View>,
+}
+
+/// What a frame offers to every attempt.
+pub(super) struct View {
+    pub(super) seen: Seen,
+    /// What shading is read from, where it is, and `true` where the organ may be seen in it.
+    pub(super) picture: Option<Picture>,
+    pub(super) usable: Mask,
+    /// The same at the size of the working image.
+    usable_working: Mask,
+}
+
+impl View {
+    /// `true` where the organ may be seen, at the size of the frame.
+    pub(super) fn usable_in(&self, frame: &Frame) -> Mask {
+        stretch(&self.usable_working, frame.size)
+    }
+}
+
+impl Preparation {
+    /// For frames of a camera.
+    pub(super) fn new(
+        camera: &CameraModel,
+        tone: &ToneCurve,
+        working: &Working,
+        shading: bool,
+    ) -> Self {
+        let (size, tables, working) = (camera.size, Tables::of(tone), working.clone());
+        Self { size, tables, working, shading, viewport: None, count: 0 }
+    }
+
+    /// The next frame; `instrument`: `true` where an instrument covers the organ.
+    ///
+    /// # Errors
+    /// A frame or mask of another size than the camera's.
+    pub fn prepare(
+        &mut self,
+        frame: Frame,
+        instrument: Option<&Mask>,
+    ) -> Result<Prepared, TrackError> {
+        for found in [Some(frame.size), instrument.map(|m| m.size)].into_iter().flatten() {
+            if found != self.size {
+                let (name, expected) = (frame.name, self.size);
+                return Err(TrackError::SizeMismatch { name, found, expected });
+            }
+        }
+        let start = Instant::now();
+        self.count += 1;
+        let brightest = frame.rgb.iter().flatten().copied().max().unwrap_or(0);
+        let view = (brightest >= BLACK).then(|| self.view(&frame, instrument));
+        let seconds = start.elapsed().as_secs_f64();
+        Ok(Prepared { frame, seconds, brightest, view })
+    }
+
+    fn view(&mut self, frame: &Frame, instrument: Option<&Mask>) -> View {
+        let Working { halvings, photo_halvings, ref camera, .. } = self.working;
+        let base = halvings.min(photo_halvings);
+        let reduced = Reduced::of(frame, &self.tables, base);
+        let scale = f64::from(1u32 << halvings);
+        let old = |&(at, _): &(usize, _)| self.count >= at + VIEWPORT_FRAMES;
+        if self.viewport.as_ref().is_none_or(old) {
+            let lit = lit(frame).map(|mask| stretch(&mask, camera.size));
+            self.viewport = Some((self.count, lit));
+        }
+        let lit = self.viewport.as_ref().and_then(|v| v.1.clone());
+        let mut usable = lit.unwrap_or_else(|| Mask::filled(camera.size, true));
+        if let Some(instrument) = instrument {
+            clear_about(&mut usable, &any(instrument, halvings), INSTRUMENT_MARGIN / scale);
+        }
+        let [w, h] = frame.size;
+        let halo = HALO * (w as f64).hypot(h as f64) / scale;
+        let mut clear = usable.clone();
+        clear_about(&mut clear, &any(&reduced.saturated(), halvings - base), halo);
+        let bright = halved(&reduced.bright, halvings - base);
+        let seen = Seen { pyramid: Pyramid::new(bright, LEVELS), usable: clear };
+        let picture = self.shading.then(|| reduced.picture(photo_halvings - base));
+        let photo = match photo_halvings.checked_sub(halvings) {
+            Some(times) => (0..times).fold(usable.clone(), |mask, _| halve_mask(&mask)),
+            None => stretch(&usable, self.working.photo.size),
+        };
+        View { seen, picture, usable: photo, usable_working: usable }
+    }
+}
+
+/// The endoscope's viewport at a reduced size; `None` where the frame has no dark surround.
+fn lit(frame: &Frame) -> Option<Mask> {
+    let step = frame.size[0].div_ceil(VIEWPORT_COLUMNS).max(1);
+    let rows = frame.rgb.chunks_exact(frame.size[0]).step_by(step);
+    let rgb = rows.flat_map(|row| row.iter().step_by(step).copied()).collect();
+    let size = frame.size.map(|n| n.div_ceil(step));
+    let small = Frame { name: frame.name.clone(), size, rgb };
+    let mask = viewport(std::slice::from_ref(&small))?;
+    Some(if step == 1 { mask } else { mask.dilate(VIEWPORT_GIVEN_BACK) })
+}
