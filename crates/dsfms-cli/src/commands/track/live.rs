@@ -17,6 +17,10 @@ struct Line<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     residual_px: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    reprojection_px: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    photometric: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     agreement: Option<f64>,
     /// Frames dropped since the line before.
     dropped: usize,
@@ -53,6 +57,8 @@ fn message(told: &Told) -> io::Result<Vec<u8>> {
         reasons: &told.tracked.reasons,
         pose: matrix.map(|m| std::array::from_fn(|r| std::array::from_fn(|c| m[(r, c)]))),
         residual_px: surface.map(|s| s.residual_px),
+        reprojection_px: surface.map(|s| s.reprojection_px),
+        photometric: surface.and_then(|s| s.photometric),
         agreement: surface.map(|s| s.agreement),
         dropped: told.dropped,
         ms: told.ms,

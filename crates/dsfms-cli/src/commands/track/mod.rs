@@ -45,8 +45,9 @@ Every frame ends ok, degraded (a surface with reservations, in the column reason
 surface). A frame that cannot be decoded is lost too.
 
 Written to OUT: vertices.npz (vertices: frames x vertices x 3 in camera axes, NaN where lost; status: 0
-ok, 1 degraded, 2 lost); summary.csv (a row a frame; dropped: frames left out before it); report.html,
-one page with plots and up to 96 frames in 3D, written anew every few seconds, so that `dsfms view OUT`
+ok, 1 degraded, 2 lost); summary.csv (a row a frame; residual_px: median distance of the kept matches from the surface,
+reprojection_px: the mean one, photometric: mean relative difference of brightness, of joint; dropped:
+frames left out before it); report.html, one page with plots and up to 96 frames in 3D, written anew every few seconds, so that `dsfms view OUT`
 shows a running video; with --ply frame_NNN.ply; with --formats frame_NNN.vtp, .obj, .stl, and
 frames.glb, an animation; with --overlay overlay/frame_NNN.png and, where ffmpeg is installed,
 overlay.mp4. NNN is the place in the sequence.
@@ -124,7 +125,7 @@ pub struct TrackArgs {
 enum TrackMethod {
     /// Motion (eq. 3).
     Dsfm,
-    /// Motion, prior and shading in one problem; several times slower.
+    /// Motion, prior and shading in one problem.
     Joint,
 }
 
@@ -184,7 +185,7 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
         dropped: 0,
         counts: [0; 3],
     };
-    let reading = source.start(rate);
+    let reading = source.start(rate, job.tracker.preparation());
     while let Some((item, dropped)) = reading.next()? {
         job.take(item, dropped)?;
     }
@@ -280,9 +281,9 @@ impl<'a> Job<'a> {
         self.dropped += dropped;
         let start = std::time::Instant::now();
         let (frame, tracked) = match content {
-            Content::Frame(frame, instrument) => {
-                let tracked = self.tracker.next(&frame, instrument.as_ref())?;
-                (*frame, tracked)
+            Content::Frame(prepared) => {
+                let tracked = self.tracker.solve(&prepared);
+                (prepared.frame, tracked)
             }
             Content::Unreadable(name, reason) => {
                 self.reporter.warn(&format!("{name} is lost: {reason}"));

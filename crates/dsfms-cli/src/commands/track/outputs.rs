@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// First line of `summary.csv`.
-pub const COLUMNS: &str = "frame,input,status,way,reasons,matches,matches_kept,residual_px,depth,\
-                           agreement,places,dropped,ms,prepare_ms,follow_ms,find_ms,pose_ms,\
+pub const COLUMNS: &str = "frame,input,status,way,reasons,matches,matches_kept,residual_px,\
+                           reprojection_px,photometric,depth,agreement,places,dropped,ms,prepare_ms,follow_ms,find_ms,pose_ms,\
                            register_ms,joint_ms,look_ms,agree_ms\n";
 
 /// Stages in the order of the columns.
@@ -25,12 +25,13 @@ const STAGES: [&str; 8] =
 pub fn row(number: usize, input: &str, tracked: &Tracked, dropped: usize, ms: f64) -> String {
     let (status, reasons) = (tracked.status.label(), quoted(&tracked.reasons.join("; ")));
     let name = quoted(input);
-    let measured = tracked.surface.as_ref().map_or([",", ",,,,,,,"].map(String::from), |s| {
+    let measured = tracked.surface.as_ref().map_or([",", ",,,,,,,,,"].map(String::from), |s| {
         let way = if s.way == Way::Found { "found" } else { "followed" };
         let (total, kept) = (s.matches.len(), s.matches_kept());
+        let photometric = s.photometric.map_or(String::new(), |p| format!("{p:.4}"));
         let figures = format!(
-            ",{total},{kept},{:.3},{:.3},{:.3},{},",
-            s.residual_px, s.depth_uncertainty, s.agreement, s.places
+            ",{total},{kept},{:.3},{:.3},{photometric},{:.3},{:.3},{},",
+            s.residual_px, s.reprojection_px, s.depth_uncertainty, s.agreement, s.places
         );
         [format!("{way},"), figures]
     });

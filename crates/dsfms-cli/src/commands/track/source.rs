@@ -9,6 +9,7 @@ use clap::ValueEnum;
 use dsfms::image::{Frame, Mask};
 use dsfms::io::images::{find_frames, read_frame};
 use dsfms::io::masks::{MaskKind, read_masks};
+use dsfms::track::{Preparation, Prepared};
 use dsfms::video::{each_frame, frame_rate, is_video};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -40,8 +41,8 @@ pub struct Item {
 
 /// What an item holds.
 pub enum Content {
-    /// A frame, and where an instrument covers the organ.
-    Frame(Box<Frame>, Option<Mask>),
+    /// A frame, ready to be solved.
+    Frame(Box<Prepared>),
     /// No frame: its name and the reason.
     Unreadable(String, String),
 }
@@ -89,8 +90,9 @@ impl Source {
         (first.is_file() && is_video(first)).then(|| frame_rate(first)).flatten()
     }
 
-    /// Start to read. The thread is not waited for: it may be within a read that never returns.
-    pub fn start(self, rate: f64) -> Reading {
+    /// Start to read and prepare. The thread is not waited for: it may be within a read that never
+    /// returns.
+    pub fn start(self, rate: f64, preparation: Preparation) -> Reading {
         let (room, full) =
             if self.realtime { (1, Full::DropOldest) } else { (WAITING, Full::Wait) };
         let queue = Queue::new(room, full);
@@ -99,8 +101,8 @@ impl Source {
             let end = EndOnDrop(giver);
             let paced = self.realtime && !self.inputs.is_empty();
             let pace = paced.then(|| Duration::from_secs_f64(1.0 / rate));
-            let mut reader =
-                Reader { source: &self, queue: &end.0, pace, start: Instant::now(), seen: 0 };
+            let (queue, start) = (&end.0, Instant::now());
+            let mut reader = Reader { source: &self, queue, preparation, pace, start, seen: 0 };
             if let Err(error) = reader.run() {
                 // Behind the last frame, which must not give way to it.
                 end.0.push_last(Err(error));
@@ -114,6 +116,7 @@ impl Source {
 struct Reader<'a> {
     source: &'a Source,
     queue: &'a Queue<Result<Item, anyhow::Error>>,
+    preparation: Preparation,
     /// Time of a frame, where files play at their own pace.
     pace: Option<Duration>,
     start: Instant,
@@ -222,14 +225,20 @@ impl Reader<'_> {
     /// Hand a frame over; `false` where nobody wants more.
     fn give(&mut self, frame: Frame, path: Option<&Path>, total: Option<usize>) -> bool {
         let Some(number) = self.taken() else { return true };
-        let item = match self.mask(&frame, path) {
-            Ok((mask, warnings)) => {
-                let content = Content::Frame(Box::new(frame), mask);
-                Ok(Item { number, total, warnings, content })
-            }
-            Err(error) => Err(error),
-        };
+        let item = self.item(number, frame, path, total);
         self.queue.push(item)
+    }
+
+    fn item(
+        &mut self,
+        number: usize,
+        frame: Frame,
+        path: Option<&Path>,
+        total: Option<usize>,
+    ) -> anyhow::Result<Item> {
+        let (mask, warnings) = self.mask(&frame, path)?;
+        let prepared = self.preparation.prepare(frame, mask.as_ref())?;
+        Ok(Item { number, total, warnings, content: Content::Frame(Box::new(prepared)) })
     }
 
     fn lose(&mut self, name: String, reason: String) -> bool {
