@@ -92,7 +92,8 @@ pub fn make(args: &VideoArgs, global: &Global, reporter: &Reporter) -> anyhow::R
     let list = |poses: &[Isometry]| poses.iter().enumerate().map(pose_json).collect::<Vec<_>>();
     let known = json!({ "exploration": list(&explored), "deformed": list(&poses) });
     write_json(&args.path("truth/poses.json"), &known)?;
-    write_json(&args.path("truth/light.json"), &clip.light)?;
+    let light = json!({ "light": clip.light.light, "coat": clip.light.coat });
+    write_json(&args.path("truth/light.json"), &light)?;
     template(args, &clip, &explored, global, reporter)?;
     Ok(Outcome::Ok)
 }
