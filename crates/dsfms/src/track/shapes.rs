@@ -1,7 +1,10 @@
 //! The shapes of all frames in one file, however many there are.
 
 use crate::geometry::Point3;
+use crate::io::InputError;
 use crate::io::atomic::{WriteError, write_atomic};
+use ndarray::{Array1, Array3};
+use ndarray_npy::{NpzReader, ReadNpzError};
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -61,6 +64,26 @@ impl ShapeFile {
     }
 }
 
+/// Shapes and status of every frame that a [`ShapeFile`] wrote; the shape of a frame that has none is
+/// NaN.
+///
+/// # Errors
+/// No file, no `.npz`, arrays that are missing or of other shapes.
+pub fn read_shapes(path: &Path) -> Result<(Vec<Vec<Point3>>, Vec<u8>), InputError> {
+    let format = |reason: String| InputError::Format { path: path.into(), reason };
+    let wrong = |what: &str, error: ReadNpzError| format(format!("{what}: {error}"));
+    let file = File::open(path).map_err(|source| InputError::Read { path: path.into(), source })?;
+    let mut npz = NpzReader::new(file).map_err(|e| wrong("expected a NumPy .npz", e))?;
+    let shapes: Array3<f32> = npz.by_name("vertices").map_err(|e| wrong("vertices", e))?;
+    let status: Array1<u8> = npz.by_name("status").map_err(|e| wrong("status", e))?;
+    if shapes.shape()[2] != 3 || shapes.shape()[0] != status.len() {
+        return Err(format("vertices is not frames x vertices x 3 of as many as status".into()));
+    }
+    let point = |p: ndarray::ArrayView1<f32>| Point3::new(p[0].into(), p[1].into(), p[2].into());
+    let shape = |s: ndarray::ArrayView2<f32>| s.outer_iter().map(point).collect();
+    Ok((shapes.outer_iter().map(shape).collect(), status.to_vec()))
+}
+
 fn pack(
     out: &mut File,
     shapes: &mut impl Read,
@@ -92,8 +115,6 @@ fn header(kind: &str, shape: &str) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::{Array1, Array3};
-
     #[test]
     fn shapes_come_back_and_lost_frames_are_nan() {
         let folder = tempfile::tempdir().unwrap();
@@ -103,12 +124,10 @@ mod tests {
         file.push(None, 2).unwrap();
         assert!(!path.exists());
         file.finish().unwrap();
-        let mut npz = ndarray_npy::NpzReader::new(File::open(&path).unwrap()).unwrap();
-        let shapes: Array3<f32> = npz.by_name("vertices").unwrap();
-        let status: Array1<u8> = npz.by_name("status").unwrap();
-        assert_eq!(shapes.shape(), [2, 2, 3]);
-        assert_eq!((shapes[[0, 1, 2]], shapes[[0, 0, 1]]), (6.5, 2.0));
-        assert!(shapes.outer_iter().nth(1).unwrap().iter().all(|v| v.is_nan()));
-        assert_eq!(status.to_vec(), [0, 2]);
+        let (shapes, status) = read_shapes(&path).unwrap();
+        assert_eq!((shapes.len(), shapes[0].len()), (2, 2));
+        assert_eq!((shapes[0][1].z, shapes[0][0].y), (6.5, 2.0));
+        assert!(shapes[1].iter().all(|p| p.coords.iter().all(|v| v.is_nan())));
+        assert_eq!(status, [0, 2]);
     }
 }

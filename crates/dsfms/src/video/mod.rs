@@ -191,6 +191,11 @@ pub fn each_frame(
     ffmpeg::decode("ffmpeg", path, &reason, &mut |picture| give(picture, None))
 }
 
+/// Frames a second of a video on average, where it is H.264 in mp4 and says so.
+pub fn frame_rate(path: &Path) -> Option<f64> {
+    mp4::open(&std::fs::read(path).ok()?).ok()?.frame_rate()
+}
+
 fn through_ffmpeg(
     path: &Path,
     options: &VideoOptions,

@@ -20,6 +20,8 @@ pub(super) struct Stream<'a> {
     bytes: &'a [u8],
     samples: Vec<std::ops::Range<usize>>,
     config: Vec<u8>,
+    /// Of the track, seconds.
+    duration: f64,
 }
 
 /// Find the first H.264 track; the error says what the file holds instead.
@@ -38,13 +40,20 @@ pub(super) fn open(bytes: &[u8]) -> Result<Stream<'_>, String> {
         return Err("the H.264 track has no parameter sets".into());
     };
     let samples = track.samples.iter().map(|sample| sample.byte_range()).collect();
-    Ok(Stream { bytes, samples, config })
+    let duration = track.duration as f64 / track.timescale as f64;
+    Ok(Stream { bytes, samples, config, duration })
 }
 
 impl Stream<'_> {
     /// Pictures the container promises.
     pub(super) fn frame_count(&self) -> usize {
         self.samples.len()
+    }
+
+    /// Frames a second on average.
+    pub(super) fn frame_rate(&self) -> Option<f64> {
+        let rate = self.samples.len() as f64 / self.duration;
+        (0.1..=1000.0).contains(&rate).then_some(rate)
     }
 
     /// Decode everything, in display order.

@@ -92,7 +92,8 @@ pub fn make(args: &VideoArgs, global: &Global, reporter: &Reporter) -> anyhow::R
     let list = |poses: &[Isometry]| poses.iter().enumerate().map(pose_json).collect::<Vec<_>>();
     let known = json!({ "exploration": list(&explored), "deformed": list(&poses) });
     write_json(&args.path("truth/poses.json"), &known)?;
-    write_json(&args.path("truth/light.json"), &clip.light)?;
+    let light = json!({ "light": clip.light.light, "coat": clip.light.coat });
+    write_json(&args.path("truth/light.json"), &light)?;
     template(args, &clip, &explored, global, reporter)?;
     Ok(Outcome::Ok)
 }
@@ -145,9 +146,13 @@ fn exploration(args: &VideoArgs, clip: &Clip, progress: &Paced) -> anyhow::Resul
         .collect()
 }
 
-/// Frames, masks and their truth; returns the poses.
+/// Frames, masks and their truth, which is written last; returns the poses.
 fn frames(args: &VideoArgs, clip: &Clip, progress: &Paced) -> anyhow::Result<Vec<Isometry>> {
     let count = args.options.frames;
+    let complete = args.path("truth/clip.npz");
+    if complete.exists() {
+        return Ok((0..count).map(|k| clip.moment(k).pose).collect());
+    }
     let mut truth = ClipTruth::default();
     let mut poses = Vec::new();
     let mut csv = "frame,gain,covered,instrument_share,visible_vertices,zone_vertices,\
@@ -191,7 +196,7 @@ fn frames(args: &VideoArgs, clip: &Clip, progress: &Paced) -> anyhow::Result<Vec
     progress.step("frames", count, count);
     write_text(&args.path("truth/frames.csv"), &csv)?;
     write_text(&args.path("truth/events.csv"), &events(clip, count))?;
-    write_clip_truth(&args.path("truth/clip.npz"), &truth)?;
+    write_clip_truth(&complete, &truth)?;
     Ok(poses)
 }
 

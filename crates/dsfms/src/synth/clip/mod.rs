@@ -20,7 +20,7 @@ use super::random::{Random, uniform};
 use crate::camera::{CameraModel, Lens};
 use crate::geometry::{Isometry, Point3, Vector3};
 use crate::image::{Frame, Mask};
-use crate::light::{LightModel, PointLight, Spot};
+use crate::light::{Coat, Coated, LightModel, PointLight, Spot};
 use crate::mesh::boundary::boundary_loops;
 use crate::mesh::normals::vertex_normals;
 use crate::mesh::{Mesh, Topology};
@@ -68,8 +68,8 @@ pub struct Clip {
     pub rest: Mesh,
     /// Camera of all frames.
     pub camera: CameraModel,
-    /// Light of all frames.
-    pub light: LightModel,
+    /// Light of all frames, and the wet tissue it falls on.
+    pub light: Coated,
     /// What happens when.
     pub script: Script,
     options: ClipOptions,
@@ -130,6 +130,9 @@ impl Clip {
             reference_distance: 75.0,
             spot: Spot::CosinePower { exponent: 3.0 },
         });
+        // A film a little thinner than the calibration takes for granted (1.4), and a cavity that
+        // throws some light back.
+        let light = Coated { light, coat: Coat { refractive_index: 1.37, ambient: 0.04 } };
         let set = set(&rest, seed);
         let path = CameraPath::new(script.cut, seed);
         Self { rest, camera, light, script, options: options.clone(), path, manipulations, set }

@@ -6,7 +6,7 @@ use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point3, Vector3, point_at};
 use crate::image::filter::blur;
 use crate::image::{ColorImage, Frame, Mask, ToneCurve};
-use crate::light::{Light, LightModel, specular_angle};
+use crate::light::{Coated, Light, LightModel, specular_angle};
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
 use crate::raster::Raster;
@@ -18,8 +18,8 @@ use rayon::prelude::*;
 /// Peak of a highlight, linear, and the width of its lobe, rad.
 const GLOSS: [f64; 2] = [1.1, 0.07];
 
-/// Light from all around, linear.
-const AMBIENT: f64 = 0.006;
+/// Veil of stray light in the lens, linear.
+const VEIL: f64 = 0.006;
 
 /// Blur of lens and sensor, px.
 const BLUR: f64 = 0.6;
@@ -60,7 +60,7 @@ pub(super) struct Conditions {
 /// the wall only catches them.
 pub(super) fn photograph(
     name: String,
-    (camera, light): (&CameraModel, &LightModel),
+    (camera, light): (&CameraModel, &Coated),
     (set, scene, raster): (&Set, &Mesh, &Raster),
     organ: &Mesh,
     instruments: &[Instrument],
@@ -78,7 +78,7 @@ pub(super) fn photograph(
         raster,
         instruments,
         normals: vertex_normals(&scene.topology, &scene.positions),
-        shadows: Shadows::cast(light, organ),
+        shadows: Shadows::cast(&light.light, organ),
     };
     let pixel = |i: usize| {
         let at = [i % size[0], i / size[0]];
@@ -86,7 +86,7 @@ pub(super) fn photograph(
         stage.look(at[0], at[1], &Vector3::new(slope(0), slope(1), 1.0).normalize())
     };
     let seen: Vec<([f64; 3], bool)> = (0..size[0] * size[1]).into_par_iter().map(pixel).collect();
-    let expose = |p: &([f64; 3], bool)| p.0.map(|v| (conditions.gain * v + AMBIENT) as f32);
+    let expose = |p: &([f64; 3], bool)| p.0.map(|v| (conditions.gain * v + VEIL) as f32);
     let linear = ColorImage { size, data: seen.iter().map(expose).collect() };
     let mask = Mask { size, data: seen.iter().map(|p| p.1).collect() };
     (develop(name, linear, conditions), mask)
@@ -94,7 +94,7 @@ pub(super) fn photograph(
 
 /// What the sightlines meet.
 struct Stage<'a> {
-    light: &'a LightModel,
+    light: &'a Coated,
     set: &'a Set,
     scene: &'a Mesh,
     raster: &'a Raster,
@@ -115,7 +115,7 @@ impl Stage<'_> {
             .filter_map(|i| i.hit(&origin, ray, limit))
             .min_by(|a, b| a.point.z.total_cmp(&b.point.z));
         if let Some(hit) = metal {
-            return (hit.brightness(self.light), true);
+            return (hit.brightness(&self.light.light), true);
         }
         match self.raster.surface(x, y) {
             Some((face, b)) => (self.tissue(face as usize, b), false),
@@ -133,7 +133,7 @@ impl Stage<'_> {
         let (albedo, bump) = texture.at(rest.x, rest.y);
         let lit = self.lit(&point);
         let shade = lit * self.light.shade(&point, &normal).value;
-        let angle = specular_angle(self.light, &point, &normal) + bump;
+        let angle = specular_angle(&self.light.light, &point, &normal) + bump;
         let width = angle / GLOSS[1];
         let glint = if width.abs() < 6.0 { (-0.5 * width * width).exp() } else { 0.0 };
         let glint = lit * GLOSS[0] * glint;
@@ -142,7 +142,7 @@ impl Stage<'_> {
 
     /// Share of the light that reaches a point.
     fn lit(&self, point: &Point3) -> f64 {
-        let LightModel::Point(near) = self.light else { return self.shadows.lit(point) };
+        let LightModel::Point(near) = &self.light.light else { return self.shadows.lit(point) };
         let free = |source: &&Point3| self.instruments.iter().all(|i| !i.between(point, source));
         let share = near.positions.iter().filter(free).count() as f64 / near.positions.len() as f64;
         if share > 0.0 { share * self.shadows.lit(point) } else { 0.0 }

@@ -1,0 +1,144 @@
+//! The arguments of `dsfms track`.
+
+use super::source::InputFormat;
+use crate::exit::Usage;
+use crate::formats::Format;
+use crate::inputs;
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+  # A video, motion only
+  dsfms track organ.template clip.mp4 --camera camera.json -o out
+  # Motion and shading, pictures of every frame
+  dsfms track organ.template frames/ --camera camera.json --method joint --overlay -o out
+  # A live source: raw RGB frames in, one line of JSON a frame out
+  capture | dsfms track organ.template - --size 1280x720 --camera camera.json -o out
+  # A camera's JPEG stream; frames that come too fast are dropped
+  ffmpeg -f v4l2 -i /dev/video0 -c:v copy -f mjpeg - | \\
+      dsfms track organ.template - --input-format mjpeg --realtime --camera camera.json -o out
+
+Every frame ends ok, degraded (a surface with reservations, in the column reasons) or lost (no
+surface). A frame that cannot be decoded is lost too.
+
+Written to OUT: vertices.npz (vertices: frames x vertices x 3 in camera axes, NaN where lost; status: 0
+ok, 1 degraded, 2 lost); summary.csv (a row a frame; residual_px: median distance of the kept matches from the surface,
+reprojection_px: the mean one, photometric: mean relative difference of brightness, of joint; dropped:
+frames left out before it); report.html, one page with plots and up to 96 frames in 3D, written anew every few seconds, so that `dsfms view OUT`
+shows a running video; with --ply frame_NNN.ply; with --formats frame_NNN.vtp, .obj, .stl, and
+frames.glb, an animation; with --overlay overlay/frame_NNN.png and, where ffmpeg is installed,
+overlay.mp4. NNN is the place in the sequence.
+
+Frames on standard input also give a line of JSON each on standard output: frame, status, reasons,
+dropped, ms and, with a surface, pose (camera_from_template, 4 x 4), residual_px and agreement. With
+--live-vertices every line says \"vertices_bytes\": N and N bytes follow its line end: x, y, z of every
+vertex in camera axes, 32-bit little-endian floats; none where there is no surface. In Python:
+  while line := pipe.readline():
+      result = json.loads(line)
+      xyz = numpy.frombuffer(pipe.read(result[\"vertices_bytes\"]), \"<f4\").reshape(-1, 3)";
+
+/// Follow the template through a video.
+#[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub struct TrackArgs {
+    /// Template folder.
+    #[arg(value_name = "TEMPLATE")]
+    pub template: PathBuf,
+    /// A video, image files, folders of them, or - for frames on standard input.
+    #[arg(required = true, value_name = "VIDEO")]
+    pub input: Vec<PathBuf>,
+    /// Intrinsics of these frames; default the template's own camera.
+    #[arg(long, value_name = "FILE")]
+    pub camera: Option<PathBuf>,
+    /// What to do.
+    #[arg(long, value_enum, default_value_t = TrackMethod::Dsfm)]
+    pub method: TrackMethod,
+    /// Masks of the instruments, white = instrument.
+    #[arg(long, value_name = "DIR")]
+    pub instrument_masks: Option<PathBuf>,
+    /// Take every so-manieth frame.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub stride: u32,
+    /// Write the last good surface for lost frames too; their status stays lost.
+    #[arg(long)]
+    pub keep_lost: bool,
+    /// What standard input holds: RGB of 8 bits a channel (with --size), or JPEG pictures.
+    #[arg(long, value_enum, default_value_t = InputFormat::Raw)]
+    pub input_format: InputFormat,
+    /// Size of the raw frames on standard input, px.
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub size: Option<[usize; 2]>,
+    /// Keep up with the source: a frame that comes before the last is solved takes the place of the
+    /// one that waits. Files play at their own rate, or at --rate.
+    #[arg(long)]
+    pub realtime: bool,
+    /// Frames a second of the input; default what the video says, else 25.
+    #[arg(long, value_name = "FPS", value_parser = rate)]
+    pub rate: Option<f64>,
+    /// The vertices too on standard output, behind the line of every frame.
+    #[arg(long)]
+    pub live_vertices: bool,
+    /// A PLY for every frame.
+    #[arg(long)]
+    pub ply: bool,
+    /// A picture of every frame with the surface, and a video of them where ffmpeg is installed.
+    #[arg(long)]
+    pub overlay: bool,
+    /// Further files, for other programs.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "FORMATS")]
+    pub formats: Vec<Format>,
+    /// Leave out OUT/report.html.
+    #[arg(long)]
+    pub no_report: bool,
+    /// Thresholds and weights, as TOML.
+    #[arg(long, value_name = "FILE")]
+    pub options: Option<PathBuf>,
+    /// Folder for the results.
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+}
+
+/// Methods that follow a video.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum TrackMethod {
+    /// Motion (eq. 3).
+    Dsfm,
+    /// Motion, prior and shading in one problem.
+    Joint,
+}
+
+/// `1280x720`.
+pub fn size(text: &str) -> Result<[usize; 2], String> {
+    let parts: Option<Vec<usize>> = text.split('x').map(|n| n.parse().ok()).collect();
+    match parts.as_deref() {
+        Some(&[w, h]) if (1..65536).contains(&w) && (1..65536).contains(&h) => Ok([w, h]),
+        _ => Err("expected WIDTHxHEIGHT, for example 1280x720".into()),
+    }
+}
+
+/// `25`, `29.97`.
+fn rate(text: &str) -> Result<f64, String> {
+    let valid = |v: &f64| (0.1..=1000.0).contains(v);
+    text.parse().ok().filter(valid).ok_or_else(|| "expected 0.1 to 1000 frames a second".into())
+}
+
+/// Combinations that clap cannot name well.
+pub fn check(args: &TrackArgs, live: bool) -> anyhow::Result<()> {
+    let wrong = |text: &str| Err(Usage(text.into()).into());
+    if let Some(masks) = &args.instrument_masks {
+        inputs::must_exist(masks, "--instrument-masks")?;
+    }
+    match (live, args.input_format) {
+        (true, InputFormat::Raw) if args.size.is_none() => {
+            wrong("raw frames on standard input need --size WxH")
+        }
+        (false, _) if args.input.contains(&PathBuf::from("-")) => {
+            wrong("- (standard input) stands alone, not beside files")
+        }
+        (false, _) if args.live_vertices => {
+            wrong("--live-vertices belongs to frames on standard input (-)")
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,103 @@
+//! Results of a live run on standard output: a line of JSON a frame, its vertices behind it where
+//! they are asked for.
+
+use dsfms::geometry::Point3;
+use dsfms::track::{TrackStatus, Tracked};
+use serde::Serialize;
+use std::io::{self, ErrorKind, Write};
+
+/// A line of JSON.
+#[derive(Serialize)]
+struct Line<'a> {
+    frame: usize,
+    status: TrackStatus,
+    reasons: &'a [String],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pose: Option<[[f64; 4]; 4]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    residual_px: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reprojection_px: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    photometric: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    agreement: Option<f64>,
+    /// Frames dropped since the line before.
+    dropped: usize,
+    ms: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    vertices_bytes: Option<usize>,
+}
+
+/// What one frame gave.
+pub struct Told<'a> {
+    pub number: usize,
+    pub tracked: &'a Tracked,
+    pub dropped: usize,
+    pub ms: f64,
+    /// `Some` where vertices are asked for; of a lost frame none.
+    pub vertices: Option<Option<&'a [Point3]>>,
+}
+
+/// Write line and vertices at once; a reader that closed the pipe is no error.
+pub fn tell(told: &Told, out: &mut impl Write) -> anyhow::Result<()> {
+    match out.write_all(&message(told)?).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(()),
+    }
+}
+
+fn message(told: &Told) -> io::Result<Vec<u8>> {
+    let surface = told.tracked.surface.as_ref();
+    let matrix = surface.map(|s| s.pose.to_homogeneous());
+    let vertices = told.vertices.map(|shape| shape.unwrap_or_default());
+    let line = Line {
+        frame: told.number,
+        status: told.tracked.status,
+        reasons: &told.tracked.reasons,
+        pose: matrix.map(|m| std::array::from_fn(|r| std::array::from_fn(|c| m[(r, c)]))),
+        residual_px: surface.map(|s| s.residual_px),
+        reprojection_px: surface.map(|s| s.reprojection_px),
+        photometric: surface.and_then(|s| s.photometric),
+        agreement: surface.map(|s| s.agreement),
+        dropped: told.dropped,
+        ms: told.ms,
+        vertices_bytes: vertices.map(|v| 12 * v.len()),
+    };
+    let mut bytes = serde_json::to_vec(&line)?;
+    bytes.push(b'\n');
+    for p in vertices.unwrap_or_default() {
+        for c in [p.x, p.y, p.z] {
+            bytes.extend((c as f32).to_le_bytes());
+        }
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn vertices_follow_their_line() {
+        let tracked = Tracked {
+            status: TrackStatus::Lost,
+            reasons: vec!["why\nnot".into()],
+            surface: None,
+            stages: Vec::new(),
+        };
+        let shape = [Point3::new(1.0, -2.0, 0.5), Point3::new(3.0, 4.0, 5.0)];
+        let told = |vertices| Told { number: 7, tracked: &tracked, dropped: 2, ms: 1.5, vertices };
+        let mut out = Vec::new();
+        tell(&told(Some(Some(&shape))), &mut out).unwrap();
+        let end = out.iter().position(|&b| b == b'\n').unwrap();
+        let line: serde_json::Value = serde_json::from_slice(&out[..end]).unwrap();
+        assert_eq!((line["frame"].as_u64(), line["dropped"].as_u64()), (Some(7), Some(2)));
+        assert_eq!(line["vertices_bytes"].as_u64(), Some(24));
+        assert_eq!(out.len() - end - 1, 24);
+        assert_eq!(out[end + 5..end + 9], (-2f32).to_le_bytes());
+        let text = |vertices| String::from_utf8(message(&told(vertices)).unwrap()).unwrap();
+        assert!(text(Some(None)).contains("\"vertices_bytes\":0"));
+        assert!(!text(None).contains("vertices_bytes") && text(None).lines().count() == 1);
+    }
+}

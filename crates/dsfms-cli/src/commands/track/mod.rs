@@ -1,0 +1,253 @@
+//! `dsfms track`: a video of the deforming organ, frame after frame.
+
+mod args;
+mod live;
+mod mjpeg;
+mod outputs;
+mod queue;
+mod source;
+
+use super::reconstruct::method_name;
+use crate::args::Global;
+use crate::exit::Outcome;
+use crate::formats::{Formats, Shape};
+use crate::inputs;
+use crate::outputs::{prepare_folder, write_png, write_text};
+use crate::progress::Reporter;
+use crate::report::track::TrackReport;
+use anyhow::Context;
+pub use args::{TrackArgs, size};
+use args::{TrackMethod, check};
+use dsfms::camera::CameraModel;
+use dsfms::geometry::Point3;
+use dsfms::image::{Frame, ToneCurve};
+use dsfms::io::ply::{PlyExtras, write_ply};
+use dsfms::io::template::read_template;
+use dsfms::pipeline::{Method, Progress};
+use dsfms::template::Template;
+use dsfms::track::shapes::ShapeFile;
+use dsfms::track::{TrackOptions, TrackStatus, Tracked, Tracker};
+use live::{Told, tell};
+use source::{Content, Item, Source};
+use std::path::PathBuf;
+
+/// Run the command.
+pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
+    let live = args.input == [PathBuf::from("-")];
+    check(args, live)?;
+    prepare_folder(&args.output)?;
+    let template = read_template(&args.template)?;
+    let (camera, tone) = camera(args, global, &template)?;
+    let mut options = match &args.options {
+        Some(path) => inputs::options(path, TrackOptions::from_toml)?,
+        None => TrackOptions::default(),
+    };
+    options.reconstruct.seed = global.seed;
+    let method = match args.method {
+        TrackMethod::Dsfm => Method::Dsfm,
+        TrackMethod::Joint => Method::Joint,
+    };
+    let tracker = Tracker::new(&template, &camera, &tone, method, options)?;
+    let path = args.output.join("vertices.npz");
+    let shapes = ShapeFile::create(&path, template.mesh.positions.len())?;
+    let name = args.template.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let page = args.output.join("report.html");
+    let report = TrackReport::new(page, name, &template, &camera, method_name(method))?;
+    let source = source(args, live);
+    let rate = args.rate.or_else(|| source.rate()).unwrap_or(RATE);
+    let mut job = Job {
+        args,
+        report: (!args.no_report).then_some(report),
+        kept: Vec::new(),
+        template: &template,
+        camera: &camera,
+        reporter,
+        tracker,
+        shapes,
+        live,
+        rate,
+        summary: outputs::COLUMNS.to_owned(),
+        last: None,
+        overlays: Vec::new(),
+        dropped: 0,
+        counts: [0; 3],
+    };
+    let reading = source.start(rate, job.tracker.preparation());
+    while let Some((item, dropped)) = reading.next()? {
+        job.take(item, dropped)?;
+    }
+    job.conclude()
+}
+
+/// Frames a second where nothing says so.
+const RATE: f64 = 25.0;
+
+fn source(args: &TrackArgs, live: bool) -> Source {
+    Source {
+        inputs: if live { Vec::new() } else { args.input.clone() },
+        format: args.input_format,
+        size: args.size.unwrap_or_default(),
+        masks: args.instrument_masks.clone(),
+        stride: args.stride as usize,
+        realtime: args.realtime,
+    }
+}
+
+fn camera(
+    args: &TrackArgs,
+    global: &Global,
+    template: &Template,
+) -> anyhow::Result<(CameraModel, ToneCurve)> {
+    if let Some(path) = &args.camera {
+        let input = inputs::camera(path, global)?;
+        return Ok((input.file.camera, input.tone));
+    }
+    let camera = template.camera.clone();
+    let camera =
+        camera.context("the template holds no camera; give the frames' camera with --camera")?;
+    Ok((camera, global.tone.map_or(template.tone.clone(), Into::into)))
+}
+
+/// What the frames share.
+struct Job<'a> {
+    args: &'a TrackArgs,
+    template: &'a Template,
+    camera: &'a CameraModel,
+    reporter: &'a Reporter,
+    tracker: Tracker<'a>,
+    shapes: ShapeFile,
+    report: Option<TrackReport<'a>>,
+    /// Name, seconds and shape of every frame that has one, where a format needs them.
+    kept: Vec<(String, f64, Vec<Point3>)>,
+    live: bool,
+    /// Frames a second.
+    rate: f64,
+    summary: String,
+    /// Last surface, for `--keep-lost`.
+    last: Option<Vec<Point3>>,
+    /// Pictures written.
+    overlays: Vec<PathBuf>,
+    dropped: usize,
+    counts: [usize; 3],
+}
+
+/// A frame's way through the tracker.
+struct Done<'t> {
+    number: usize,
+    tracked: &'t Tracked,
+    dropped: usize,
+    ms: f64,
+}
+
+impl<'a> Job<'a> {
+    /// The next frame of the input.
+    fn take(&mut self, item: Item, dropped: usize) -> anyhow::Result<()> {
+        let Item { number, total, warnings, content } = item;
+        self.reporter.step("frames", number + 1, total.unwrap_or(number + 1));
+        warnings.iter().for_each(|w| self.reporter.warn(w));
+        self.dropped += dropped;
+        let start = std::time::Instant::now();
+        let (frame, tracked) = match content {
+            Content::Frame(prepared) => {
+                let tracked = self.tracker.solve(&prepared);
+                (prepared.frame, tracked)
+            }
+            Content::Unreadable(name, reason) => {
+                self.reporter.warn(&format!("{name} is lost: {reason}"));
+                let size = self.camera.size;
+                let frame = Frame { name, size, rgb: vec![[0; 3]; size[0] * size[1]] };
+                let (status, stages) = (TrackStatus::Lost, Vec::new());
+                (frame, Tracked { status, reasons: vec![reason], surface: None, stages })
+            }
+        };
+        let ms = 1e3 * start.elapsed().as_secs_f64();
+        self.keep(&frame, &Done { number, tracked: &tracked, dropped, ms })
+    }
+
+    /// Everything that one frame leaves.
+    fn keep(&mut self, frame: &Frame, done: &Done) -> anyhow::Result<()> {
+        let &Done { number, tracked, dropped, ms } = done;
+        self.counts[tracked.status as usize] += 1;
+        self.summary += &outputs::row(number, &frame.name, tracked, dropped, ms);
+        if let Some(surface) = &tracked.surface {
+            self.last = Some(surface.vertices.clone());
+        }
+        let kept = self.last.clone().filter(|_| self.args.keep_lost);
+        let shape = tracked.surface.as_ref().map(|s| s.vertices.as_slice()).or(kept.as_deref());
+        if self.live {
+            let vertices = self.args.live_vertices.then_some(shape);
+            tell(&Told { number, tracked, dropped, ms, vertices }, &mut std::io::stdout())?;
+        }
+        self.shapes.push(shape, tracked.status as u8)?;
+        if let Some(report) = &mut self.report {
+            report.add(number, frame, tracked, ms)?;
+        }
+        if let Some(shape) = shape {
+            self.write_shape(number, tracked.status, shape)?;
+        }
+        if self.args.overlay {
+            let path = self.args.output.join(format!("overlay/frame_{number:03}.png"));
+            let picture = outputs::picture(self.template, self.camera, frame, tracked);
+            write_png(&path, &picture)?;
+            self.overlays.push(path);
+        }
+        Ok(())
+    }
+
+    /// The files of a shape that were asked for.
+    fn write_shape(
+        &mut self,
+        number: usize,
+        status: TrackStatus,
+        vertices: &[Point3],
+    ) -> anyhow::Result<()> {
+        let name = format!("frame_{number:03}");
+        if self.args.ply {
+            let comments = [format!("camera axes of the frame; status {}", status.label())];
+            let extras = PlyExtras { comments: &comments, ..Default::default() };
+            let path = self.args.output.join(format!("{name}.ply"));
+            let (topology, unit) = (&self.template.mesh.topology, self.template.unit);
+            write_ply(&path, topology, vertices, unit, &extras)?;
+        }
+        if !self.args.formats.is_empty() {
+            let seconds = number as f64 / self.rate;
+            let formats = self.formats();
+            formats.write_frame(&name, seconds, &Shape { vertices, ..Default::default() })?;
+            let vertices = if formats.animated() { vertices.to_vec() } else { Vec::new() };
+            self.kept.push((name, seconds, vertices));
+        }
+        Ok(())
+    }
+
+    fn formats(&self) -> Formats<'a> {
+        let Self { args, template, .. } = self;
+        Formats { folder: &args.output, template, list: &args.formats }
+    }
+
+    fn conclude(self) -> anyhow::Result<Outcome> {
+        self.reporter.finish();
+        let total: usize = self.counts.iter().sum();
+        anyhow::ensure!(total > 0, "the input holds no frame");
+        self.formats().write_series(&self.kept)?;
+        self.shapes.finish()?;
+        write_text(&self.args.output.join("summary.csv"), &self.summary)?;
+        self.report.map_or(Ok(()), TrackReport::finish)?;
+        if self.args.overlay {
+            let rate = self.rate / f64::from(self.args.stride);
+            if let Err(why) = outputs::film(&self.args.output, &self.overlays, rate) {
+                self.reporter.warn(&format!("overlay.mp4 {why}; the pictures are in OUT/overlay"));
+            }
+        }
+        let [ok, degraded, lost] = self.counts;
+        let dropped = match self.dropped {
+            0 => String::new(),
+            n => format!(", {n} dropped to keep up"),
+        };
+        self.reporter.say(&format!("{ok} frame(s) ok, {degraded} degraded, {lost} lost{dropped}"));
+        Ok(match () {
+            () if ok == total => Outcome::Ok,
+            () if lost == total => Outcome::Nothing,
+            () => Outcome::Degraded,
+        })
+    }
+}

@@ -1,0 +1,129 @@
+//! Rows, pictures and the film of a tracked video.
+
+use crate::draw;
+use crate::outputs::quoted;
+use dsfms::camera::CameraModel;
+use dsfms::image::Frame;
+use dsfms::register::scene::visibility;
+use dsfms::template::Template;
+use dsfms::track::{TrackStatus, Tracked, Way};
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// First line of `summary.csv`.
+pub const COLUMNS: &str = "frame,input,status,way,reasons,matches,matches_kept,residual_px,\
+                           reprojection_px,photometric,depth,agreement,places,dropped,ms,prepare_ms,follow_ms,find_ms,pose_ms,\
+                           register_ms,joint_ms,look_ms,agree_ms\n";
+
+/// Stages in the order of the columns.
+const STAGES: [&str; 8] =
+    ["prepare", "follow", "find", "pose", "register", "joint", "look", "agree"];
+
+/// A row of `summary.csv`.
+pub fn row(number: usize, input: &str, tracked: &Tracked, dropped: usize, ms: f64) -> String {
+    let (status, reasons) = (tracked.status.label(), quoted(&tracked.reasons.join("; ")));
+    let name = quoted(input);
+    let measured = tracked.surface.as_ref().map_or([",", ",,,,,,,,,"].map(String::from), |s| {
+        let way = if s.way == Way::Found { "found" } else { "followed" };
+        let (total, kept) = (s.matches.len(), s.matches_kept());
+        let photometric = s.photometric.map_or(String::new(), |p| format!("{p:.4}"));
+        let figures = format!(
+            ",{total},{kept},{:.3},{:.3},{photometric},{:.3},{:.3},{},",
+            s.residual_px, s.reprojection_px, s.depth_uncertainty, s.agreement, s.places
+        );
+        [format!("{way},"), figures]
+    });
+    let [way, figures] = measured;
+    let mut text = format!("{number},{name},{status},{way}{reasons}{figures}{dropped},{ms:.1}");
+    for stage in STAGES {
+        let seconds: f64 =
+            tracked.stages.iter().filter(|s| s.0 == stage).fold(0.0, |sum, s| sum + s.1);
+        // Writing to a string cannot fail.
+        let _ = write!(text, ",{:.1}", 1e3 * seconds);
+    }
+    text.push('\n');
+    text
+}
+
+/// The frame with the surface, under a bar of the status' colour.
+pub fn picture(
+    template: &Template,
+    camera: &CameraModel,
+    frame: &Frame,
+    tracked: &Tracked,
+) -> image::RgbImage {
+    let mut picture = match &tracked.surface {
+        Some(s) => {
+            let mesh = &template.mesh;
+            let visible = visibility(camera, mesh, &s.vertices);
+            let topology = &mesh.topology;
+            draw::overlay(frame, camera, topology, &s.vertices, &visible, &s.matches)
+        }
+        None => draw::picture(frame),
+    };
+    let colour = match tracked.status {
+        TrackStatus::Ok => [40, 200, 90],
+        TrackStatus::Degraded => [240, 180, 30],
+        TrackStatus::Lost => [220, 40, 40],
+    };
+    let bar = (picture.height() / 60).max(2);
+    for y in 0..bar.min(picture.height()) {
+        for x in 0..picture.width() {
+            picture.put_pixel(x, y, image::Rgb(colour));
+        }
+    }
+    picture
+}
+
+/// `OUT/overlay.mp4` of pictures, in their order; the error says why there is none.
+pub fn film(folder: &Path, pictures: &[PathBuf], rate: f64) -> Result<(), String> {
+    // Under its name only when it is complete; the ending tells ffmpeg the format.
+    let (partial, whole) = (folder.join(".partial-overlay.mp4"), folder.join("overlay.mp4"));
+    let said = tempfile::NamedTempFile::new().map_err(|error| error.to_string())?;
+    let child = Command::new("ffmpeg")
+        .args(["-y", "-v", "error", "-f", "image2pipe", "-framerate", &rate.to_string()])
+        .args(["-c:v", "png", "-i", "-", "-vf", "crop=trunc(iw/2)*2:trunc(ih/2)*2"])
+        .args(["-pix_fmt", "yuv420p"])
+        .arg(&partial)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(said.reopen().map_err(|error| error.to_string())?)
+        .spawn();
+    let mut child = child.map_err(|_| "needs ffmpeg".to_owned())?;
+    if let Some(mut input) = child.stdin.take() {
+        let feed = |path| std::fs::read(path).and_then(|bytes| input.write_all(&bytes));
+        // Where ffmpeg stopped reading, it says below why.
+        let _ = pictures.iter().try_for_each(feed);
+    }
+    let status = child.wait().map_err(|error| error.to_string())?;
+    if status.success() {
+        return std::fs::rename(&partial, &whole).map_err(|error| error.to_string());
+    }
+    // It may not have come to write anything.
+    let _ = std::fs::remove_file(&partial);
+    let said = std::fs::read_to_string(said.path()).unwrap_or_default();
+    Err(format!("was not made; ffmpeg says: {}", said.lines().last().unwrap_or("nothing")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_has_as_many_fields_as_there_are_columns() {
+        let tracked = Tracked {
+            status: TrackStatus::Lost,
+            reasons: vec!["a".into(), "b".into()],
+            surface: None,
+            stages: vec![("find", 0.25)],
+        };
+        let line = row(3, "frame_003", &tracked, 2, 250.0);
+        assert_eq!(line.matches(',').count(), COLUMNS.matches(',').count(), "{line}");
+        let place = |name: &str| COLUMNS.trim().split(',').position(|c| c == name).unwrap();
+        let fields: Vec<&str> = line.trim().split(',').collect();
+        assert_eq!((fields[place("dropped")], fields[place("find_ms")]), ("2", "250.0"));
+        assert_eq!((fields[place("reasons")], fields[place("ms")]), ("a; b", "250.0"));
+    }
+}

@@ -1,0 +1,272 @@
+//! Frames from files, videos or standard input, read on a thread of their own so that the next is
+//! ready when the last is solved.
+
+use super::mjpeg::Pictures;
+use super::queue::{EndOnDrop, Full, Queue};
+use crate::exit::describe;
+use anyhow::Context;
+use clap::ValueEnum;
+use dsfms::image::{Frame, Mask};
+use dsfms::io::images::{find_frames, read_frame};
+use dsfms::io::masks::{MaskKind, read_masks};
+use dsfms::track::{Preparation, Prepared};
+use dsfms::video::{each_frame, frame_rate, is_video};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Frames that wait for the solver where none are dropped.
+const WAITING: usize = 2;
+
+/// What standard input holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum InputFormat {
+    /// RGB, 8 bits a channel, row by row, of the size that --size says.
+    Raw,
+    /// JPEG pictures one after the other.
+    Mjpeg,
+}
+
+/// One frame that is taken.
+pub struct Item {
+    /// Place in the input, from 0.
+    pub number: usize,
+    /// Frames of the input, where that is known.
+    pub total: Option<usize>,
+    /// What is wrong with its mask, or could be.
+    pub warnings: Vec<String>,
+    pub content: Content,
+}
+
+/// What an item holds.
+pub enum Content {
+    /// A frame, ready to be solved.
+    Frame(Box<Prepared>),
+    /// No frame: its name and the reason.
+    Unreadable(String, String),
+}
+
+/// Where frames come from.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// Files, folders and videos; nothing for standard input.
+    pub inputs: Vec<PathBuf>,
+    pub format: InputFormat,
+    /// Size of raw frames.
+    pub size: [usize; 2],
+    pub masks: Option<PathBuf>,
+    pub stride: usize,
+    /// Drop what cannot be kept up with; files play at so many frames a second.
+    pub realtime: bool,
+}
+
+/// The queue of a source, and what ended it.
+pub struct Reading {
+    queue: Arc<Queue<Result<Item, anyhow::Error>>>,
+}
+
+impl Reading {
+    /// The next frame and how many were dropped before it.
+    pub fn next(&self) -> anyhow::Result<Option<(Item, usize)>> {
+        match self.queue.pop() {
+            Some((Ok(item), dropped)) => Ok(Some((item, dropped))),
+            Some((Err(error), _)) => Err(error),
+            None => Ok(None),
+        }
+    }
+}
+
+impl Drop for Reading {
+    fn drop(&mut self) {
+        self.queue.end();
+    }
+}
+
+impl Source {
+    /// Frames a second of the first input, where it is a video that says so.
+    pub fn rate(&self) -> Option<f64> {
+        let first = self.inputs.first()?;
+        (first.is_file() && is_video(first)).then(|| frame_rate(first)).flatten()
+    }
+
+    /// Start to read and prepare. The thread is not waited for: it may be within a read that never
+    /// returns.
+    pub fn start(self, rate: f64, preparation: Preparation) -> Reading {
+        let (room, full) =
+            if self.realtime { (1, Full::DropOldest) } else { (WAITING, Full::Wait) };
+        let queue = Queue::new(room, full);
+        let giver = queue.clone();
+        std::thread::spawn(move || {
+            let end = EndOnDrop(giver);
+            let paced = self.realtime && !self.inputs.is_empty();
+            let pace = paced.then(|| Duration::from_secs_f64(1.0 / rate));
+            let (queue, start) = (&end.0, Instant::now());
+            let mut reader = Reader { source: &self, queue, preparation, pace, start, seen: 0 };
+            if let Err(error) = reader.run() {
+                // Behind the last frame, which must not give way to it.
+                end.0.push_last(Err(error));
+            }
+        });
+        Reading { queue }
+    }
+}
+
+/// The reading thread.
+struct Reader<'a> {
+    source: &'a Source,
+    queue: &'a Queue<Result<Item, anyhow::Error>>,
+    preparation: Preparation,
+    /// Time of a frame, where files play at their own pace.
+    pace: Option<Duration>,
+    start: Instant,
+    /// Frames read.
+    seen: usize,
+}
+
+impl Reader<'_> {
+    fn run(&mut self) -> anyhow::Result<()> {
+        if self.source.inputs.is_empty() {
+            return match self.source.format {
+                InputFormat::Raw => self.raw(),
+                InputFormat::Mjpeg => self.mjpeg(),
+            };
+        }
+        for input in &self.source.inputs {
+            if input.is_file() && is_video(input) {
+                each_frame(input, &mut |frame, total| {
+                    self.give(frame, None, total);
+                })?;
+            } else {
+                let paths = find_frames(std::slice::from_ref(input))?;
+                for path in &paths {
+                    let more = match read_frame(path) {
+                        Ok(frame) => self.give(frame, Some(path), Some(paths.len())),
+                        Err(error) => {
+                            let name = path.file_stem().unwrap_or_default().to_string_lossy();
+                            self.lose(name.into_owned(), describe(&error.into()))
+                        }
+                    };
+                    if !more {
+                        return Ok(());
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn raw(&mut self) -> anyhow::Result<()> {
+        let [w, h] = self.source.size;
+        let mut input = std::io::stdin().lock();
+        let mut bytes = vec![0; 3 * w * h];
+        loop {
+            let mut filled = 0;
+            while filled < bytes.len() {
+                match input.read(&mut bytes[filled..]) {
+                    Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+                    Err(error) => return Err(error).context("standard input"),
+                    Ok(0) if filled == 0 => return Ok(()),
+                    Ok(0) => {
+                        let whole = bytes.len();
+                        self.lose(self.name(), format!(
+                            "standard input ends within a frame: {filled} of {whole} bytes; check --size"
+                        ));
+                        return Ok(());
+                    }
+                    Ok(n) => filled += n,
+                }
+            }
+            let rgb = bytes.as_chunks::<3>().0.to_vec();
+            if !self.give(Frame { name: self.name(), size: [w, h], rgb }, None, None) {
+                return Ok(());
+            }
+        }
+    }
+
+    fn mjpeg(&mut self) -> anyhow::Result<()> {
+        let mut pictures = Pictures::new(std::io::stdin().lock());
+        let mut first = None;
+        while let Some(picture) = pictures.next().context("standard input")? {
+            let decoded = picture.and_then(|bytes| decode(&bytes));
+            let more = match decoded {
+                Ok((size, rgb)) if *first.get_or_insert(size) == size => {
+                    self.give(Frame { name: self.name(), size, rgb }, None, None)
+                }
+                Ok((size, _)) => {
+                    let reason = format!("the picture is {size:?} px, those before {first:?}");
+                    self.lose(self.name(), reason)
+                }
+                Err(reason) => self.lose(self.name(), reason),
+            };
+            if !more {
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+
+    /// The name of a frame that has none.
+    fn name(&self) -> String {
+        format!("frame_{:03}", self.seen)
+    }
+
+    /// Whether the next frame is one of those that are taken, at its time.
+    fn taken(&mut self) -> Option<usize> {
+        let number = self.seen;
+        self.seen += 1;
+        if let Some(pace) = self.pace {
+            let due = self.start + pace * number as u32;
+            std::thread::sleep(due.saturating_duration_since(Instant::now()));
+        }
+        number.is_multiple_of(self.source.stride).then_some(number)
+    }
+
+    /// Hand a frame over; `false` where nobody wants more.
+    fn give(&mut self, frame: Frame, path: Option<&Path>, total: Option<usize>) -> bool {
+        let Some(number) = self.taken() else { return true };
+        let item = self.item(number, frame, path, total);
+        self.queue.push(item)
+    }
+
+    fn item(
+        &mut self,
+        number: usize,
+        frame: Frame,
+        path: Option<&Path>,
+        total: Option<usize>,
+    ) -> anyhow::Result<Item> {
+        let (mask, warnings) = self.mask(&frame, path)?;
+        let prepared = self.preparation.prepare(frame, mask.as_ref())?;
+        Ok(Item { number, total, warnings, content: Content::Frame(Box::new(prepared)) })
+    }
+
+    fn lose(&mut self, name: String, reason: String) -> bool {
+        let Some(number) = self.taken() else { return true };
+        let content = Content::Unreadable(name, reason);
+        self.queue.push(Ok(Item { number, total: None, warnings: Vec::new(), content }))
+    }
+
+    fn mask(
+        &self,
+        frame: &Frame,
+        path: Option<&Path>,
+    ) -> anyhow::Result<(Option<Mask>, Vec<String>)> {
+        let Some(folder) = &self.source.masks else { return Ok((None, Vec::new())) };
+        let paths: Vec<PathBuf> = path.map(Path::to_path_buf).into_iter().collect();
+        let frames = std::slice::from_ref(frame);
+        let (masks, warnings) = read_masks(frames, &paths, folder, MaskKind::Instrument)?;
+        Ok((masks.into_iter().next(), warnings.iter().map(ToString::to_string).collect()))
+    }
+}
+
+/// Size and pixels of a JPEG picture.
+fn decode(bytes: &[u8]) -> Result<([usize; 2], Vec<[u8; 3]>), String> {
+    // The reader's own limits hold, so that a wrong size cannot take all memory.
+    let mut reader = image::ImageReader::new(std::io::Cursor::new(bytes));
+    reader.set_format(image::ImageFormat::Jpeg);
+    let picture = reader.decode().map_err(|error| format!("damaged JPEG picture: {error}"))?;
+    let rgb = picture.to_rgb8();
+    let size = [rgb.width() as usize, rgb.height() as usize];
+    Ok((size, rgb.pixels().map(|p| p.0).collect()))
+}

@@ -1,0 +1,198 @@
+//! `dsfms track`: a small synthetic clip from files, by pipe, damaged and faster than it can be solved.
+
+use assert_cmd::Command;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+use std::sync::LazyLock;
+use tempfile::TempDir;
+
+const SIZE: [u32; 2] = [320, 180];
+
+/// Twelve frames of a clip with its template, made once.
+static CLIP: LazyLock<TempDir> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().unwrap();
+    let synth = ["synth", "--video", "--frames", "12", "--size", "320x180", "--vertices", "150"];
+    Command::cargo_bin("dsfms")
+        .unwrap()
+        .args(synth)
+        .args(["--seed", "3", "--quiet", "-o"])
+        .arg(folder.path().join("clip"))
+        .assert()
+        .success();
+    folder
+});
+
+fn clip(name: &str) -> PathBuf {
+    CLIP.path().join("clip").join(name)
+}
+
+fn frame(number: usize) -> image::RgbImage {
+    image::open(clip(&format!("frames/frame_{number:03}.png"))).unwrap().to_rgb8()
+}
+
+fn jpeg(number: usize) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 95);
+    frame(number).write_with_encoder(encoder).unwrap();
+    bytes
+}
+
+/// `track` in the clip's folder; outputs to a fresh one.
+fn track(out: &Path, input: &str, arguments: &[&str], stdin: Vec<u8>) -> Output {
+    Command::cargo_bin("dsfms")
+        .unwrap()
+        .current_dir(CLIP.path().join("clip"))
+        .args(["track", "organ.template", input, "--camera", "camera.json", "--no-report"])
+        .args(arguments)
+        .arg("-o")
+        .arg(out)
+        .write_stdin(stdin)
+        .output()
+        .unwrap()
+}
+
+/// Lines of JSON with the bytes that follow them.
+fn lines(mut bytes: &[u8]) -> Vec<(serde_json::Value, Vec<u8>)> {
+    let mut lines = Vec::new();
+    while let Some(end) = bytes.iter().position(|&b| b == b'\n') {
+        let line: serde_json::Value = serde_json::from_slice(&bytes[..end]).unwrap();
+        let count = line["vertices_bytes"].as_u64().unwrap_or(0) as usize;
+        lines.push((line, bytes[end + 1..end + 1 + count].to_vec()));
+        bytes = &bytes[end + 1 + count..];
+    }
+    assert!(bytes.is_empty(), "{} bytes too many", bytes.len());
+    lines
+}
+
+/// A column of `summary.csv`.
+fn column(out: &Path, name: &str) -> Vec<String> {
+    let text = std::fs::read_to_string(out.join("summary.csv")).unwrap();
+    let place = text.lines().next().unwrap().split(',').position(|c| c == name).unwrap();
+    text.lines().skip(1).map(|l| l.split(',').nth(place).unwrap().to_owned()).collect()
+}
+
+#[test]
+fn raw_frames_give_the_shapes_of_files_and_their_vertices_by_pipe() {
+    let folder = tempfile::tempdir().unwrap();
+    let (files, pipe) = (folder.path().join("files"), folder.path().join("pipe"));
+    let done = track(&files, "frames", &["--quiet"], Vec::new());
+    assert!(done.stdout.is_empty(), "files say nothing on standard output");
+    let raw: Vec<u8> = (0..12).flat_map(|k| frame(k).into_raw()).collect();
+    let size = format!("{}x{}", SIZE[0], SIZE[1]);
+    let arguments = ["--size", &size, "--live-vertices", "--quiet"];
+    let live = track(&pipe, "-", &arguments, raw.clone());
+    let (a, b) = (files.join("vertices.npz"), pipe.join("vertices.npz"));
+    assert_eq!(std::fs::read(&a).unwrap(), std::fs::read(&b).unwrap());
+    let (shapes, status) = dsfms::track::shapes::read_shapes(&b).unwrap();
+    assert!(status.iter().filter(|s| **s == 0).count() >= 8, "{status:?}");
+    let lines = lines(&live.stdout);
+    assert_eq!(lines.len(), 12);
+    for (k, (line, bytes)) in lines.iter().enumerate() {
+        assert_eq!(line["frame"].as_u64(), Some(k as u64));
+        let numbers: Vec<f32> =
+            bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        let known: Vec<f32> =
+            shapes[k].iter().flat_map(|p| [p.x, p.y, p.z]).map(|c| c as f32).collect();
+        if status[k] == 2 {
+            assert!(numbers.is_empty() && line.get("pose").is_none());
+        } else {
+            assert_eq!(numbers, known, "frame {k}");
+        }
+    }
+    // Cut off within the third frame: two frames and one that is lost, with the reason.
+    let part = raw[..raw.len() / 12 * 2 + 1000].to_vec();
+    let cut = track(&folder.path().join("cut"), "-", &["--size", &size], part);
+    assert_eq!(cut.status.code(), Some(2));
+    let cut = self::lines(&cut.stdout);
+    assert_eq!(cut.len(), 3);
+    assert_eq!(cut[2].0["status"], "lost");
+    assert!(cut[2].0["reasons"][0].as_str().unwrap().contains("ends within a frame"));
+}
+
+#[test]
+fn a_damaged_picture_of_a_jpeg_stream_is_one_lost_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let mut damaged = jpeg(1);
+    damaged.truncate(damaged.len() / 2);
+    let stream = [b"--frame\r\n\r\n".to_vec(), jpeg(0), damaged, jpeg(2), jpeg(3)].concat();
+    let arguments = ["--input-format", "mjpeg", "--overlay"];
+    let done = track(&out, "-", &arguments, stream);
+    assert_eq!(done.status.code(), Some(2), "{}", String::from_utf8_lossy(&done.stderr));
+    let status: Vec<String> =
+        lines(&done.stdout).iter().map(|l| l.0["status"].as_str().unwrap().to_owned()).collect();
+    assert_eq!(status, ["ok", "lost", "ok", "ok"]);
+    assert!(column(&out, "reasons")[1].contains("cut off"), "{:?}", column(&out, "reasons"));
+    assert!(out.join("overlay/frame_001.png").exists());
+    let said = String::from_utf8_lossy(&done.stderr);
+    assert!(out.join("overlay.mp4").exists() || said.contains("ffmpeg"), "{said}");
+}
+
+#[test]
+fn realtime_drops_what_it_cannot_keep_up_with_and_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    // The whole clip within twelve milliseconds.
+    let done = track(&out, "frames", &["--realtime", "--rate", "1000"], Vec::new());
+    let said = String::from_utf8_lossy(&done.stderr);
+    let dropped: usize = column(&out, "dropped").iter().map(|d| d.parse::<usize>().unwrap()).sum();
+    let numbers = column(&out, "frame");
+    assert!(dropped > 0 && numbers.len() + dropped == 12, "{dropped} and {numbers:?}");
+    assert_eq!(numbers.last().unwrap(), "11", "the newest frame is never dropped");
+    assert!(said.contains(&format!("{dropped} dropped")), "{said}");
+}
+
+#[test]
+fn a_file_that_is_no_picture_is_one_lost_frame_and_wrong_usage_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let frames = folder.path().join("frames");
+    std::fs::create_dir(&frames).unwrap();
+    for k in 0..3 {
+        std::fs::copy(clip(&format!("frames/frame_{k:03}.png")), frames.join(format!("a{k}.png")))
+            .unwrap();
+    }
+    std::fs::write(frames.join("a1.png"), b"no picture").unwrap();
+    let out = folder.path().join("out");
+    let done = track(&out, frames.to_str().unwrap(), &[], Vec::new());
+    assert_eq!(done.status.code(), Some(2));
+    assert_eq!(column(&out, "status"), ["ok", "lost", "ok"]);
+    for (input, arguments, expected) in [
+        ("-", vec![], "--size"),
+        ("frames", vec!["--live-vertices"], "--live-vertices"),
+        ("frames", vec!["-"], "stands alone"),
+        ("-", vec!["--size", "320"], "WIDTHxHEIGHT"),
+    ] {
+        let wrong = track(&out, input, &arguments, Vec::new());
+        let said = String::from_utf8_lossy(&wrong.stderr);
+        assert_eq!(wrong.status.code(), Some(64), "{said}");
+        assert!(said.contains(expected), "{expected}: {said}");
+    }
+    // Another size than the camera's ends the run.
+    let wrong = track(&out, "-", &["--size", "32x18"], vec![0; 3 * 32 * 18]);
+    assert_eq!(wrong.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&wrong.stderr).contains("[32, 18]"));
+    let none = track(&out, "-", &["--input-format", "mjpeg"], Vec::new());
+    assert!(String::from_utf8_lossy(&none.stderr).contains("no frame"));
+}
+
+#[test]
+fn a_clip_goes_on_where_it_was_and_keeps_to_its_parameters() {
+    let truth = dsfms::io::clip_truth::read_clip_truth(&clip("truth/clip.npz")).unwrap();
+    assert_eq!(truth.frames(), 12);
+    assert!(truth.visible[0].iter().filter(|v| **v).count() > 100);
+    let synth = |size: &str| {
+        let mut command = Command::cargo_bin("dsfms").unwrap();
+        command
+            .args(["synth", "--video", "--frames", "12", "--vertices", "150", "--size", size])
+            .args(["--seed", "3", "--quiet", "-o"])
+            .arg(clip(""));
+        command
+    };
+    let before = std::fs::metadata(clip("frames/frame_005.png")).unwrap().modified().unwrap();
+    synth("320x180").assert().success();
+    let after = std::fs::metadata(clip("frames/frame_005.png")).unwrap().modified().unwrap();
+    assert_eq!(before, after);
+    let other = synth("160x90").output().unwrap();
+    assert_eq!(other.status.code(), Some(64));
+    assert!(String::from_utf8_lossy(&other.stderr).contains("another clip"));
+}
