@@ -130,8 +130,13 @@ pub fn register_near(
     let motion = motion_near(scene, matches, posed, near, options);
     let problem = Problem { scene, matches, motion, options };
     let losses = losses(options);
-    let last = &losses[losses.len() - 1..];
-    let (vertices, summary) = problem.anneal(&mut memory.workspace, near.to_vec(), last, 1e-4);
+    let start = Unknowns { vertices: near.to_vec(), globals: Vec::new() };
+    // Few good steps: a start this near needs no more, and the next frame goes on.
+    let solver =
+        Options { max_steps: 4, cost_tolerance: 1e-3, reduction: 0.03, ..Options::default() };
+    let problem = problem.objective(losses[losses.len() - 1]);
+    let (state, summary) = problem.minimise_in(&mut memory.workspace, start, &solver);
+    let vertices = state.vertices;
     let depth_sigma = (options.depth_hold * scene.radius()).hypot(motion);
     Registered::of(scene, matches, vertices, depth_sigma, summary, options)
 }
