@@ -60,12 +60,13 @@ fn bench_shading(
 ) {
     let picture = Picture::of(&case.frame, &ToneCurve::Srgb);
     let usable = Mask::filled(case.frame.size, true);
-    let (Some(light), Some(albedo)) = (&case.template.light, &case.template.albedo) else { return };
+    let Some(albedo) = &case.template.albedo else { return };
     let photo = Photograph {
         camera: &case.camera,
         picture: &picture,
         usable: &usable,
-        light,
+        outline: None,
+        light: &case.template.lighting(),
         albedo,
         expected_log_gain: None,
     };
@@ -88,7 +89,6 @@ fn case(vertices: usize) -> Case {
     let options = CaseOptions {
         vertices,
         extension: 0.03,
-        outline: None,
         light: LightModel::Collinear,
         draw: Draw { count: 300, sigma_px: 1.0 },
         pull: true,

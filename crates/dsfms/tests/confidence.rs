@@ -2,7 +2,7 @@
 
 use dsfms::confidence::{Confidence, Model, Solved, confidence, features};
 use dsfms::geometry::Point3;
-use dsfms::light::LightModel;
+use dsfms::light::{Coated, LightModel};
 use dsfms::mesh::Mesh;
 use dsfms::mesh::paths::shortest_paths;
 use dsfms::refine::Photograph;
@@ -30,7 +30,7 @@ fn judged(case: &Case, keep: impl Fn(&Match) -> bool, scale: f64, model: Model) 
         picture: &picture,
         usable: &usable,
         outline: None,
-        light: &LightModel::Collinear,
+        light: &Coated::default(),
         albedo: &albedo,
         expected_log_gain: None,
     };

@@ -60,7 +60,7 @@ mod tests {
 
     #[test]
     fn the_contour_of_a_ball_is_its_widest_circle() {
-        let mesh = shapes::sphere(10.0, 3);
+        let mesh = shapes::icosphere(3, 10.0);
         let shape: Vec<Point3> = mesh
             .positions
             .iter()
