@@ -108,11 +108,7 @@ fn forth_and_back(k: usize, n: usize) -> usize {
 /// What was measured, and what was tracked where it is to be compared.
 type Run = (Meter, Vec<Option<Tracked>>);
 
-fn run(
-    clip: &Clip,
-    args: &Args,
-    count: usize,
-) -> Result<Run, Box<dyn std::error::Error>> {
+fn run(clip: &Clip, args: &Args, count: usize) -> Result<Run, Box<dyn std::error::Error>> {
     let options = args.options.clone();
     let tone = clip.template.tone.clone();
     let mut tracker = Tracker::new(&clip.template, &clip.camera, &tone, args.method, options)?;
