@@ -139,8 +139,8 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Facets<'_, C, L> {
             let edges = [v[2] - v[1], v[0] - v[2], v[1] - v[0]];
             let d_point = gradient.transpose() * projection.jacobian / sigma
                 + shade.d_point.transpose() * slope;
-            for k in 0..3 {
-                j.vertices[k] = u.cross(&edges[k]).transpose() + d_point * barycentric[k];
+            for ((to, edge), &weight) in j.vertices.iter_mut().zip(&edges).zip(barycentric) {
+                *to = u.cross(edge).transpose() + d_point * weight;
             }
             j.globals[0][0] = slope * shade.value;
             j.globals[1][0] = -white / sigma;

@@ -148,8 +148,8 @@ fn window<const SIDE: usize, const COUNT: usize>(
         let start = (top + row) * plane.size[0] + left;
         let upper = &plane.data[start..=start + SIDE];
         let lower = &plane.data[start + plane.size[0]..=start + plane.size[0] + SIDE];
-        for x in 0..SIDE {
-            line[x] = (a * upper[x] + b * upper[x + 1]) + (c * lower[x] + d * lower[x + 1]);
+        for (x, value) in line.iter_mut().enumerate() {
+            *value = (a * upper[x] + b * upper[x + 1]) + (c * lower[x] + d * lower[x + 1]);
         }
     }
     Some(values)

@@ -99,11 +99,10 @@ fn add(
 ) {
     for p in square {
         let mut clipped = 0;
-        for c in 0..3 {
-            let v = p[c] as usize;
-            *bright += tables.bright[c][v];
-            linear[c] += tables.linear[v];
-            clipped |= u8::from(p[c] >= SATURATED) << c;
+        for (c, &v) in p.iter().enumerate() {
+            *bright += tables.bright[c][v as usize];
+            linear[c] += tables.linear[v as usize];
+            clipped |= u8::from(v >= SATURATED) << c;
         }
         *bits |= clipped | if clipped == 7 { WHITE } else { 0 };
     }
