@@ -113,8 +113,9 @@ mod tests {
         assert!(
             rod.hides(&Point3::new(0.0, 0.0, 60.0)) && !rod.hides(&Point3::new(0.0, 0.0, 40.0))
         );
-        // Beyond the rounded tip.
-        assert!(!rod.hides(&Point3::new(-15.0, 0.0, 60.0)));
+        // The sightline to x = -15 passes the tip at 2.4 mm, within its radius; that to -16 at 3.2.
+        assert!(rod.hides(&Point3::new(-15.0, 0.0, 60.0)));
+        assert!(!rod.hides(&Point3::new(-16.0, 0.0, 60.0)));
         assert!(rod.between(&Point3::new(5.0, 0.0, 60.0), &Point3::new(5.0, 0.0, 0.0)));
     }
 }
