@@ -95,9 +95,7 @@ fn scan(bytes: &[u8]) -> Found {
         match (mark, kind) {
             (0xFF, 0xFF) => at += 1,
             (0xFF, 0xD9) => return Found::Whole(at + 2),
-            (0xFF, 0xD8) => {
-                return Found::Broken(at, "a JPEG picture is cut off where the next begins".into());
-            }
+            (0xFF, 0xD8) => return cut_off(at),
             // Without content: TEM and the restart markers.
             (0xFF, 0x01 | 0xD0..=0xD7) => at += 2,
             (0xFF, 0xC0..=0xFE) => {
@@ -105,6 +103,14 @@ fn scan(bytes: &[u8]) -> Found {
                 let length = usize::from(high) << 8 | usize::from(low);
                 if length < 2 {
                     return broken(at);
+                }
+                let content = bytes.get(at..at + 2 + length);
+                // Only segments of applications may hold a picture of their own, a thumbnail.
+                if !matches!(kind, 0xE0..=0xEF | 0xFE) {
+                    let seen = content.unwrap_or(&bytes[at..]);
+                    if let Some(i) = seen.windows(3).position(|w| w == [0xFF, 0xD8, 0xFF]) {
+                        return cut_off(at + i);
+                    }
                 }
                 at += 2 + length;
                 if kind == 0xDA {
@@ -117,6 +123,10 @@ fn scan(bytes: &[u8]) -> Found {
             _ => return broken(at),
         }
     }
+}
+
+fn cut_off(at: usize) -> Found {
+    Found::Broken(at, "a JPEG picture is cut off where the next begins".into())
 }
 
 fn broken(at: usize) -> Found {
