@@ -11,6 +11,7 @@
 //! Errors are means over the vertices that the camera sees, absolute, nothing aligned; of frames in
 //! which it sees none (covered lens) over all.
 
+use dsfms::geometry::median;
 use dsfms::io::atomic::write_atomic;
 use dsfms::io::clip_truth::{ClipTruth, read_clip_truth};
 use dsfms::io::mesh::read_mesh;
@@ -67,7 +68,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let events = read_events(&clip.join("truth/events.csv"))?;
     write_text(&out.join("marks.csv"), &csv(&rows))?;
-    let median = median(rows.iter().filter_map(|r| Some(r.tracked?.visible)).collect());
+    let mut errors: Vec<f64> = rows.iter().filter_map(|r| Some(r.tracked?.visible)).collect();
+    let median = median(&mut errors).unwrap_or(f64::NAN);
     write_text(&out.join("marks.svg"), &plot(&rows, &events, median))?;
     print!("{}", marks(&rows, &truth, &events, median));
     Ok(())
@@ -100,11 +102,6 @@ fn read_events(path: &Path) -> Result<Vec<Event>, Box<dyn Error>> {
         Ok((next()?.to_owned(), next()?.parse()?, next()?.parse()?))
     };
     std::fs::read_to_string(path)?.lines().skip(1).map(line).collect()
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// Frames from `start` until the first good surface, the frame itself counted as one.

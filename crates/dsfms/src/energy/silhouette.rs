@@ -2,7 +2,7 @@
 
 use super::{EnergyTerm, Infeasible, Jacobian};
 use crate::camera::Camera;
-use crate::geometry::Point3;
+use crate::geometry::{Point2, Point3};
 use crate::image::Plane;
 use nalgebra::SVector;
 
@@ -46,7 +46,7 @@ impl<C: Camera> EnergyTerm<1> for Silhouette<'_, C> {
         let projection = self.camera.project(&v[0]).ok_or(Infeasible)?;
         let [w, h] = self.distance.size.map(|s| s as f64 - 1.0);
         let pixel = projection.pixel;
-        let inside = crate::geometry::Point2::new(pixel.x.clamp(0.0, w), pixel.y.clamp(0.0, h));
+        let inside = Point2::new(pixel.x.clamp(0.0, w), pixel.y.clamp(0.0, h));
         let (distance, slope) = self.distance.sample(&inside).ok_or(Infeasible)?;
         if self.one_sided[i] && distance < 0.0 {
             return Ok(SVector::zeros());

@@ -25,7 +25,7 @@ pub struct Circle {
 }
 
 /// An instrument is wider than its mask by this, px: shadow, blur and lag.
-const INSTRUMENT_MARGIN: f64 = 3.0;
+pub(crate) const INSTRUMENT_MARGIN: f64 = 3.0;
 
 /// Pixels where an organ may be seen: in the viewport (`None`: everywhere) and the organ mask, not
 /// within 3 px of an instrument. All of `size`.

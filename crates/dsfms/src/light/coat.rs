@@ -51,7 +51,7 @@ impl Light for Coated {
 }
 
 impl Coat {
-    /// `T · (s + a)` with its derivatives; 0 where the surface faces away.
+    /// `T · (s + a)` with its derivatives; 0 where the light itself does not reach.
     pub fn shade(&self, light: &LightModel, point: &Point3, normal: &Vector3) -> Shade {
         let bare = light.shade(point, normal);
         if *self == Self::default() || bare.value == 0.0 {

@@ -107,7 +107,7 @@ struct Sight<'a> {
     observation: &'a Observation<'a>,
     /// Pixels where the organ may be seen.
     usable: Mask,
-    /// Where the organ ends, if a mask says.
+    /// Where the organ ends, if a mask says and the method asks.
     outline: Option<Outline>,
     light: Coated,
     /// The frame beside the albedo, where the method looks at brightness and there is one.
@@ -123,7 +123,9 @@ impl<'a> Sight<'a> {
             template,
             observation,
             usable: usable(frame.size, lit, instrument, organ),
-            outline: organ.map(|organ| Outline::new(organ, instrument)),
+            outline: organ
+                .filter(|_| method == Method::Joint)
+                .map(|organ| Outline::new(organ, instrument)),
             light: template.lighting(),
             compared: albedo.map(|albedo| (Picture::of(frame, tone), albedo)),
         }

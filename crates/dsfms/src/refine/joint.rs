@@ -5,21 +5,15 @@
 //! that texture carries the surface along while shading turns its normals.
 
 use super::Photograph;
-use super::contour::contour;
-use super::glare::{NoiseOptions, weigh};
-use super::look::{Look, LookOptions, diagonal};
+use super::cues::Cues;
 use super::mirror::mirrored;
-use crate::camera::CameraModel;
-use crate::energy::photometric::Sample;
+use super::samples::{Seen, look};
 use crate::energy::{
-    Brightness, GlobalsPrior, Objective, Photometric, Silhouette, Smoothing, Specular, Unknowns,
-    Workspace,
+    EnergyTerm, GlobalsPrior, Objective, Photometric, Smoothing, Unknowns, Workspace,
 };
-use crate::geometry::{Point3, Vector3, median};
-use crate::image::ColorImage;
+use crate::geometry::Point3;
 use crate::light::LightModel;
-use crate::mesh::{Mesh, Topology};
-use crate::raster::{Raster, visible_vertices};
+use crate::mesh::Topology;
 use crate::register::objective::{hold_depth, keep, motion, stay};
 use crate::register::{Match, Prior, Scene};
 use crate::solver::{Loss, Options, Summary};
@@ -127,6 +121,9 @@ impl Default for JointOptions {
     }
 }
 
+/// Vertices, and samples, that the weights of per-vertex and photometric terms are stated for.
+pub(super) const REFERENCE: f64 = 334.0;
+
 /// The shape of the joint solve.
 #[derive(Clone, Debug)]
 pub struct Joined {
@@ -153,7 +150,7 @@ pub fn join(
     photo: &Photograph,
     options: &JointOptions,
 ) -> Joined {
-    let hold = depth_tolerance(scene, depth_sigma, &photo.light.light, options);
+    let hold = depth_hold(scene, depth_sigma, &photo.light.light, options);
     let mut state = Unknowns { vertices: start.to_vec(), globals: vec![0.0, 0.0] };
     let mut expected = photo.expected_log_gain;
     let (mut last, mut workspace) = (None, Workspace::default());
@@ -162,17 +159,25 @@ pub fn join(
     for (stage, &blur) in options.blurs.iter().enumerate() {
         let scene = reposed.as_ref().unwrap_or(scene);
         let look = look(photo, scene.rest, &state.vertices, blur, options);
+        let cues = Cues::of(&look, photo, options);
+        let seen = Seen::of(look, options);
         if stage == 0 {
-            state.globals[0] = look.log_gain;
-            expected.get_or_insert(look.log_gain);
+            state.globals[0] = seen.log_gain;
+            expected.get_or_insert(seen.log_gain);
         }
-        let gain = expected.unwrap_or(look.log_gain);
-        let problem = || objective(scene, matches, hold, photo, &look, gain, options);
+        let gain = expected.unwrap_or(seen.log_gain);
+        let problem = || {
+            let (image, topology) = (&seen.image, &scene.rest.topology);
+            let photometric =
+                Photometric::new(photo.camera, photo.light, image, topology, seen.samples.clone());
+            let held = cues.on(held(scene, matches, options.match_px, options), options);
+            shaded(held, scene, matches, hold, photometric, gain, options)
+        };
         let mirrors = if (1..last_stage).contains(&stage) { options.mirrors } else { 0 };
         let (next, summary) =
             settle(problem, &mut workspace, &scene.rest.topology, start, state, mirrors);
         state = next;
-        last = Some((summary, look.samples.len()));
+        last = Some((summary, seen.samples.len()));
         // A near light tells the distance of everything, so the shape now knows the pose better than
         // the matches did; under a distant one only the matches hold it.
         if matches!(photo.light.light, LightModel::Point(_)) {
@@ -190,7 +195,7 @@ pub fn join(
 }
 
 /// Tolerance for the depth of the matches, given that of eq. 3.
-pub(super) fn depth_tolerance(
+pub(super) fn depth_hold(
     scene: &Scene,
     depth_sigma: f64,
     light: &LightModel,
@@ -224,143 +229,37 @@ fn settle<'a>(
     best
 }
 
-/// What one shape makes of a photograph at one blur.
-pub(super) struct Seen<'a> {
-    pub(super) contour: Option<Silhouette<'a, CameraModel>>,
-    pub(super) highlights: Specular,
-    /// Vertices that the camera sees.
-    pub(super) visible: usize,
-    pub(super) image: ColorImage,
-    pub(super) samples: Vec<Sample>,
-    pub(super) log_gain: f64,
-}
-
-/// Barycentrics of the samples of a face.
-const INSIDE: [[f64; 3]; 3] = [
-    [2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0],
-    [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0],
-    [1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0],
-];
-
-/// The one sample of a face on a fine mesh.
-const CENTRE: [[f64; 3]; 1] = [[1.0 / 3.0; 3]];
-
-/// Number of faces with at least one pixel.
-fn faces_drawn(raster: &Raster) -> usize {
-    let mut faces: Vec<u32> = raster.face.iter().copied().filter(|&f| f != u32::MAX).collect();
-    faces.sort_unstable();
-    faces.dedup();
-    faces.len()
-}
-
-pub(super) fn look<'a>(
-    photo: &Photograph<'a>,
-    rest: &Mesh,
-    shape: &[Point3],
-    blur: f64,
+/// The problem without what the image says: matches, and what the surface keeps of its rest shape.
+pub(super) fn held<'a>(
+    scene: &'a Scene,
+    matches: &[Match],
+    match_px: f64,
     options: &JointOptions,
-) -> Seen<'a> {
-    let diagonal = diagonal(photo.picture.linear.size);
-    let blur = blur * diagonal;
-    let seen = LookOptions {
-        blur,
-        grazing: options.grazing,
-        contour: options.contour_blurs * blur,
-        halo: options.halo * diagonal,
-        mirror_deg: options.specular_deg,
-        colour: options.colour,
-    };
-    let look = Look::new(photo, rest, shape, seen);
-    let fine = 3 * faces_drawn(&look.raster) > options.max_samples;
-    let inside = if fine { &CENTRE[..] } else { &INSIDE };
-    let (mut places, mut channels) = (Vec::new(), Vec::new());
-    for (f, &face) in rest.topology.faces.iter().enumerate() {
-        for &b in inside {
-            let Some((point, pixel, normal)) = look.on_face(face, b) else { continue };
-            if let Some(found) = look.at(&point, &pixel, &normal) {
-                places.push((f as u32, b));
-                channels.push(found);
-            }
-        }
-    }
-    let noise = NoiseOptions {
-        relative: options.sigma_relative,
-        absolute: options.sigma_absolute,
-        colour: options.colour,
-    };
-    let weighed = weigh(&channels, &noise);
-    let sample = |(i, brightness): (usize, Brightness)| {
-        let (face, barycentric) = places[i];
-        Sample { face, barycentric, brightness }
-    };
-    let samples = weighed.brightness.into_iter().map(sample).collect();
-    let topology = &rest.topology;
-    let of = |outline| {
-        let sigma = options.silhouette_px;
-        contour(photo.camera, topology, shape, &look.raster, outline, sigma)
-    };
-    let contour = photo.outline.map(of);
-    let visible = visible_vertices(photo.camera, topology, shape, &look.raster, look.tolerance);
-    let highlights = look.highlights(&visible);
-    let sigma = lobe(&highlights, &look.normals);
-    let highlights = Specular::new(topology, &highlights, sigma);
-    let visible = visible.into_iter().filter(|v| *v).count();
-    let log_gain = weighed.log_gain;
-    Seen { image: look.image, samples, contour, highlights, visible, log_gain }
+) -> Objective<'a> {
+    let matched = Objective::over(scene.posed.len(), 2).plus(
+        1.0,
+        Loss::GemanMcClure(match_px),
+        motion(scene, matches, 1.0),
+    );
+    let strain = Loss::GemanMcClure(options.strain);
+    keep(matched, scene, options.prior, strain, [options.conformal, options.stretch])
 }
 
-/// Spread of the normals of a highlight about the mirror direction, rad: the lobe of the tissue as
-/// far as it saturates, which a shape near the truth shows.
-fn lobe(highlights: &[(u32, Vector3)], normals: &[Vector3]) -> f64 {
-    let angle = |(v, h): &(u32, Vector3)| h.cross(&normals[*v as usize]).norm().min(1.0).asin();
-    let mut angles: Vec<f64> = highlights.iter().map(angle).collect();
-    let [least, most] = LOBE_DEG.map(f64::to_radians);
-    median(&mut angles).unwrap_or(most).clamp(least, most)
-}
-
-/// Bounds of the spread of the normals of a highlight, degrees.
-const LOBE_DEG: [f64; 2] = [4.0, 15.0];
-
-fn objective<'a>(
+/// The photometric condition on top, with smoothing, what holds depth and the hidden side, and the
+/// priors of gain and ambient light.
+pub(super) fn shaded<'a>(
+    held: Objective<'a>,
     scene: &'a Scene,
     matches: &[Match],
     depth_sigma: f64,
-    photo: &Photograph<'a>,
-    look: &'a Seen<'a>,
+    photometric: impl EnergyTerm<1> + 'a,
     expected_log_gain: f64,
     options: &JointOptions,
 ) -> Objective<'a> {
-    let area = scene.visible_area;
-    let share = 334.0 / look.samples.len().max(1) as f64;
-    let smoothing = Smoothing::of_displacement(&scene.laplacian, &scene.posed, area);
-    let photometric = Photometric::new(
-        photo.camera,
-        photo.light,
-        &look.image,
-        &scene.rest.topology,
-        look.samples.clone(),
-    );
-    let strain = Loss::GemanMcClure(options.strain);
-    let specular = match photo.light.light {
-        LightModel::Point(_) => options.specular * 334.0 / look.visible.max(1) as f64,
-        LightModel::Collinear => 0.0,
-    };
+    let share = REFERENCE / photometric.count().max(1) as f64;
+    let smoothing = Smoothing::of_displacement(&scene.laplacian, &scene.posed, scene.visible_area);
     let prior = |index, mean, sigma| GlobalsPrior { index: [index], mean, sigma };
-    let matched = Objective::over(scene.posed.len(), 2).plus(
-        1.0,
-        Loss::GemanMcClure(options.match_px),
-        motion(scene, matches, 1.0),
-    );
-    let kept = keep(matched, scene, options.prior, strain, [options.conformal, options.stretch]);
-    let kept = match &look.contour {
-        Some(contour) => {
-            let share = 100.0 / contour.vertices.len().max(1) as f64;
-            kept.plus(share * options.silhouette, Loss::Huber(2.0), contour.clone())
-        }
-        None => kept,
-    };
-    kept.plus(specular, Loss::GemanMcClure(2.0), look.highlights.clone())
-        .plus(options.smoothing, Loss::Squared, smoothing)
+    held.plus(options.smoothing, Loss::Squared, smoothing)
         .plus(share * options.photometric, Loss::GemanMcClure(options.robust), photometric)
         .plus(1.0, Loss::Huber(1.0), hold_depth(scene, matches, &scene.posed, depth_sigma))
         .plus(3.0, Loss::Squared, stay(scene))

@@ -30,8 +30,8 @@ pub(super) struct LookOptions {
 /// A photograph with a shape in front of it.
 pub(super) struct Look<'a> {
     photo: &'a Photograph<'a>,
-    rest: &'a Mesh,
-    shape: &'a [Point3],
+    pub(super) rest: &'a Mesh,
+    pub(super) shape: &'a [Point3],
     options: LookOptions,
     pub(super) normals: Vec<Vector3>,
     pub(super) raster: Raster,

@@ -1,6 +1,7 @@
 //! DSfMS: shading and specularities refine the coarse shape (paper §7, eq. 4).
 
 mod contour;
+mod cues;
 pub mod evidence;
 mod glare;
 pub mod joint;
@@ -8,6 +9,7 @@ mod look;
 pub mod mirror;
 pub mod objective;
 pub mod options;
+mod samples;
 pub mod video;
 
 pub use evidence::{Evidence, Photograph};

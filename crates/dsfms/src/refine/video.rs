@@ -5,16 +5,14 @@
 //! memory of the last solve.
 
 use super::Photograph;
-use super::joint::{JointOptions, depth_tolerance, look};
-use crate::camera::CameraModel;
+use super::joint::{JointOptions, depth_hold, held, shaded};
+use super::samples::{Seen, look};
 use crate::energy::facet::Facets;
-use crate::energy::{EnergyTerm, GlobalsPrior, Objective, Smoothing, Unknowns, Workspace};
+use crate::energy::{Unknowns, Workspace};
 use crate::geometry::Point3;
-use crate::light::Coated;
 use crate::mesh::normals::vertex_normals;
-use crate::register::objective::{hold_depth, keep, motion, stay};
 use crate::register::{Match, Scene};
-use crate::solver::{Loss, Options};
+use crate::solver::Options;
 use serde::{Deserialize, Serialize};
 
 /// Options of the solve from the last shape.
@@ -120,48 +118,22 @@ pub fn join_near(
         let match_px = if stage < before.len() { joint.match_px } else { video.match_px };
         let (mut state, _, _, steps) = found;
         let NearFrame { scene, photo, .. } = *frame;
-        let look = look(photo, scene.rest, &state.vertices, blur, &joint);
+        let seen = Seen::of(look(photo, scene.rest, &state.vertices, blur, &joint), &joint);
         let topology = &scene.rest.topology;
         let normals = vertex_normals(topology, &state.vertices);
         let shape = &state.vertices;
-        let (camera, image) = (photo.camera, &look.image);
+        let (camera, image) = (photo.camera, &seen.image);
         let facets =
-            Facets::new(camera, photo.light, image, topology, shape, &normals, &look.samples);
+            Facets::new(camera, photo.light, image, topology, shape, &normals, &seen.samples);
         state.globals[0] = facets.log_gain(shape, state.globals[1]);
-        let expected = photo.expected_log_gain.unwrap_or(look.log_gain);
-        let problem = objective(frame, facets.clone(), expected, match_px, &joint);
+        let expected = photo.expected_log_gain.unwrap_or(seen.log_gain);
+        let held = held(scene, frame.matches, match_px, &joint);
+        let hold = depth_hold(scene, frame.depth_sigma, &photo.light.light, &joint);
+        let problem = shaded(held, scene, frame.matches, hold, facets.clone(), expected, &joint);
         let (state, summary) = problem.minimise_in(&mut memory.workspace, state, &solver);
         let residual = facets.mean_residual(&state.vertices, &state.globals);
-        found = (state, look.samples.len(), residual, steps + summary.iterations);
+        found = (state, seen.samples.len(), residual, steps + summary.iterations);
     }
     let (state, samples, residual, steps) = found;
     Carried { vertices: state.vertices, ambient: state.globals[1], samples, residual, steps }
-}
-
-/// The lines of the joint problem, with the condition on facets.
-fn objective<'a>(
-    frame: &NearFrame<'a>,
-    facets: Facets<'a, CameraModel, Coated>,
-    expected_log_gain: f64,
-    match_px: f64,
-    options: &JointOptions,
-) -> Objective<'a> {
-    let NearFrame { scene, matches, depth_sigma, photo } = *frame;
-    let hold = depth_tolerance(scene, depth_sigma, &photo.light.light, options);
-    let share = 334.0 / facets.count().max(1) as f64;
-    let smoothing = Smoothing::of_displacement(&scene.laplacian, &scene.posed, scene.visible_area);
-    let strain = Loss::GemanMcClure(options.strain);
-    let prior = |index, mean, sigma| GlobalsPrior { index: [index], mean, sigma };
-    let matched = Objective::over(scene.posed.len(), 2).plus(
-        1.0,
-        Loss::GemanMcClure(match_px),
-        motion(scene, matches, 1.0),
-    );
-    keep(matched, scene, options.prior, strain, [options.conformal, options.stretch])
-        .plus(options.smoothing, Loss::Squared, smoothing)
-        .plus(share * options.photometric, Loss::GemanMcClure(options.robust), facets)
-        .plus(1.0, Loss::Huber(1.0), hold_depth(scene, matches, &scene.posed, hold))
-        .plus(3.0, Loss::Squared, stay(scene))
-        .plus(1.0, Loss::Squared, prior(0, expected_log_gain, options.gain_sigma))
-        .plus(1.0, Loss::Squared, prior(1, 0.0, options.ambient_sigma))
 }

@@ -6,6 +6,7 @@ use super::flow::Pyramid;
 use super::look::{LEVELS, Seen, Working};
 use super::reduce::{Reduced, Tables, any, clear_about, halve_mask, halved, stretch};
 use crate::camera::CameraModel;
+use crate::image::viewport::INSTRUMENT_MARGIN;
 use crate::image::{Frame, Mask, Picture, ToneCurve, viewport};
 use crate::sfm::{Features2d, SfmOptions, detect};
 use rayon::prelude::*;
@@ -23,9 +24,6 @@ const VIEWPORT_COLUMNS: usize = 400;
 /// What the mask of the viewport loses at its rim at that size is given back, px of that size; the
 /// rest of the margin is about what it would be at full size.
 const VIEWPORT_GIVEN_BACK: f64 = 4.0;
-
-/// An instrument is wider than its mask by this, px of the frame: shadow, blur and lag.
-const INSTRUMENT_MARGIN: f64 = 3.0;
 
 /// Brightest value of a frame that counts as black.
 const BLACK: u8 = 16;

@@ -8,7 +8,7 @@ use crate::light::LightModel;
 use crate::refine::{Near, NearFrame, Photograph, join, join_near};
 use crate::register::objective::{depth_tolerance, errors_px, explained};
 use crate::register::{
-    Match, Posed, Registered, Scene, pose, pose_near, register_in, register_near,
+    Match, Posed, RegisterError, Registered, Scene, pose, pose_near, register_in, register_near,
 };
 
 impl Tracker<'_> {
@@ -50,21 +50,18 @@ impl Tracker<'_> {
         matches: Vec<Match>,
         clock: &mut Clock,
     ) -> Result<Draft, String> {
-        self.enough(&matches)?;
-        let last = self.last.as_ref().ok_or("nothing to follow")?;
-        let near = clock.time("pose", || {
-            let options = &self.options.reconstruct.register;
+        self.beside_last(view, matches, clock, |tracker, last, matches| {
+            let options = &tracker.options.reconstruct.register;
+            let pixels: Vec<Point2> = matches.iter().map(|m| m.pixel).collect();
             let to = |points: &[Point3], start: Isometry| {
-                let found = pose_near(self.camera, points, &pixels(&matches), options, start);
-                found.map_err(|error| error.to_string())
+                pose_near(tracker.camera, points, &pixels, options, start)
             };
-            let (shape, rest) = (self.expected(last), &self.template.mesh.positions);
-            let moved = to(&self.on(&matches, shape), Isometry::identity())?.pose;
+            let (shape, rest) = (tracker.expected(last), &tracker.template.mesh.positions);
+            let moved = to(&tracker.on(matches, shape), Isometry::identity())?.pose;
             let base = align_rigid_robust(&last.vertices, shape).unwrap_or_default();
-            let posed = to(&self.on(&matches, rest), moved * base * last.pose)?;
-            Ok::<_, String>(self.near(last, shape, moved, posed, false))
-        })?;
-        Ok(self.solved(view, matches, near, clock))
+            let posed = to(&tracker.on(matches, rest), moved * base * last.pose)?;
+            Ok(tracker.near(last, shape, moved, posed, false))
+        })
     }
 
     /// The surface bent as it was last, where the template was found again.
@@ -74,16 +71,27 @@ impl Tracker<'_> {
         matches: Vec<Match>,
         clock: &mut Clock,
     ) -> Result<Draft, String> {
+        self.beside_last(view, matches, clock, |tracker, last, matches| {
+            let options = &tracker.options.reconstruct;
+            let (rest, register) = (&tracker.template.mesh, &options.register);
+            let posed = pose(tracker.camera, rest, matches, register, options.seed)?;
+            let motion = posed.pose * last.pose.inverse();
+            Ok(tracker.near(last, &last.vertices, motion, posed, true))
+        })
+    }
+
+    /// The surface solved from where `start` puts the last one.
+    fn beside_last(
+        &mut self,
+        view: &View,
+        matches: Vec<Match>,
+        clock: &mut Clock,
+        start: impl FnOnce(&Self, &Last, &[Match]) -> Result<Start, RegisterError>,
+    ) -> Result<Draft, String> {
         self.enough(&matches)?;
         let last = self.last.as_ref().ok_or("nothing to follow")?;
-        let near = clock.time("pose", || {
-            let options = &self.options.reconstruct;
-            let (rest, register) = (&self.template.mesh, &options.register);
-            let posed = pose(self.camera, rest, &matches, register, options.seed)
-                .map_err(|error| error.to_string())?;
-            let motion = posed.pose * last.pose.inverse();
-            Ok::<_, String>(self.near(last, &last.vertices, motion, posed, true))
-        })?;
+        let near = clock.time("pose", || start(self, last, &matches));
+        let near = near.map_err(|error| error.to_string())?;
         Ok(self.solved(view, matches, near, clock))
     }
 
@@ -207,10 +215,6 @@ struct Start {
     /// The rest shape from which bending is counted.
     rigid: Vec<Point3>,
     visible: Vec<bool>,
-}
-
-fn pixels(matches: &[Match]) -> Vec<Point2> {
-    matches.iter().map(|m| m.pixel).collect()
 }
 
 impl Draft {

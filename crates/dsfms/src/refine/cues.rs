@@ -1,0 +1,88 @@
+//! What an image says of shape besides its brightness: the organ's outline, and highlights.
+
+use super::Photograph;
+use super::contour::contour;
+use super::joint::{JointOptions, REFERENCE};
+use super::look::Look;
+use crate::camera::CameraModel;
+use crate::energy::{Objective, Silhouette, Specular};
+use crate::geometry::{Vector3, median};
+use crate::light::LightModel;
+use crate::raster::visible_vertices;
+use crate::solver::Loss;
+
+/// Points of the occluding contour that the weight of the silhouette is stated for.
+const CONTOUR_REFERENCE: f64 = 100.0;
+
+/// Bounds of the spread of the normals of a highlight, degrees.
+const LOBE_DEG: [f64; 2] = [4.0, 15.0];
+
+/// The cues of one photograph at one shape.
+pub(super) struct Cues<'a> {
+    /// Where an organ mask tells the outline.
+    contour: Option<Silhouette<'a, CameraModel>>,
+    /// Under a near light.
+    highlights: Option<Specular>,
+    /// Vertices that the camera sees.
+    visible: usize,
+}
+
+impl<'a> Cues<'a> {
+    pub(super) fn of(look: &Look, photo: &Photograph<'a>, options: &JointOptions) -> Self {
+        let (camera, raster, shape) = (photo.camera, &look.raster, look.shape);
+        let topology = &look.rest.topology;
+        let of = |outline| contour(camera, topology, shape, raster, outline, options.silhouette_px);
+        let visible = visible_vertices(camera, topology, shape, raster, look.tolerance);
+        let near = matches!(photo.light.light, LightModel::Point(_));
+        let highlights = near.then(|| {
+            let vertices = look.highlights(&visible);
+            Specular::new(topology, &vertices, lobe(&vertices, &look.normals))
+        });
+        let visible = visible.into_iter().filter(|v| *v).count();
+        Self { contour: photo.outline.map(of), highlights, visible }
+    }
+
+    /// The conditions they make, on top of others.
+    pub(super) fn on(&self, mut objective: Objective<'a>, options: &JointOptions) -> Objective<'a> {
+        if let Some(contour) = &self.contour {
+            let share = CONTOUR_REFERENCE / contour.vertices.len().max(1) as f64;
+            let weight = share * options.silhouette;
+            objective = objective.plus(weight, Loss::Huber(2.0), contour.clone());
+        }
+        if let Some(highlights) = &self.highlights {
+            let weight = options.specular * REFERENCE / self.visible.max(1) as f64;
+            objective = objective.plus(weight, Loss::GemanMcClure(2.0), highlights.clone());
+        }
+        objective
+    }
+}
+
+/// Spread of the normals of a highlight about the mirror direction, rad: the lobe of the tissue as
+/// far as it saturates, which a shape near the truth shows.
+fn lobe(highlights: &[(u32, Vector3)], normals: &[Vector3]) -> f64 {
+    let angle = |(v, h): &(u32, Vector3)| h.cross(&normals[*v as usize]).norm().min(1.0).asin();
+    let mut angles: Vec<f64> = highlights.iter().map(angle).collect();
+    let [least, most] = LOBE_DEG.map(f64::to_radians);
+    median(&mut angles).unwrap_or(most).clamp(least, most)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_lobe_is_the_spread_of_the_normals_within_bounds() {
+        let h = -Vector3::z();
+        let turned = |deg: f64| {
+            let angle = deg.to_radians();
+            Vector3::new(angle.sin(), 0.0, -angle.cos())
+        };
+        let found = |deg: f64| {
+            lobe(&[(0, h), (1, h), (2, h)], &[turned(0.5 * deg), turned(deg), turned(2.0 * deg)])
+        };
+        assert!((found(8.0) - 8_f64.to_radians()).abs() < 1e-12);
+        assert!((found(1.0) - 4_f64.to_radians()).abs() < 1e-12);
+        assert!((found(30.0) - 15_f64.to_radians()).abs() < 1e-12);
+        assert!((lobe(&[], &[]) - 15_f64.to_radians()).abs() < 1e-12);
+    }
+}
