@@ -13,8 +13,8 @@ pub struct Boundary {
     pub barycentrics: Vec<[f64; 3]>,
     /// Depth to hold, length units.
     pub depths: Vec<f64>,
-    /// Noise of that depth, length units.
-    pub sigma: f64,
+    /// Noise of that depth, length units, one a match.
+    pub sigmas: Vec<f64>,
 }
 
 impl EnergyTerm<1> for Boundary {
@@ -35,14 +35,14 @@ impl EnergyTerm<1> for Boundary {
         _: &[f64],
         jacobian: Option<Jacobian<'_, 1>>,
     ) -> Result<SVector<f64, 1>, Infeasible> {
-        let b = self.barycentrics[i];
+        let (b, sigma) = (self.barycentrics[i], self.sigmas[i]);
         if let Some(j) = jacobian {
             for (to, weight) in j.vertices.iter_mut().zip(b) {
-                *to = Matrix1x3::new(0.0, 0.0, weight / self.sigma);
+                *to = Matrix1x3::new(0.0, 0.0, weight / sigma);
             }
         }
         let z = b[0] * v[0].z + b[1] * v[1].z + b[2] * v[2].z;
-        Ok(SVector::from([(z - self.depths[i]) / self.sigma]))
+        Ok(SVector::from([(z - self.depths[i]) / sigma]))
     }
 }
 
@@ -58,7 +58,7 @@ mod tests {
             faces: vec![mesh.topology.faces[3]],
             barycentrics: vec![[0.1, 0.7, 0.2]],
             depths: vec![58.0],
-            sigma: 0.5,
+            sigmas: vec![0.5],
         };
         assert_jacobian(&term, &mesh.positions, &[]);
         let flat = [Point3::new(0.0, 0.0, 59.0); 3];

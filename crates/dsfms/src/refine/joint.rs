@@ -6,15 +6,16 @@
 
 use super::Photograph;
 use super::cues::Cues;
+use super::hold::hold;
 use super::mirror::mirrored;
 use super::samples::{Seen, look};
 use crate::energy::{
-    EnergyTerm, GlobalsPrior, Objective, Photometric, Smoothing, Unknowns, Workspace,
+    Boundary, EnergyTerm, GlobalsPrior, Objective, Photometric, Smoothing, Unknowns, Workspace,
 };
 use crate::geometry::Point3;
 use crate::light::LightModel;
 use crate::mesh::Topology;
-use crate::register::objective::{hold_depth, keep, motion, stay};
+use crate::register::objective::{keep, motion, stay};
 use crate::register::{Match, Prior, Scene};
 use crate::solver::{Loss, Options, Summary};
 use serde::{Deserialize, Deserializer, Serialize, de::Error};
@@ -44,10 +45,13 @@ pub struct JointOptions {
     pub robust: f64,
     /// Geman-McClure scale of the matches, px.
     pub match_px: f64,
-    /// Depth of the matches under a near light, which fixes scale itself, is held to the rigid pose
-    /// within this fraction of the visible radius; under a distant light the tolerance of eq. 3
-    /// holds.
+    /// Depth of the matches under a near light, which tells depth too, is held to the rigid pose within
+    /// this fraction of the visible radius where the pose explains them; under a distant light the
+    /// tolerance of eq. 3 holds.
     pub near_depth_hold: f64,
+    /// Expected motion in depth under a near light, for the motion that a match shares with its
+    /// neighbours and the pose does not explain.
+    pub near_depth_motion: f64,
     /// Spread of the log gain about its expectation.
     pub gain_sigma: f64,
     /// Spread of the ambient light about 0.
@@ -103,7 +107,8 @@ impl Default for JointOptions {
             colour: true,
             robust: 3.0,
             match_px: 4.0,
-            near_depth_hold: 0.2,
+            near_depth_hold: 0.07,
+            near_depth_motion: 100.0,
             gain_sigma: 0.1,
             ambient_sigma: 0.02,
             blurs: vec![0.018, 0.009, 0.0045, 0.0045],
@@ -150,7 +155,7 @@ pub fn join(
     photo: &Photograph,
     options: &JointOptions,
 ) -> Joined {
-    let hold = depth_hold(scene, depth_sigma, &photo.light.light, options);
+    let hold = hold(scene, matches, &scene.posed, depth_sigma, &photo.light.light, options);
     let mut state = Unknowns { vertices: start.to_vec(), globals: vec![0.0, 0.0] };
     let mut expected = photo.expected_log_gain;
     let (mut last, mut workspace) = (None, Workspace::default());
@@ -171,7 +176,7 @@ pub fn join(
             let photometric =
                 Photometric::new(photo.camera, photo.light, image, topology, seen.samples.clone());
             let held = cues.on(held(scene, matches, options.match_px, options), options);
-            shaded(held, scene, matches, hold, photometric, gain, options)
+            shaded(held, scene, hold.clone(), photometric, gain, options)
         };
         let mirrors = if (1..last_stage).contains(&stage) { options.mirrors } else { 0 };
         let (next, summary) =
@@ -191,19 +196,6 @@ pub fn join(
         vertices: state.vertices,
         samples,
         summary,
-    }
-}
-
-/// Tolerance for the depth of the matches, given that of eq. 3.
-pub(super) fn depth_hold(
-    scene: &Scene,
-    depth_sigma: f64,
-    light: &LightModel,
-    options: &JointOptions,
-) -> f64 {
-    match light {
-        LightModel::Point(_) => depth_sigma.max(options.near_depth_hold * scene.radius()),
-        LightModel::Collinear => depth_sigma,
     }
 }
 
@@ -250,8 +242,7 @@ pub(super) fn held<'a>(
 pub(super) fn shaded<'a>(
     held: Objective<'a>,
     scene: &'a Scene,
-    matches: &[Match],
-    depth_sigma: f64,
+    hold: Boundary,
     photometric: impl EnergyTerm<1> + 'a,
     expected_log_gain: f64,
     options: &JointOptions,
@@ -261,7 +252,7 @@ pub(super) fn shaded<'a>(
     let prior = |index, mean, sigma| GlobalsPrior { index: [index], mean, sigma };
     held.plus(options.smoothing, Loss::Squared, smoothing)
         .plus(share * options.photometric, Loss::GemanMcClure(options.robust), photometric)
-        .plus(1.0, Loss::Huber(1.0), hold_depth(scene, matches, &scene.posed, depth_sigma))
+        .plus(1.0, Loss::Huber(1.0), hold)
         .plus(3.0, Loss::Squared, stay(scene))
         .plus(1.0, Loss::Squared, prior(0, expected_log_gain, options.gain_sigma))
         .plus(1.0, Loss::Squared, prior(1, 0.0, options.ambient_sigma))

@@ -4,6 +4,7 @@ mod contour;
 mod cues;
 pub mod evidence;
 mod glare;
+mod hold;
 pub mod joint;
 mod look;
 pub mod mirror;

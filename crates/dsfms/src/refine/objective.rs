@@ -75,7 +75,8 @@ fn objective<'a>(
     let count = evidence.visible.iter().filter(|v| **v).count().max(1);
     let share = options.reference_count / count as f64;
     let seen = (0..coarse.len() as u32).filter(|&v| evidence.visible[v as usize]);
-    let boundary = hold_depth(scene, matches, coarse, options.depth_hold * scene.radius());
+    let sigmas = vec![options.depth_hold * scene.radius(); matches.len()];
+    let boundary = hold_depth(scene, matches, coarse, sigmas);
     let reprojection = Reprojection::at(scene.camera, coarse, seen);
     let diffuse =
         Diffuse::new(photo.camera, photo.light, &evidence.image, topology, &evidence.diffuse);

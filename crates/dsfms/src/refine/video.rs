@@ -5,7 +5,8 @@
 //! memory of the last solve.
 
 use super::Photograph;
-use super::joint::{JointOptions, depth_hold, held, shaded};
+use super::hold::hold;
+use super::joint::{JointOptions, held, shaded};
 use super::samples::{Seen, look};
 use crate::energy::facet::Facets;
 use crate::energy::{Unknowns, Workspace};
@@ -85,11 +86,13 @@ pub struct Carried {
 
 /// A frame to solve from a shape near it.
 pub struct NearFrame<'a> {
-    /// The rest shape posed, and what of it is seen.
+    /// The rest shape posed where bending is counted from, and what of it is seen.
     pub scene: &'a Scene<'a>,
     /// Where the template's points are.
     pub matches: &'a [Match],
-    /// Eq. 3's tolerance for the depth of the matches under a distant light.
+    /// The rest shape where the matches pose it: their depth is held to it.
+    pub posed: &'a [Point3],
+    /// Eq. 3's tolerance for the depth of the matches, under a distant light.
     pub depth_sigma: f64,
     /// The image.
     pub photo: &'a Photograph<'a>,
@@ -113,6 +116,8 @@ pub fn join_near(
     let start = Unknowns { vertices: near.shape.to_vec(), globals: vec![0.0, near.ambient] };
     let mut found = (start, 0, 0.0, 0);
     let before = if near.gap { &video.blurs_after_gap[..] } else { &[] };
+    let (matches, light) = (frame.matches, &frame.photo.light.light);
+    let hold = hold(frame.scene, matches, frame.posed, frame.depth_sigma, light, &joint);
     for (stage, &blur) in before.iter().chain([&video.blur]).enumerate() {
         // Coarse stages have yet to bring the matches within reach.
         let match_px = if stage < before.len() { joint.match_px } else { video.match_px };
@@ -127,9 +132,8 @@ pub fn join_near(
             Facets::new(camera, photo.light, image, topology, shape, &normals, &seen.samples);
         state.globals[0] = facets.log_gain(shape, state.globals[1]);
         let expected = photo.expected_log_gain.unwrap_or(seen.log_gain);
-        let held = held(scene, frame.matches, match_px, &joint);
-        let hold = depth_hold(scene, frame.depth_sigma, &photo.light.light, &joint);
-        let problem = shaded(held, scene, frame.matches, hold, facets.clone(), expected, &joint);
+        let held = held(scene, matches, match_px, &joint);
+        let problem = shaded(held, scene, hold.clone(), facets.clone(), expected, &joint);
         let (state, summary) = problem.minimise_in(&mut memory.workspace, state, &solver);
         let residual = facets.mean_residual(&state.vertices, &state.globals);
         found = (state, seen.samples.len(), residual, steps + summary.iterations);

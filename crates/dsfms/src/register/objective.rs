@@ -227,12 +227,13 @@ impl Problem<'_> {
         };
         let smooth = smoothing_weight(options, self.motion / scene.radius());
         let depth_sigma = (options.depth_hold * scene.radius()).hypot(self.motion);
+        let hold = hold_depth(scene, matches, &scene.posed, vec![depth_sigma; matches.len()]);
         let motion = motion(scene, matches, options.match_sigma_px);
         let motion = Objective::over(scene.posed.len(), 0).plus(1.0, loss, motion);
         let weights = [options.conformal, repaired * options.stretch];
         keep(motion, scene, options.prior, Loss::Squared, weights)
             .plus(smooth, Loss::Squared, smoothing)
-            .plus(repaired, Loss::Huber(1.0), hold_depth(scene, matches, &scene.posed, depth_sigma))
+            .plus(repaired, Loss::Huber(1.0), hold)
             .plus(repaired * options.stay, Loss::Squared, stay(scene))
     }
 }
@@ -348,13 +349,18 @@ pub fn motion<'a>(scene: &Scene<'a>, matches: &[Match], sigma_px: f64) -> Motion
     }
 }
 
-/// The depth of the matches held to that of a shape.
-pub fn hold_depth(scene: &Scene, matches: &[Match], shape: &[Point3], sigma: f64) -> Boundary {
+/// The depth of the matches held to that of a shape, each within its own tolerance (length units).
+pub fn hold_depth(
+    scene: &Scene,
+    matches: &[Match],
+    shape: &[Point3],
+    sigmas: Vec<f64>,
+) -> Boundary {
     Boundary {
         faces: matches.iter().map(|m| scene.face(m)).collect(),
         barycentrics: matches.iter().map(|m| m.barycentric).collect(),
         depths: matches.iter().map(|m| scene.point(m, shape).z).collect(),
-        sigma,
+        sigmas,
     }
 }
 

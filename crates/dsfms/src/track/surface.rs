@@ -147,9 +147,12 @@ impl Tracker<'_> {
             }
             Some(photo) => {
                 let depth_sigma = depth_tolerance(&scene, &matches, &posed, &shape, register);
+                let by_matches: Vec<Point3> =
+                    rest.positions.iter().map(|p| posed.pose * p).collect();
                 let found = clock.time("joint", || {
                     let (scene, photo) = (&scene, &photo);
-                    let frame = NearFrame { scene, matches: &matches, depth_sigma, photo };
+                    let (matches, posed) = (&matches, &by_matches);
+                    let frame = NearFrame { scene, matches, posed, depth_sigma, photo };
                     let near = Near { shape: &shape, ambient, gap };
                     let (joint, video) = (&options.joint, &self.options.video);
                     join_near(&mut memory.video, &frame, near, joint, video)

@@ -1,0 +1,89 @@
+//! What holds depth in the joint solve: the pose that the matches give.
+//!
+//! Motion and conformality leave the distance of a surface to its stretch, and a near light tells it
+//! only as well as albedo, exposure and fall-off are known. Tissue that the rigid pose explains is where
+//! the pose puts it.
+
+use super::joint::JointOptions;
+use crate::camera::Camera;
+use crate::energy::Boundary;
+use crate::geometry::{Point3, Vector2};
+use crate::light::LightModel;
+use crate::register::objective::hold_depth;
+use crate::register::pose::rest_point;
+use crate::register::{Match, Scene};
+
+/// Neighbours that a match shares its motion with.
+const NEIGHBOURS: usize = 4;
+
+/// The depth of the matches held to the rest shape where they pose it (camera axes); `depth_sigma` is
+/// eq. 3's tolerance.
+pub(super) fn hold(
+    scene: &Scene,
+    matches: &[Match],
+    posed: &[Point3],
+    depth_sigma: f64,
+    light: &LightModel,
+    options: &JointOptions,
+) -> Boundary {
+    let sigmas = match light {
+        LightModel::Point(_) => {
+            let calm = options.near_depth_hold * scene.radius();
+            let motions = shared_motions(scene, matches, posed).into_iter();
+            motions.map(|m| calm.hypot(options.near_depth_motion * m)).collect()
+        }
+        LightModel::Collinear => vec![depth_sigma; matches.len()],
+    };
+    hold_depth(scene, matches, posed, sigmas)
+}
+
+/// Motion of every match that its neighbours share and the pose does not explain, length units: root
+/// mean product of their offsets. Noise and wrong matches share nothing with their neighbours.
+fn shared_motions(scene: &Scene, matches: &[Match], posed: &[Point3]) -> Vec<f64> {
+    let [fx, fy] = scene.camera.focal;
+    let offset = |m: &Match| {
+        let point = scene.point(m, posed);
+        let seen = scene.camera.project(&point)?.pixel;
+        Some((m.pixel - seen) * (point.z / (0.5 * (fx + fy))))
+    };
+    let places: Vec<(Point3, Vector2)> = matches
+        .iter()
+        .map(|m| (rest_point(scene.rest, m), offset(m).unwrap_or_default()))
+        .collect();
+    places.iter().enumerate().map(|(i, p)| shared_motion(i, p, &places)).collect()
+}
+
+fn shared_motion(i: usize, (at, offset): &(Point3, Vector2), places: &[(Point3, Vector2)]) -> f64 {
+    let distance = |j: usize| (places[j].0 - at).norm_squared();
+    let mut others: Vec<(f64, usize)> =
+        (0..places.len()).filter(|&j| j != i).map(|j| (distance(j), j)).collect();
+    let count = NEIGHBOURS.min(others.len());
+    if count == 0 {
+        return 0.0;
+    }
+    others.select_nth_unstable_by(count - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let products: f64 = others[..count].iter().map(|&(_, j)| places[j].1.dot(offset)).sum();
+    (products / count as f64).max(0.0).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_match_moves_with_its_neighbours_or_alone() {
+        // A grid of which the left half moved by (3, 4), and one wrong match on the right.
+        let place = |i: usize| {
+            let (x, y) = ((i % 10) as f64, (i / 10) as f64);
+            let left = if x < 5.0 { Vector2::new(3.0, 4.0) } else { Vector2::zeros() };
+            (Point3::new(x, y, 0.0), if i == 57 { Vector2::new(50.0, 0.0) } else { left })
+        };
+        let places: Vec<_> = (0..100).map(place).collect();
+        let at = |i: usize| shared_motion(i, &places[i], &places);
+        assert!((at(52) - 5.0).abs() < 1e-12);
+        assert_eq!((at(57), at(58)), (0.0, 0.0));
+        assert_eq!(shared_motion(0, &places[0], &places[..1]), 0.0);
+        // On the seam: one of four neighbours stayed.
+        assert!((at(54) - 75_f64.sqrt() / 2.0).abs() < 1e-12);
+    }
+}
