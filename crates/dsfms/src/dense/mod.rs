@@ -18,6 +18,7 @@ mod error;
 mod exchange;
 mod handles;
 mod holes;
+mod lanes;
 mod neighbours;
 mod options;
 mod patchmatch;
