@@ -74,8 +74,8 @@ fn without_handles(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptio
             break;
         }
         options.voxel = Some(coarser);
-        // The same length of surface in fewer edges.
-        options.smoothing /= 2;
+        // Half would smooth over the same length of surface; what needs a coarser grid is noisier.
+        options.smoothing = options.smoothing * 3 / 4;
     }
     best.map(|(_, triangles)| triangles).unwrap_or_default()
 }
@@ -93,6 +93,8 @@ fn tidy(
     clean::drop_small(triangles, DUST);
     one_piece(triangles, options);
     holes::close_small(triangles, options.max_hole_edges);
+    rim::peel(triangles, views, maps);
+    one_piece(triangles, options);
     let mut handles = handles::handles(triangles);
     for _ in 0..CUTS {
         if handles == 0 || !handles::cut_one(triangles, options.max_hole_edges) {
@@ -102,8 +104,6 @@ fn tidy(
         holes::close_small(triangles, options.max_hole_edges);
         handles = handles::handles(triangles);
     }
-    rim::peel(triangles, views, maps);
-    one_piece(triangles, options);
     clean::open(triangles, OPENING);
     one_piece(triangles, options);
     clean::smooth(triangles, options.smoothing);
