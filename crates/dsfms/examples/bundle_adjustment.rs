@@ -3,8 +3,8 @@
 //!
 //!     cargo run --release --example bundle_adjustment -- PROBLEM.bin... BUNDLER.out...
 //!
-//! Of Bundler's models (`.out`) the tracks, poses and points are taken, with one shared camera of mean
-//! focal length and distortion, refined, where Bundler has one a view; its cost is that of the file.
+//! Of Bundler's models (`.out`) the tracks, poses and points are taken, with one shared camera, refined
+//! (focal length, centre, two distortions), where Bundler has one a view; its cost is that of the file.
 //!
 //! Prints the cost `½ Σ ‖Π(X) − x‖²` before and after, steps and seconds; a peer's costs of the same
 //! files come from `docs/peers/bundle_adjustment.py`.
@@ -33,9 +33,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         let options = BundleOptions {
             refine: RefineIntrinsics {
                 focal: bundler,
+                centre: bundler,
                 distortion: bundler,
                 second_distortion: bundler,
-                ..Default::default()
             },
             loss: Loss::Squared,
             max_steps: 200,

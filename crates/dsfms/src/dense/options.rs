@@ -70,7 +70,7 @@ impl Default for DenseOptions {
             fill_px: 12,
             target_vertices: 60_000,
             voxel: None,
-            min_support: 0.01,
+            min_support: 0.003,
             max_hole_edges: 250,
             smoothing: 40,
             largest_only: true,

@@ -95,6 +95,7 @@ fn tidy(
     holes::close_small(triangles, options.max_hole_edges);
     rim::peel(triangles, views, maps);
     one_piece(triangles, options);
+    holes::close_small(triangles, options.max_hole_edges);
     let mut handles = handles::handles(triangles);
     for _ in 0..CUTS {
         if handles == 0 || !handles::cut_one(triangles, options.max_hole_edges) {
