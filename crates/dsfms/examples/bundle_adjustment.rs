@@ -1,13 +1,17 @@
 //! Bundle adjustment on the problems that ceres-solver ships for libmv: one shared camera, poses and
 //! points free, the first camera held, squared errors.
 //!
-//!     cargo run --release --example bundle_adjustment -- PROBLEM.bin...
+//!     cargo run --release --example bundle_adjustment -- PROBLEM.bin... BUNDLER.out...
+//!
+//! Of Bundler's models (`.out`) the tracks, poses and points are taken, with one shared camera, refined
+//! (focal length, centre, two distortions), where Bundler has one a view; its cost is that of the file.
 //!
 //! Prints the cost `½ Σ ‖Π(X) − x‖²` before and after, steps and seconds; a peer's costs of the same
 //! files come from `docs/peers/bundle_adjustment.py`.
 
-use dsfms::camera::{CameraModel, Lens};
+use dsfms::camera::{Camera, CameraModel, Lens};
 use dsfms::geometry::{Isometry, Point2, Point3};
+use dsfms::sfm::RefineIntrinsics;
 use dsfms::sfm::bundle::{Bundle, BundleObservation, BundleOptions, adjust};
 use dsfms::solver::Loss;
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
@@ -19,8 +23,20 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("| problem | cameras, points, sightings | cost before | after | rms px | steps | s |");
     println!("| --- | --- | --- | --- | --- | --- | --- |");
     for path in std::env::args().skip(1) {
-        let mut bundle = read(&std::fs::read(&path)?).ok_or("the file ends too early")?;
+        let bundler = path.ends_with(".out");
+        let (mut bundle, reference) = if bundler {
+            let model = read_bundler(&std::fs::read_to_string(&path)?);
+            model.map(|(bundle, cost)| (bundle, Some(cost))).ok_or("not a Bundler model")?
+        } else {
+            (read(&std::fs::read(&path)?).ok_or("the file ends too early")?, None)
+        };
         let options = BundleOptions {
+            refine: RefineIntrinsics {
+                focal: bundler,
+                centre: bundler,
+                distortion: bundler,
+                second_distortion: bundler,
+            },
             loss: Loss::Squared,
             max_steps: 200,
             cost_tolerance: 1e-10,
@@ -29,7 +45,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         let began = Instant::now();
         let summary = adjust(&mut bundle, &options)?;
         // Ours is a sum without the half.
-        let (before, after) = (0.5 * summary.cost().0, 0.5 * summary.cost().1);
+        let reprojection = &summary.terms[0];
+        let before = reference.unwrap_or(0.5 * reprojection.before);
+        let after = 0.5 * reprojection.after;
         let counts = [bundle.poses.len(), bundle.points.len(), bundle.observations.len()];
         let rms = (2.0 * after / counts[2] as f64).sqrt();
         println!(
@@ -81,4 +99,50 @@ fn read(bytes: &[u8]) -> Option<Bundle> {
     }
     let fixed = (0..poses.len()).map(|v| v == 0).collect();
     Some(Bundle { prior: camera.clone(), camera, poses, fixed, points, observations })
+}
+
+/// Bundler 0.3: cameras look along −z with y up; pixels count from the middle of the image. The second
+/// value is the cost of the model as it is.
+fn read_bundler(text: &str) -> Option<(Bundle, f64)> {
+    let body = text.split_once('\n')?.1;
+    let mut words = body.split_whitespace().map(|w| w.parse::<f64>().ok());
+    let mut next = move || words.next().flatten();
+    let (views, points) = (next()? as usize, next()? as usize);
+    let mut own = Vec::new();
+    for _ in 0..views {
+        let numbers = (0..15).map(|_| next()).collect::<Option<Vec<f64>>>()?;
+        own.push(numbers);
+    }
+    let pose = |c: &Vec<f64>| {
+        let flip = Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, -1.0, -1.0));
+        let r = flip * Matrix3::from_row_slice(&c[3..12]);
+        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&r));
+        Isometry::from_parts(Translation3::new(c[12], -c[13], -c[14]), rotation)
+    };
+    let mean = |k: usize| own.iter().map(|c| c[k]).sum::<f64>() / views as f64;
+    // Room for the pixels of any image; only the middle matters.
+    let centre = [1e4; 2];
+    let of = |f: f64, k1: f64, k2: f64| {
+        let lens = Lens::BrownConrady { k: [k1, k2, 0.0], p: [0.0; 2] };
+        CameraModel { size: [20_000; 2], focal: [f; 2], centre, lens }
+    };
+    let camera = of(mean(0), mean(1), mean(2));
+    let poses: Vec<Isometry> = own.iter().map(pose).collect();
+    let (mut observations, mut positions, mut cost) = (Vec::new(), Vec::new(), 0.0);
+    for point in 0..points {
+        let position = Point3::new(next()?, next()?, next()?);
+        (0..3).try_for_each(|_| next().map(|_| ()))?;
+        for _ in 0..next()? as usize {
+            let (view, _, x, y) = (next()? as usize, next()?, next()?, next()?);
+            let pixel = Point2::new(centre[0] + x, centre[1] - y);
+            observations.push(BundleObservation { view, point, pixel, sigma_px: 1.0 });
+            let c = own.get(view)?;
+            let seen = of(c[0], c[1], c[2]).project(&(poses[view] * position))?;
+            cost += 0.5 * (seen.pixel - pixel).norm_squared();
+        }
+        positions.push(position);
+    }
+    let fixed = (0..views).map(|v| v == 0).collect();
+    let prior = camera.clone();
+    Some((Bundle { camera, prior, poses, fixed, points: positions, observations }, cost))
 }

@@ -367,10 +367,18 @@ fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
 
-/// Wall-clock seconds of every stage.
+/// Wall-clock and processor seconds at the end of every stage.
 struct Clock {
     start: Instant,
-    stages: Mutex<Vec<(String, f64)>>,
+    stages: Mutex<Vec<(String, [f64; 2])>>,
+}
+
+/// Processor time of this process, all threads, s; 0 where the system does not say.
+fn processor_seconds() -> f64 {
+    let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields = text.rsplit(')').next().unwrap_or("").split_whitespace();
+    // User and system time, in hundredths of a second.
+    fields.skip(11).take(2).filter_map(|f| f.parse::<f64>().ok()).sum::<f64>() / 100.0
 }
 
 impl Default for Clock {
@@ -381,7 +389,7 @@ impl Default for Clock {
 
 impl Progress for Clock {
     fn step(&self, stage: &str, _: usize, _: usize) {
-        let now = self.start.elapsed().as_secs_f64();
+        let now = [self.start.elapsed().as_secs_f64(), processor_seconds()];
         let Ok(mut stages) = self.stages.lock() else { return };
         match stages.iter_mut().find(|(name, _)| name == stage) {
             Some((_, end)) => *end = now,
@@ -396,12 +404,14 @@ impl Progress for Clock {
 
 impl Clock {
     fn report(&self) {
-        let mut last = 0.0;
+        let mut last = [0.0; 2];
         let Ok(stages) = self.stages.lock() else { return };
         for (name, end) in stages.iter() {
-            println!("| {name}, until s (of which) | {end:.1} ({:.1}) |", end - last);
+            let [wall, processor] = [0, 1].map(|k| end[k] - last[k]);
+            println!("| {name}: wall, processor s | {wall:.1}, {processor:.1} |");
             last = *end;
         }
+        println!("| all: wall, processor s | {:.1}, {:.1} |", last[0], last[1]);
         let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
         let peak = status.lines().find_map(|l| l.strip_prefix("VmHWM:"));
         let peak = peak.and_then(|l| l.trim().strip_suffix(" kB")?.trim().parse::<f64>().ok());

@@ -122,7 +122,7 @@ pub(super) fn open(triangles: &mut Triangles, rings: usize) {
 }
 
 /// The vertices within `rings` edges of the marked ones.
-fn grown(faces: &[[u32; 3]], mut marked: Vec<bool>, rings: usize) -> Vec<bool> {
+pub(super) fn grown(faces: &[[u32; 3]], mut marked: Vec<bool>, rings: usize) -> Vec<bool> {
     for _ in 0..rings {
         let before = marked.clone();
         for face in faces.iter().filter(|f| f.iter().any(|&v| before[v as usize])) {

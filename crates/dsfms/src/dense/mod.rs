@@ -18,11 +18,13 @@ mod error;
 mod exchange;
 mod handles;
 mod holes;
+mod lanes;
 mod neighbours;
 mod options;
 mod patchmatch;
 mod plane;
 mod polish;
+mod rim;
 mod score;
 mod smooth;
 mod surface;
@@ -76,6 +78,17 @@ pub struct DepthMap {
     /// Trust in `[0, 1]`: correlation with, and agreement of, the other views; 0 = none.
     /// Depth filled in from the neighbourhood has a low value.
     pub confidence: Vec<f32>,
+}
+
+/// The frames worth a depth map: all of few, else those that lie farthest apart, in order; see
+/// [`DenseOptions::max_frames`]. `sparse` as in [`depth_maps`].
+pub fn worthwhile<'a>(
+    views: &[PosedFrame<'a>],
+    sparse: &[Point3],
+    options: &DenseOptions,
+) -> Vec<PosedFrame<'a>> {
+    let poses: Vec<Isometry> = views.iter().map(|v| v.pose).collect();
+    neighbours::spread(&poses, sparse, options.max_frames).iter().map(|&i| views[i]).collect()
 }
 
 /// One depth map a frame, in the order of `views`.

@@ -2,7 +2,7 @@
 
 use super::options::DenseOptions;
 use super::view::Pyramid;
-use crate::geometry::{Point3, median};
+use crate::geometry::{Isometry, Point3, median};
 
 /// Sparse points looked at, at most.
 const MAX_POINTS: usize = 2000;
@@ -32,6 +32,42 @@ pub(super) fn select(
             scored.iter().take(options.max_sources).map(|s| s.1).collect()
         })
         .collect()
+}
+
+/// Of many frames those that lie farthest apart, at most `count`, in order: more pixels in each tell
+/// more than many that see the same. Two frames are as far apart as their centres and the places
+/// they look at, in the median distance of the points.
+pub(super) fn spread(poses: &[Isometry], sparse: &[Point3], count: usize) -> Vec<usize> {
+    let all: Vec<usize> = (0..poses.len()).collect();
+    if poses.len() <= count {
+        return all;
+    }
+    let points = thinned(sparse);
+    let depth = |pose: &Isometry| {
+        let mut depths: Vec<f64> =
+            points.iter().map(|p| (pose * p).z).filter(|z| *z > 0.0).collect();
+        median(&mut depths).unwrap_or(0.0)
+    };
+    let places: Vec<[Point3; 2]> = poses
+        .iter()
+        .map(|pose| {
+            let target = Point3::new(0.0, 0.0, depth(pose));
+            [Point3::origin(), target].map(|p| pose.inverse_transform_point(&p))
+        })
+        .collect();
+    let apart =
+        |a: usize, b: usize| -> f64 { (0..2).map(|k| (places[a][k] - places[b][k]).norm()).sum() };
+    let mut chosen = vec![0];
+    let mut nearest: Vec<f64> = all.iter().map(|&i| apart(0, i)).collect();
+    while chosen.len() < count {
+        // Of equal ones the first.
+        let next = all.iter().rev().max_by(|&&a, &&b| nearest[a].total_cmp(&nearest[b]));
+        let Some(&next) = next else { break };
+        chosen.push(next);
+        all.iter().for_each(|&i| nearest[i] = nearest[i].min(apart(next, i)));
+    }
+    chosen.sort_unstable();
+    chosen
 }
 
 fn thinned(sparse: &[Point3]) -> Vec<Point3> {
@@ -93,4 +129,21 @@ pub(super) fn depth_range(
         sources.iter().map(|&j| (views[j].centre() - centre).norm()).collect();
     let baseline = median(&mut baselines).unwrap_or(1.0);
     [baseline, 40.0 * baseline]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_that_see_the_same_are_thinned() {
+        let at = |x: f64| Isometry::translation(-x, 0.0, 0.0);
+        let poses = [0.0, 0.1, 5.0, 5.1, 10.0].map(at);
+        let points = [Point3::new(5.0, 0.0, 50.0)];
+        assert_eq!(spread(&poses, &points, 3), [0, 2, 4]);
+        assert_eq!(spread(&poses, &points, 9), [0, 1, 2, 3, 4]);
+        // Turning on the spot shows new things too.
+        let turned = Isometry::rotation(crate::geometry::Vector3::y() * 0.3);
+        assert_eq!(spread(&[at(0.0), at(0.2), turned], &points, 2), [0, 2]);
+    }
 }

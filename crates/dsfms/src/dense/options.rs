@@ -8,8 +8,10 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields, default)]
 pub struct DenseOptions {
     /// Bound on the depth pixels of all frames together; frames are scaled down to keep it. Sets
-    /// time and memory: about 20 µs and 200 bytes a pixel on one core.
+    /// time and memory: about 60 µs and 200 bytes a pixel on one core.
     pub max_pixels: usize,
+    /// Frames that get a depth map, at most: of more, those that lie farthest apart.
+    pub max_frames: usize,
     /// Frames each frame is compared with, at most (2 to 16).
     pub max_sources: usize,
     /// Of these, the best that count at a pixel: the others may be occluded or see a highlight.
@@ -53,7 +55,8 @@ pub struct DenseOptions {
 impl Default for DenseOptions {
     fn default() -> Self {
         Self {
-            max_pixels: 4_000_000,
+            max_pixels: 3_000_000,
+            max_frames: 30,
             max_sources: 16,
             best_sources: 3,
             min_parallax_deg: 2.0,
@@ -67,7 +70,7 @@ impl Default for DenseOptions {
             fill_px: 12,
             target_vertices: 60_000,
             voxel: None,
-            min_support: 0.01,
+            min_support: 0.003,
             max_hole_edges: 250,
             smoothing: 40,
             largest_only: true,
@@ -79,7 +82,8 @@ impl Default for DenseOptions {
 impl DenseOptions {
     /// Check every field against its bounds.
     pub fn validate(&self) -> Result<(), DenseError> {
-        let checks: [(&'static str, &'static str, f64, bool); 12] = [
+        let checks: [(&'static str, &'static str, f64, bool); 13] = [
+            ("max_frames", "at least 2", self.max_frames as f64, self.max_frames >= 2),
             ("max_pixels", "at least 1000", self.max_pixels as f64, self.max_pixels >= 1000),
             (
                 "max_sources",

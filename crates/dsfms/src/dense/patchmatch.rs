@@ -149,8 +149,14 @@ impl Search<'_> {
         let Some(patch) = Patch::new(self.pairs.reference, x, y) else { return };
         let at = [x as f32, y as f32];
         let window = Window { patch: &patch, at, sources: old.sources[y * old.size[0] + x] };
+        let mut tried = [*plane; NEIGHBOURHOODS.len() + 1];
+        let mut count = 1;
         for neighbourhood in NEIGHBOURHOODS {
-            if let Some(candidate) = best_neighbour(old, [x, y], neighbourhood) {
+            let Some(candidate) = best_neighbour(old, [x, y], neighbourhood) else { continue };
+            // Neighbours mostly hold one plane, handed on.
+            if tried[..count].iter().all(|plane| !alike(plane, &candidate)) {
+                tried[count] = candidate;
+                count += 1;
                 self.attempt(&window, candidate, plane, cost);
             }
         }
@@ -204,6 +210,17 @@ impl Search<'_> {
             && plane.w < self.range[0]
             && plane.facing(self.pairs.k, u, v) > MIN_FACING
     }
+}
+
+/// Whether two planes differ by less than what a window can tell: a fraction of the depth at its
+/// centre and across it.
+fn alike(a: &InversePlane, b: &InversePlane) -> bool {
+    const FRACTION: f32 = 1e-4;
+    const ACROSS: f32 = 3.0;
+    let bound = FRACTION * a.w;
+    (a.w - b.w).abs() < bound
+        && ACROSS * (a.a - b.a).abs() < bound
+        && ACROSS * (a.b - b.b).abs() < bound
 }
 
 /// The plane of the cheapest pixel of a neighbourhood, as seen from `(x, y)`.

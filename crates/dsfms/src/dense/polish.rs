@@ -10,6 +10,7 @@
 //! an occlusion or a highlight counts little, and the inverse of the normal matrix is a variance.
 //! The change of gain and offset along the window is neglected.
 
+use super::lanes::{LANES, Lanes, Samples, meets, total};
 use super::options::DenseOptions;
 use super::plane::{Field, InversePlane};
 use super::score::{NONE, PairView, Pairs};
@@ -22,8 +23,12 @@ const REACH: i32 = 6;
 /// Standard deviation of the window's Gaussian weight, working px.
 const SPREAD: f32 = 3.5;
 const TAPS: usize = 72;
+/// Registers that hold the window.
+const GROUPS: usize = TAPS / LANES;
 /// Gauss-Newton steps.
 const STEPS: usize = 5;
+/// A step is not worth taking when its square is less than this times the variance of the depth.
+const SMALL_STEP: f64 = 1e-3;
 /// Cost above which a view takes no part.
 const MAX_VIEW_COST: f32 = 0.6;
 /// Samples of a blurred image are not independent: variance is this much larger than it seems.
@@ -61,13 +66,14 @@ struct Polisher<'a> {
     depth: [f32; 2],
 }
 
-/// Usable samples of the reference window: offset from the grid point, weight, value less the
-/// weighted mean.
+/// Usable samples of the reference window: offset from the grid point, weight (0 for the unused places
+/// at the end), value less the weighted mean.
 struct Window {
     centre: [f32; 2],
-    offsets: [[f32; 2]; TAPS],
-    weights: [f32; TAPS],
-    values: [f32; TAPS],
+    x: [Lanes; GROUPS],
+    y: [Lanes; GROUPS],
+    weight: [Lanes; GROUPS],
+    value: [Lanes; GROUPS],
     count: usize,
 }
 
@@ -108,7 +114,7 @@ impl Polisher<'_> {
                 best = (plane, cost, plane.w * variance.max(0.0).sqrt() as f32);
             }
             let e = -(inverse * gradient);
-            if step == STEPS || e[0].abs() < 1e-6 {
+            if step == STEPS || e[0] * e[0] < SMALL_STEP * inverse[(0, 0)] {
                 break;
             }
             let scale = (0.03 / e[0].abs()).min(1.0) * plane.w as f64;
@@ -176,9 +182,10 @@ impl Window {
         let [w, h] = image.size.map(|s| s as i32);
         let mut window = Self {
             centre: [2.0 * x as f32 + 0.5, 2.0 * y as f32 + 0.5],
-            offsets: [[0.0; 2]; TAPS],
-            weights: [0.0; TAPS],
-            values: [0.0; TAPS],
+            x: [[0.0; LANES]; GROUPS],
+            y: [[0.0; LANES]; GROUPS],
+            weight: [[0.0; LANES]; GROUPS],
+            value: [[0.0; LANES]; GROUPS],
             count: 0,
         };
         let (mut sum, mut total) = (0.0, 0.0);
@@ -194,121 +201,98 @@ impl Window {
                 }
                 let (du, dv) = (i as f32 - 0.5, j as f32 - 0.5);
                 let weight = (-(du * du + dv * dv) / (2.0 * SPREAD * SPREAD)).exp();
-                let n = window.count;
-                (window.offsets[n], window.weights[n], window.values[n]) =
-                    ([du, dv], weight, value);
+                let (g, l) = (window.count / LANES, window.count % LANES);
+                (window.x[g][l], window.y[g][l]) = (du, dv);
+                (window.weight[g][l], window.value[g][l]) = (weight, value);
                 window.count += 1;
                 sum += weight * value;
                 total += weight;
             }
         }
-        window.values[..window.count].iter_mut().for_each(|v| *v -= sum / total);
+        window.value.iter_mut().flatten().for_each(|v| *v -= sum / total);
         (window.count >= TAPS * 2 / 5).then_some(window)
     }
 
     /// Warp the window into a view and set up its share of the normal equations; `None` where too
     /// little of it is usable there or the contrast is reversed.
     fn linearise(&self, view: &PairView, plane: &InversePlane, noise: f32) -> Option<ViewSystem> {
-        let [base, du, dv] = view.warp(plane, self.centre[0], self.centre[1]);
-        let mut sums = Sums::default();
-        for ((offset, &weight), &r) in
-            self.offsets[..self.count].iter().zip(&self.weights).zip(&self.values)
-        {
-            let [x, y] = *offset;
-            let z = base[2] + x * du[2] + y * dv[2];
-            if z <= 0.0 {
-                return None;
-            }
-            let iz = 1.0 / z;
-            let px = (base[0] + x * du[0] + y * dv[0]) * iz;
-            let py = (base[1] + x * du[1] + y * dv[1]) * iz;
-            let Some((s, gx, gy)) = with_gradient(view, px, py) else { continue };
-            // ds/de₀: along the epipolar line, per relative change of inverse depth.
-            let slope = plane.w
-                * iz
-                * (gx * (view.t[0] - px * view.t[2]) + gy * (view.t[1] - py * view.t[2]));
-            sums.add(weight, r, s, [slope, slope * x, slope * y]);
-        }
-        let enough = sums.count >= 24 && sums.count as f32 >= 0.6 * self.count as f32;
-        enough.then(|| sums.project(noise)).flatten()
-    }
-}
-
-/// Bilinear value and gradient of a source image; `None` next to unusable pixels.
-#[inline]
-fn with_gradient(view: &PairView, x: f32, y: f32) -> Option<(f32, f32, f32)> {
-    let [w, h] = view.image.size;
-    if !(x >= 0.0 && y >= 0.0 && x < (w - 1) as f32 && y < (h - 1) as f32) {
-        return None;
-    }
-    let (x0, y0) = (x as usize, y as usize);
-    let (fx, fy) = (x - x0 as f32, y - y0 as f32);
-    let i = y0 * w + x0;
-    let grey = &view.image.grey;
-    let (a, b, c, d) = (grey[i], grey[i + 1], grey[i + w], grey[i + w + 1]);
-    let (top, bottom) = (a + fx * (b - a), c + fx * (d - c));
-    let value = top + fy * (bottom - top);
-    (!value.is_nan()).then_some((value, (b - a) + fy * (d - c - b + a), bottom - top))
-}
-
-/// Weighted moments of reference, warped window and Jacobian.
-#[derive(Default)]
-struct Sums {
-    count: usize,
-    w: f32,
-    r: f32,
-    s: f32,
-    rr: f32,
-    rs: f32,
-    ss: f32,
-    j: [f32; 3],
-    jr: [f32; 3],
-    js: [f32; 3],
-    jj: [f32; 6],
-}
-
-impl Sums {
-    #[inline]
-    fn add(&mut self, w: f32, r: f32, s: f32, j: [f32; 3]) {
-        let s = s - 0.5;
-        self.count += 1;
-        self.w += w;
-        self.r += w * r;
-        self.s += w * s;
-        self.rr += w * r * r;
-        self.rs += w * r * s;
-        self.ss += w * s * s;
-        for (k, jk) in j.iter().enumerate() {
-            let wj = w * jk;
-            self.j[k] += wj;
-            self.jr[k] += wj * r;
-            self.js[k] += wj * s;
-        }
-        let [a, b, c] = j;
-        let products = [a * a, a * b, a * c, b * b, b * c, c * c];
-        self.jj.iter_mut().zip(products).for_each(|(sum, p)| *sum += w * p);
-    }
-
-    /// Inner products after `{1, r}` are projected out.
-    fn project(&self, noise: f32) -> Option<ViewSystem> {
-        let centred = |fg: f32, f: f32, g: f32| (fg - f * g / self.w) as f64;
-        let (rr, ss) = (centred(self.rr, self.r, self.r), centred(self.ss, self.s, self.s));
-        let rs = centred(self.rs, self.r, self.s);
-        let floor = (noise * self.w) as f64;
-        if rs <= 0.0 {
+        let warp = view.warp(plane, self.centre[0], self.centre[1]);
+        if !meets(&warp, REACH as f32, view.image.size) {
             return None;
         }
-        let correlation = rs / ((rr + floor) * (ss + floor)).sqrt();
-        let jr = Vector3::from_fn(|k, _| centred(self.jr[k], self.j[k], self.r));
-        let js = Vector3::from_fn(|k, _| centred(self.js[k], self.j[k], self.s));
-        let index = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
-        let jj = Matrix3::from_fn(|a, b| centred(self.jj[index[a][b]], self.j[a], self.j[b]));
-        let rr = rr + floor;
-        Some(ViewSystem {
-            normal: jj - jr * jr.transpose() / rr,
-            gradient: js - jr * (rs / rr),
-            variance: ((ss - rs * rs / rr) / self.w as f64).max(0.0),
-            cost: (1.0 - correlation).clamp(0.0, NONE as f64) as f32,
-        })
+        let mut sums = [[0.0; LANES]; SUMS];
+        for g in 0..self.count.div_ceil(LANES) {
+            let samples = Samples::new(view.image, &warp, &self.x[g], &self.y[g]);
+            for l in 0..LANES {
+                let usable = !samples.value(l).is_nan();
+                let or_zero = |v: f32| if usable { v } else { 0.0 };
+                let [gx, gy] = samples.gradient(l).map(or_zero);
+                let w = or_zero(self.weight[g][l]);
+                let (r, s) = (self.value[g][l], or_zero(samples.value(l) - 0.5));
+                // ds/de₀: along the epipolar line, per relative change of inverse depth.
+                let along = gx * (view.t[0] - samples.x[l] * view.t[2])
+                    + gy * (view.t[1] - samples.y[l] * view.t[2]);
+                let a = plane.w * samples.iz[l] * along;
+                let (b, c) = (a * self.x[g][l], a * self.y[g][l]);
+                let (wr, ws) = (w * r, w * s);
+                let (wa, wb, wc) = (w * a, w * b, w * c);
+                let terms = [
+                    if w > 0.0 { 1.0 } else { 0.0 },
+                    w,
+                    wr,
+                    ws,
+                    wr * r,
+                    wr * s,
+                    ws * s,
+                    wa,
+                    wb,
+                    wc,
+                    wa * r,
+                    wb * r,
+                    wc * r,
+                    wa * s,
+                    wb * s,
+                    wc * s,
+                    wa * a,
+                    wa * b,
+                    wa * c,
+                    wb * b,
+                    wb * c,
+                    wc * c,
+                ];
+                (0..SUMS).for_each(|k| sums[k][l] += terms[k]);
+            }
+        }
+        let sums = sums.map(total);
+        let enough = sums[0] >= 24.0 && sums[0] >= 0.6 * self.count as f32;
+        enough.then(|| project(&sums, noise)).flatten()
     }
+}
+
+/// Weighted moments of reference, warped window and Jacobian: number, 1; r, s; rr, rs, ss; the three
+/// columns j alone, with r and with s; the upper triangle of jj.
+const SUMS: usize = 22;
+
+/// Inner products after `{1, r}` are projected out.
+fn project(m: &[f32; SUMS], noise: f32) -> Option<ViewSystem> {
+    let [_, w, r, s, rr, rs, ss, ..] = *m;
+    let centred = |fg: f32, f: f32, g: f32| (fg - f * g / w) as f64;
+    let (rr, rs, ss) = (centred(rr, r, r), centred(rs, r, s), centred(ss, s, s));
+    let floor = (noise * w) as f64;
+    if rs <= 0.0 {
+        return None;
+    }
+    let correlation = rs / ((rr + floor) * (ss + floor)).sqrt();
+    let j = &m[7..10];
+    let jr = Vector3::from_fn(|k, _| centred(m[10 + k], j[k], r));
+    let js = Vector3::from_fn(|k, _| centred(m[13 + k], j[k], s));
+    let index = [[16, 17, 18], [17, 19, 20], [18, 20, 21]];
+    let jj = Matrix3::from_fn(|a, b| centred(m[index[a][b]], j[a], j[b]));
+    let rr = rr + floor;
+    Some(ViewSystem {
+        normal: jj - jr * jr.transpose() / rr,
+        gradient: js - jr * (rs / rr),
+        variance: ((ss - rs * rs / rr) / w as f64).max(0.0),
+        cost: (1.0 - correlation).clamp(0.0, NONE as f64) as f32,
+    })
 }

@@ -1,13 +1,14 @@
 //! How well a plane explains the other views: normalised correlation of warped windows.
 
+use super::lanes::{LANES, Lanes, Samples, Warp, meets, total};
 use super::options::DenseOptions;
 use super::plane::InversePlane;
-use super::view::{Image, Pyramid, bilinear};
+use super::view::{Image, Pyramid};
 
 /// Half the side of the window, px of the level.
 const RADIUS: i32 = 3;
-/// Every second pixel of the window, like the black squares of a chessboard.
-const TAPS: usize = 25;
+/// Every second pixel of the window, like the black squares of a chessboard, less the centre.
+const TAPS: usize = 24;
 /// Correlation cost of a view that cannot be compared.
 pub(super) const NONE: f32 = 2.0;
 /// Views scored at once, at most (the bound of `max_sources`).
@@ -62,7 +63,7 @@ impl<'a> PairView<'a> {
     /// The homography of a plane about pixel `(u, v)`: homogeneous image of the centre and its
     /// change per px along u and v.
     #[inline]
-    pub fn warp(&self, plane: &InversePlane, u: f32, v: f32) -> [[f32; 3]; 3] {
+    pub fn warp(&self, plane: &InversePlane, u: f32, v: f32) -> Warp {
         let (h, t) = (&self.h, &self.t);
         let base =
             [0, 1, 2].map(|i| h[3 * i] * u + h[3 * i + 1] * v + h[3 * i + 2] + plane.w * t[i]);
@@ -72,12 +73,18 @@ impl<'a> PairView<'a> {
     }
 }
 
+/// Registers that hold a window.
+const GROUPS: usize = TAPS / LANES;
+
 /// The usable samples of the window around one pixel of the reference.
 pub(super) struct Patch {
     u: f32,
     v: f32,
-    offsets: [[f32; 2]; TAPS],
-    values: [f32; TAPS],
+    /// Offsets, weights (1, or 0 for the unused places at the end) and values less the centre's.
+    x: [Lanes; GROUPS],
+    y: [Lanes; GROUPS],
+    weight: [Lanes; GROUPS],
+    value: [Lanes; GROUPS],
     count: usize,
 }
 
@@ -89,63 +96,82 @@ impl Patch {
         if centre.is_nan() {
             return None;
         }
+        let zero = [[0.0; LANES]; GROUPS];
         let mut patch = Self {
             u: x as f32,
             v: y as f32,
-            offsets: [[0.0; 2]; TAPS],
-            values: [0.0; TAPS],
+            x: zero,
+            y: zero,
+            weight: zero,
+            value: zero,
             count: 0,
         };
         for dy in -RADIUS..=RADIUS {
             for dx in -RADIUS..=RADIUS {
                 let (px, py) = (x as i32 + dx, y as i32 + dy);
-                if (dx + dy) % 2 != 0 || px < 0 || py < 0 || px >= w || py >= h {
+                let outside = px < 0 || py < 0 || px >= w || py >= h;
+                if outside || (dx + dy) % 2 != 0 || (dx, dy) == (0, 0) {
                     continue;
                 }
                 let value = image.grey[(py * w + px) as usize];
                 if !value.is_nan() {
-                    patch.offsets[patch.count] = [dx as f32, dy as f32];
-                    patch.values[patch.count] = value - centre;
-                    patch.count += 1;
+                    patch.push([dx as f32, dy as f32], value - centre);
                 }
             }
         }
         (patch.count >= TAPS * 2 / 5).then_some(patch)
     }
 
+    fn push(&mut self, [x, y]: [f32; 2], value: f32) {
+        let (g, l) = (self.count / LANES, self.count % LANES);
+        (self.x[g][l], self.y[g][l]) = (x, y);
+        (self.weight[g][l], self.value[g][l]) = (1.0, value);
+        self.count += 1;
+    }
+
     /// `1 - correlation` in one view, in `[0, 2]`; the noise added to both variances draws windows
     /// without texture towards 1, "no idea".
     pub fn cost(&self, view: &PairView, plane: &InversePlane, noise_variance: f32) -> f32 {
-        let [base, du, dv] = view.warp(plane, self.u, self.v);
-        let (data, size) = (&view.image.grey, view.image.size);
-        let (mut n, mut sr, mut ss, mut rr, mut rs, mut s2) = (0.0f32, 0.0, 0.0, 0.0, 0.0, 0.0);
-        for (offset, r) in self.offsets[..self.count].iter().zip(&self.values) {
-            let [x, y] = *offset;
-            let z = base[2] + x * du[2] + y * dv[2];
-            if z <= 0.0 {
-                return NONE;
-            }
-            let iz = 1.0 / z;
-            let px = (base[0] + x * du[0] + y * dv[0]) * iz;
-            let py = (base[1] + x * du[1] + y * dv[1]) * iz;
-            let s = bilinear(data, size, px, py) - 0.5;
-            if !s.is_nan() {
-                n += 1.0;
-                sr += r;
-                ss += s;
-                rr += r * r;
-                rs += r * s;
-                s2 += s * s;
-            }
+        let warp = view.warp(plane, self.u, self.v);
+        if !meets(&warp, RADIUS as f32, view.image.size) {
+            return NONE;
         }
+        let sums = self.sums(view.image, &warp);
+        let n = sums[0];
         if n < 10.0 || n < 0.6 * self.count as f32 {
             return NONE;
         }
+        let [_, sr, ss, rr, rs, s2] = sums;
         let i = 1.0 / n;
         let vr = (rr - sr * sr * i) * i + noise_variance;
         let vs = (s2 - ss * ss * i) * i + noise_variance;
         let correlation = (rs - sr * ss * i) * i / (vr * vs).sqrt();
         (1.0 - correlation).clamp(0.0, NONE)
+    }
+
+    /// Sums over the samples that fall on usable pixels of the other view: their number, reference,
+    /// source, and the products.
+    #[inline]
+    fn sums(&self, image: &Image, warp: &Warp) -> [f32; 6] {
+        let mut sums = [[0.0f32; LANES]; 6];
+        for g in 0..self.count.div_ceil(LANES) {
+            let source = Samples::new(image, warp, &self.x[g], &self.y[g]);
+            for l in 0..LANES {
+                let value = source.value(l);
+                let usable = !value.is_nan();
+                let n = if usable { self.weight[g][l] } else { 0.0 };
+                let s = if usable { value - 0.5 } else { 0.0 };
+                let r = n * self.value[g][l];
+                let s = n * s;
+                sums[0][l] += n;
+                sums[1][l] += r;
+                sums[2][l] += s;
+                sums[3][l] += r * r;
+                sums[4][l] += r * s;
+                sums[5][l] += s * s;
+            }
+        }
+        sums.map(total)
     }
 
     /// Cost of every source that `sources` names; [`NONE`] for the others.

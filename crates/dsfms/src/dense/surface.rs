@@ -2,14 +2,14 @@
 
 use super::tetrahedra::{Triangles, extract};
 use super::volume::Volume;
-use super::{DenseError, DenseOptions, DepthMap, PosedFrame, clean, handles, holes};
+use super::{DenseError, DenseOptions, DepthMap, PosedFrame, clean, handles, holes, rim};
 use crate::geometry::Point3;
 use crate::mesh::{Mesh, Topology};
 use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Depths that differ by more than this fraction are not of the same surface.
-const SAME_SURFACE: f64 = 0.01;
+pub(super) const SAME_SURFACE: f64 = 0.01;
 /// Half the width, in edges, of the necks at which the surface is cut.
 const OPENING: usize = 5;
 /// Pieces of fewer faces are dust.
@@ -65,7 +65,7 @@ fn without_handles(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptio
         let mut triangles = extract(&volume, least);
         let coarser = volume.voxel * std::f64::consts::SQRT_2;
         drop(volume);
-        let handles = tidy(&mut triangles, &options);
+        let handles = tidy(&mut triangles, views, maps, &options);
         let empty = triangles.faces.is_empty();
         if !empty && best.as_ref().is_none_or(|(fewest, _)| handles < *fewest) {
             best = Some((handles, triangles));
@@ -74,8 +74,8 @@ fn without_handles(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptio
             break;
         }
         options.voxel = Some(coarser);
-        // The same length of surface in fewer edges.
-        options.smoothing /= 2;
+        // Half would smooth over the same length of surface; what needs a coarser grid is noisier.
+        options.smoothing = options.smoothing * 3 / 4;
     }
     best.map(|(_, triangles)| triangles).unwrap_or_default()
 }
@@ -83,9 +83,17 @@ fn without_handles(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptio
 /// Grids tried, at most: each has edges longer by √2 than the one before.
 const COARSER: usize = 5;
 
-/// One manifold piece without teeth and small holes, smoothed; the handles that are left.
-fn tidy(triangles: &mut Triangles, options: &DenseOptions) -> usize {
+/// One manifold piece without teeth, small holes and doubtful rim, smoothed; the handles that are left.
+fn tidy(
+    triangles: &mut Triangles,
+    views: &[PosedFrame],
+    maps: &[DepthMap],
+    options: &DenseOptions,
+) -> usize {
     clean::drop_small(triangles, DUST);
+    one_piece(triangles, options);
+    holes::close_small(triangles, options.max_hole_edges);
+    rim::peel(triangles, views, maps);
     one_piece(triangles, options);
     holes::close_small(triangles, options.max_hole_edges);
     let mut handles = handles::handles(triangles);

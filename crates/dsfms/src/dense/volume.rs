@@ -57,10 +57,10 @@ impl Volume {
             .par_chunks_mut(BLOCK)
             .zip(volume.support.par_chunks_mut(BLOCK))
             .enumerate()
-            .for_each(|(b, (distance, support))| {
+            .for_each_init(Vec::new, |seen, (b, (distance, support))| {
                 for g in 0..BLOCK {
                     let point = position(voxel, &blocks[b], g);
-                    (distance[g], support[g]) = average(&lenses, &point, TRUNCATION * voxel);
+                    (distance[g], support[g]) = average(&lenses, &point, TRUNCATION * voxel, seen);
                 }
             });
         volume
@@ -131,16 +131,18 @@ fn allocate(maps: &[DepthMap], voxel: f64) -> Vec<[i32; 3]> {
     let mut blocks: Vec<[i32; 3]> = maps
         .par_iter()
         .flat_map_iter(|m| {
-            let mut own: Vec<[i32; 3]> = points(std::slice::from_ref(m), 1)
-                .flat_map(|p| {
-                    let low = cell_of(&(p - crate::geometry::Vector3::repeat(reach)), edge);
-                    let high = cell_of(&(p + crate::geometry::Vector3::repeat(reach)), edge);
-                    (low[0]..=high[0]).flat_map(move |x| {
+            let (mut own, mut last) = (Vec::new(), None);
+            for p in points(std::slice::from_ref(m), 1) {
+                let low = cell_of(&(p - crate::geometry::Vector3::repeat(reach)), edge);
+                let high = cell_of(&(p + crate::geometry::Vector3::repeat(reach)), edge);
+                // Pixels side by side mostly lie in the same blocks.
+                if last.replace((low, high)) != Some((low, high)) {
+                    own.extend((low[0]..=high[0]).flat_map(move |x| {
                         (low[1]..=high[1])
                             .flat_map(move |y| (low[2]..=high[2]).map(move |z| [x, y, z]))
-                    })
-                })
-                .collect();
+                    }));
+                }
+            }
             own.sort_unstable();
             own.dedup();
             own
@@ -255,36 +257,43 @@ fn tangent_plane(m: &DepthMap, i: usize, [x, y]: [f64; 2], p: &Point3) -> Observ
     Observation { distance, weight: support * facing * facing, support, behind: p.z - z }
 }
 
-/// Signed distance over the frames and their support; none where the point is not organ.
-fn average(views: &[View], point: &Point3, truncation: f64) -> (f32, f32) {
-    let seen: Vec<Observation> =
-        views.iter().filter_map(|v| v.observe(point, truncation)).collect();
-    let Some(distance) = robust_distance(&seen) else { return (1.0, 0.0) };
+/// Signed distance over the frames and their support; none where the point is not organ. `seen` is
+/// room for what the frames say.
+fn average(
+    views: &[View],
+    point: &Point3,
+    truncation: f64,
+    seen: &mut Vec<Observation>,
+) -> (f32, f32) {
+    seen.clear();
+    seen.extend(views.iter().filter_map(|v| v.observe(point, truncation)));
+    let support: f64 = seen.iter().map(|s| s.support).sum();
+    let Some(distance) = robust_distance(seen) else { return (1.0, 0.0) };
     let against = views.iter().filter(|v| v.excludes(point)).count();
     // One outline may be wrong; of few frames each counts.
     if against >= 2 || against == 1 && views.len() <= 4 {
         return (1.0, 0.0);
     }
-    let support: f64 = seen.iter().map(|s| s.support).sum();
     (distance as f32, support as f32)
 }
 
 /// Weighted mean of the distances within [`SAME_LAYER`] of their weighted median: a depth map that is
-/// wrong here must not shift the others.
-fn robust_distance(seen: &[Observation]) -> Option<f64> {
-    let mut order: Vec<usize> = (0..seen.len()).filter(|&i| seen[i].weight > 0.0).collect();
-    order.sort_by(|&a, &b| seen[a].distance.total_cmp(&seen[b].distance).then(a.cmp(&b)));
-    let half = 0.5 * order.iter().map(|&i| seen[i].weight).sum::<f64>();
+/// wrong here must not shift the others. Sorts the observations.
+fn robust_distance(seen: &mut Vec<Observation>) -> Option<f64> {
+    seen.retain(|s| s.weight > 0.0);
+    seen.sort_unstable_by(|a, b| {
+        a.distance.total_cmp(&b.distance).then(a.weight.total_cmp(&b.weight))
+    });
+    let half = 0.5 * seen.iter().map(|s| s.weight).sum::<f64>();
     let mut passed = 0.0;
-    let median = order.iter().find(|&&i| {
-        passed += seen[i].weight;
+    let median = seen.iter().find(|s| {
+        passed += s.weight;
         passed >= half
     })?;
-    let median = seen[*median].distance;
-    let near = order.iter().filter(|&&i| (seen[i].distance - median).abs() <= SAME_LAYER);
-    let (sum, weight) = near.fold((0.0, 0.0), |(sum, weight), &i| {
-        (sum + seen[i].weight * seen[i].distance, weight + seen[i].weight)
-    });
+    let median = median.distance;
+    let near = seen.iter().filter(|s| (s.distance - median).abs() <= SAME_LAYER);
+    let (sum, weight) =
+        near.fold((0.0, 0.0), |(sum, weight), s| (sum + s.weight * s.distance, weight + s.weight));
     (weight > 0.0).then(|| sum / weight)
 }
 

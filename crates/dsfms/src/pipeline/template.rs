@@ -16,7 +16,7 @@ pub use outline::OrganOutline;
 
 use super::Progress;
 use crate::camera::CameraModel;
-use crate::dense::{DenseOptions, PosedFrame, depth_maps, surface};
+use crate::dense::{DenseOptions, PosedFrame, depth_maps, surface, worthwhile};
 use crate::geometry::{Isometry, Point3};
 use crate::image::{Frame, Mask, ToneCurve, viewport};
 use crate::light::{Coat, LightModel};
@@ -338,6 +338,7 @@ fn dense_mesh(
             && options.click.is_none(),
         ..options.dense.clone()
     };
+    let posed = worthwhile(&posed, points, &dense);
     let maps = depth_maps(&posed, points, &dense, &report)?;
     progress.step("surface", 0, 2);
     let fine = surface(&posed, &maps, &dense)?;

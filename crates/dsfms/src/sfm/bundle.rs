@@ -5,14 +5,14 @@
 //! min Σ ρ(‖(Π(T_v X_p) − x_vp)/σ_vp‖²) + Σ ((θ − θ₀)/σ_θ)²
 //! ```
 //!
-//! Levenberg–Marquardt; the points are eliminated (Schur complement) and the reduced system of
-//! the cameras is dense, which suits up to about 200 views. Gauge: fixed views hold the frame; the
+//! Levenberg–Marquardt; points or poses, whichever leaves the smaller system, are eliminated (Schur
+//! complement) and the reduced system is dense, which suits up to about 200 views or 400 points. Gauge: fixed views hold the frame; the
 //! scale, when fewer than two are fixed, is held by the damping alone. All sums run over a fixed
 //! partition in a fixed order, so the result has the same bits at any number of threads.
 
 use super::intrinsics::{self, COUNT, RefineIntrinsics};
 use super::resection::{pose_jacobian, retract};
-use super::schur::{Layout, Row, Step, solve};
+use super::schur::{Eliminate, Layout, Row, Step, solve};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3};
 use crate::solver::{Loss, Stop, Summary, TermCost};
@@ -92,9 +92,9 @@ pub enum BundleError {
 /// Minimise the bundle's cost in place; never returns a state that costs more than the start.
 pub fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<Summary, BundleError> {
     let began = Instant::now();
-    sort_by_point(bundle)?;
-    bundle.camera = intrinsics::prepared(&bundle.camera, &options.refine);
     let layout = Layout::new(bundle, &options.refine.active());
+    sort(bundle, layout.eliminate)?;
+    bundle.camera = intrinsics::prepared(&bundle.camera, &options.refine);
     let per_view = bundle.observations.len() as f64 / bundle.poses.len().max(1) as f64;
     let prior = Prior {
         sigmas: intrinsics::prior_sigmas(&bundle.camera, per_view),
@@ -175,7 +175,7 @@ impl Prior {
     }
 }
 
-fn sort_by_point(bundle: &mut Bundle) -> Result<(), BundleError> {
+fn sort(bundle: &mut Bundle, by: Eliminate) -> Result<(), BundleError> {
     if bundle.observations.is_empty() {
         return Err(BundleError::Empty);
     }
@@ -184,7 +184,10 @@ fn sort_by_point(bundle: &mut Bundle) -> Result<(), BundleError> {
             return Err(BundleError::Index(i, o.view, o.point));
         }
     }
-    bundle.observations.sort_by_key(|o| (o.point, o.view));
+    match by {
+        Eliminate::Points => bundle.observations.sort_by_key(|o| (o.point, o.view)),
+        Eliminate::Poses => bundle.observations.sort_by_key(|o| (o.view, o.point)),
+    }
     Ok(())
 }
 
@@ -236,17 +239,17 @@ fn apply(
     step: &Step,
 ) -> (Bundle, [f64; COUNT]) {
     let mut moved = bundle.clone();
-    for (pose, at) in moved.poses.iter_mut().zip(&layout.pose_at) {
-        if let Some(at) = at {
-            *pose = retract(pose, &step.cameras.fixed_rows::<6>(*at).into_owned());
+    for ((pose, d), fixed) in moved.poses.iter_mut().zip(&step.poses).zip(&bundle.fixed) {
+        if !fixed {
+            *pose = retract(pose, d);
         }
     }
     for (point, d) in moved.points.iter_mut().zip(&step.points) {
         *point += d;
     }
     let mut change = [0.0; COUNT];
-    for (i, &k) in layout.intrinsics.iter().enumerate() {
-        change[k] = step.cameras[layout.intrinsics_at + i];
+    for (&k, d) in layout.intrinsics.iter().zip(&step.intrinsics) {
+        change[k] = *d;
     }
     moved.camera = intrinsics::retract(&bundle.camera, &change);
     (moved, std::array::from_fn(|k| offset[k] + change[k]))
@@ -339,6 +342,42 @@ mod tests {
         let options = BundleOptions { refine, cost_tolerance: 1e-12, ..Default::default() };
         adjust(&mut bundle, &options).unwrap();
         assert!((bundle.camera.focal[0] / 548.0 - 1.0).abs() < 5e-3, "{:?}", bundle.camera.focal);
+    }
+
+    #[test]
+    fn either_elimination_gives_the_same_step() {
+        let mut bundle = disturbed(&scene());
+        bundle.camera.focal = bundle.camera.focal.map(|f| 1.01 * f);
+        // Not every view sees every point.
+        bundle.observations.retain(|o| (o.view + 3 * o.point) % 5 != 0);
+        let mut layout = Layout::new(&bundle, &[0, 1]);
+        assert_eq!(layout.eliminate, Eliminate::Points);
+        let mut steps = Vec::new();
+        for eliminate in [Eliminate::Points, Eliminate::Poses] {
+            layout.eliminate = eliminate;
+            sort(&mut bundle, eliminate).unwrap();
+            let rows = linearise(&bundle, Loss::Huber(1.0));
+            steps.push(solve(&rows, &layout, &[(3.0, 0.5), (2.0, -1.0)], 1e-3).unwrap());
+        }
+        let [a, b] = [&steps[0], &steps[1]];
+        let near = |x: &[f64], y: &[f64]| x.iter().zip(y).all(|(x, y)| (x - y).abs() < 1e-7);
+        assert!(a.poses.iter().zip(&b.poses).all(|(x, y)| near(x.as_slice(), y.as_slice())));
+        assert!(a.points.iter().zip(&b.points).all(|(x, y)| near(x.as_slice(), y.as_slice())));
+        assert!(near(&a.intrinsics, &b.intrinsics) && a.intrinsics[0].abs() > 1e-4);
+        assert!((a.promise / b.promise - 1.0).abs() < 1e-9);
+        assert_eq!(a.poses[0].norm(), 0.0);
+    }
+
+    #[test]
+    fn many_views_of_few_points_converge_too() {
+        let mut truth = scene();
+        truth.points.truncate(12);
+        truth.observations.retain(|o| o.point < 12);
+        let mut bundle = disturbed(&truth);
+        assert_eq!(Layout::new(&bundle, &[]).eliminate, Eliminate::Poses);
+        let summary = adjust(&mut bundle, &BundleOptions::default()).unwrap();
+        assert!(summary.cost().1 < 1e-12 * summary.cost().0, "{summary:?}");
+        assert!(centre_error(&bundle, &truth) < 1e-6);
     }
 
     #[test]

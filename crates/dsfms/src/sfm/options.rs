@@ -36,10 +36,12 @@ pub struct SfmOptions {
     pub ratio: f32,
     /// Largest descriptor distance (unit descriptors, at most √2).
     pub max_distance: f32,
-    /// Up to this many frames all pairs are matched, beyond only neighbours and a sample.
+    /// Up to this many frames all pairs are matched, beyond only neighbours and look-alikes.
     pub all_pairs_up_to: usize,
     /// Neighbours matched on either side when there are more frames.
     pub window: usize,
+    /// Distant frames matched with each frame then: those that look most like it.
+    pub retrieved: usize,
     /// Strongest features compared first to skip unrelated frames.
     pub preview_features: usize,
     /// Matches among these that make the full comparison worth while.
@@ -86,8 +88,9 @@ impl Default for SfmOptions {
             find_viewport: true,
             ratio: 0.85,
             max_distance: 0.8,
-            all_pairs_up_to: 60,
-            window: 10,
+            all_pairs_up_to: 30,
+            window: 8,
+            retrieved: 8,
             preview_features: 512,
             preview_matches: 4,
             min_matches: 16,

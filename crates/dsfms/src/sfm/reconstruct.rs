@@ -2,14 +2,14 @@
 
 use super::collect::{collect, normalise};
 use super::features::Features2d;
-use super::frames::{Counter, Progress, SfmStage, check_input, check_usable, detect_all, unusable};
+use super::frames::{Progress, SfmStage, check_input, check_usable, detect_all, unusable};
 use super::incremental::{grow, settle};
 use super::map::Map;
 use super::matching::UnitDescriptors;
 use super::reconstruction::{Reconstruction, SfmError};
 use super::rematch::rematch;
 use super::tracks::{PairMatches, build_tracks};
-use super::two_view::{VerifiedPair, candidate_pairs, verify_pairs};
+use super::two_view::{VerifiedPair, verify_pairs};
 use super::{LocalContrast, RefineIntrinsics, SfmOptions};
 use crate::camera::CameraModel;
 use crate::geometry::Isometry;
@@ -62,9 +62,7 @@ fn attempt(
     check_usable(frames, &rejected)?;
     let descriptors: Vec<_> =
         features.iter().map(|f| UnitDescriptors::new(&f.descriptors)).collect();
-    let count =
-        Counter::new(SfmStage::Matching, candidate_pairs(frames.len(), options).len(), progress);
-    let pairs = verify_pairs(camera, &features, &descriptors, options, &|| count.next());
+    let pairs = verify_pairs(camera, &features, &descriptors, options, progress);
     let mut map = largest_model(camera, &features, &pairs, options, progress, &mut rejected)?;
     let first = map.poses.iter().position(Option::is_some).unwrap_or(0);
     if options.refine.any() {

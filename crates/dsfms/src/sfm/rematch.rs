@@ -7,7 +7,7 @@ use super::guided::{GuidedLimits, GuidedView, match_guided};
 use super::map::{Map, MapTrack};
 use super::matching::UnitDescriptors;
 use super::tracks::{PairMatches, build_tracks};
-use super::two_view::{candidate_pairs, mean_focal};
+use super::two_view::{chosen_pairs, mean_focal};
 use crate::camera::Camera;
 use rayon::prelude::*;
 
@@ -46,7 +46,7 @@ pub(super) fn rematch(
     map.triangulate(&options.limits());
 }
 
-/// Candidate pairs that share some points already; all candidates while there are no points.
+/// Pairs that share some points already; neighbours while there are no points.
 fn related_pairs(map: &Map, options: &SfmOptions) -> Vec<(usize, usize)> {
     const SHARED: usize = 5;
     let n = map.poses.len();
@@ -57,7 +57,7 @@ fn related_pairs(map: &Map, options: &SfmOptions) -> Vec<(usize, usize)> {
             views[i + 1..].iter().for_each(|b| shared[a * n + b] += 1);
         }
     }
-    let mut pairs = candidate_pairs(n, options);
+    let mut pairs = chosen_pairs(n, options, &|a, b| shared[a * n + b]);
     if map.points() > 0 {
         pairs.retain(|&(a, b)| shared[a * n + b] >= SHARED);
     }

@@ -1,11 +1,13 @@
-//! The damped normal equations of the bundle adjustment with the points eliminated.
+//! The damped normal equations of the bundle adjustment with one kind of block eliminated.
 //!
-//! With `[U W; Wᵀ V]` the normal matrix of cameras (poses, then intrinsics) and points, damped by
-//! `λ·diag`: `(U − W V⁻¹ Wᵀ) δc = −(g_c − W V⁻¹ g_p)`, `δp = −V⁻¹(g_p + Wᵀ δc)`.
+//! With `[U W; Wᵀ V]` the normal matrix of what is kept (blocks, then intrinsics) and what is
+//! eliminated, damped by `λ·diag`: `(U − W V⁻¹ Wᵀ) δk = −(g_k − W V⁻¹ g_e)`,
+//! `δe = −V⁻¹(g_e + Wᵀ δk)`. Points go where there are many of them (an exploration), poses where
+//! they have more unknowns than the points (long tracks of few points); both give the same step.
 
 use super::bundle::Bundle;
 use super::intrinsics::COUNT;
-use nalgebra::{DMatrix, DVector, Matrix2x3, Matrix2x6, Matrix3, SMatrix, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix2x3, Matrix2x6, SMatrix, SVector, Vector2};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -19,55 +21,93 @@ pub(super) struct Row {
     pub by_intrinsics: SMatrix<f64, 2, COUNT>,
 }
 
-/// Where each unknown sits in the reduced system.
+/// What is eliminated: the rows must be sorted by it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Eliminate {
+    Points,
+    Poses,
+}
+
+/// Where each unknown sits.
 pub(super) struct Layout {
-    /// First row of each view's pose; `None` for fixed views.
-    pub pose_at: Vec<Option<usize>>,
+    pub eliminate: Eliminate,
+    /// Which poses are unknown.
+    free: Vec<bool>,
+    points: usize,
     /// Active intrinsic parameters.
     pub intrinsics: Vec<usize>,
-    /// Row of the first of them.
-    pub intrinsics_at: usize,
-    points: usize,
 }
 
 impl Layout {
+    /// Eliminates what leaves the smaller system.
     pub fn new(bundle: &Bundle, active: &[usize]) -> Self {
-        let mut next = 0;
-        let place = |&fixed: &bool| {
-            (!fixed).then(|| {
-                next += 6;
-                next - 6
-            })
-        };
-        let pose_at = bundle.fixed.iter().map(place).collect();
-        Self {
-            pose_at,
-            intrinsics: active.to_vec(),
-            intrinsics_at: next,
-            points: bundle.points.len(),
-        }
-    }
-
-    fn size(&self) -> usize {
-        self.intrinsics_at + self.intrinsics.len()
+        let free: Vec<bool> = bundle.fixed.iter().map(|fixed| !fixed).collect();
+        let points = bundle.points.len();
+        let poses = free.iter().filter(|free| **free).count();
+        let eliminate = if 6 * poses > 3 * points { Eliminate::Poses } else { Eliminate::Points };
+        Self { eliminate, free, points, intrinsics: active.to_vec() }
     }
 }
 
 /// A damped step and the drop of the cost that the linear model promises for it.
 pub(super) struct Step {
-    pub cameras: DVector<f64>,
-    pub points: Vec<Vector3<f64>>,
+    /// Zero for fixed poses.
+    pub poses: Vec<SVector<f64, 6>>,
+    pub points: Vec<SVector<f64, 3>>,
+    /// In the order of [`Layout::intrinsics`].
+    pub intrinsics: Vec<f64>,
     pub promise: f64,
 }
 
-/// Normal equations of the cameras summed over some points (lower triangle).
+/// Solve for one step; `rows` sorted by what is eliminated, then by the other. `prior`: second
+/// derivative and gradient of each active intrinsic. `None` when a damped matrix is not positive
+/// definite.
+pub(super) fn solve(
+    rows: &[Row],
+    layout: &Layout,
+    prior: &[(f64, f64)],
+    damping: f64,
+) -> Option<Step> {
+    let point = |row: &Row| (row.point, row.by_point);
+    let pose = |row: &Row| (row.view, row.by_pose);
+    let all = vec![true; layout.points];
+    match layout.eliminate {
+        Eliminate::Points => {
+            let (poses, points, intrinsics, promise) =
+                System::new(&layout.free, &all, layout, damping, pose, point).solve(rows, prior)?;
+            Some(Step { poses, points, intrinsics, promise })
+        }
+        Eliminate::Poses => {
+            let (points, poses, intrinsics, promise) =
+                System::new(&all, &layout.free, layout, damping, point, pose).solve(rows, prior)?;
+            Some(Step { poses, points, intrinsics, promise })
+        }
+    }
+}
+
+/// Kept blocks of `K` unknowns, eliminated ones of `E`; `kept` and `gone` tell the block of a row and
+/// its derivative.
+struct System<'a, const K: usize, const E: usize, Kept, Gone> {
+    /// First row of each kept block in the reduced system; `None` for what does not change.
+    at: Vec<Option<usize>>,
+    /// Which eliminated blocks are unknown.
+    free: &'a [bool],
+    /// Active intrinsics, and the row of the first of them.
+    intrinsics: &'a [usize],
+    intrinsics_at: usize,
+    damping: f64,
+    kept: Kept,
+    gone: Gone,
+}
+
+/// Normal equations of what is kept, summed over some eliminated blocks (lower triangle).
 struct Partial {
     matrix: DMatrix<f64>,
     /// Diagonal of `U` alone: what the damping scales with.
     diagonal: DVector<f64>,
-    /// `g_c − W V⁻¹ g_p`.
+    /// `g_k − W V⁻¹ g_e`.
     right: DVector<f64>,
-    /// `g_c` alone.
+    /// `g_k` alone.
     gradient: DVector<f64>,
 }
 
@@ -90,175 +130,229 @@ impl Partial {
     }
 }
 
-/// Solve for one step; `rows` sorted by point. `prior`: second derivative and gradient of each
-/// active intrinsic. `None` when the damped matrix is not positive definite.
-pub(super) fn solve(
-    rows: &[Row],
-    layout: &Layout,
-    prior: &[(f64, f64)],
-    damping: f64,
-) -> Option<Step> {
-    /// Fixed, so that the order of summation does not depend on the number of threads.
-    const PARTS: usize = 8;
-    let spans = spans_by_point(rows);
-    let part = spans.len().div_ceil(PARTS).max(1);
-    let partials: Vec<Option<Partial>> =
-        spans.par_chunks(part).map(|spans| reduce(rows, spans, layout, damping)).collect();
-    let mut total = Partial::zero(layout.size());
-    for partial in partials {
-        total.add(&partial?);
-    }
-    for (i, &(weight, gradient)) in prior.iter().enumerate() {
-        let at = layout.intrinsics_at + i;
-        total.matrix[(at, at)] += weight;
-        total.diagonal[at] += weight;
-        total.right[at] += gradient;
-        total.gradient[at] += gradient;
-    }
-    for i in 0..layout.size() {
-        total.matrix[(i, i)] += damping * total.diagonal[i] + 1e-12;
-    }
-    let cameras = match layout.size() {
-        0 => DVector::zeros(0),
-        _ => -total.matrix.cholesky()?.solve(&total.right),
-    };
-    let own: Vec<Option<(Vector3<f64>, f64)>> = spans
-        .par_iter()
-        .map(|s| back_substitute(&rows[s.clone()], layout, &cameras, damping))
-        .collect();
-    let mut points = vec![Vector3::zeros(); layout.points];
-    let mut promise = -total.gradient.dot(&cameras)
-        + damping * cameras.component_mul(&cameras).dot(&total.diagonal);
-    for (span, own) in spans.iter().zip(own) {
-        let (step, promised) = own?;
-        points[rows[span.start].point] = step;
-        promise += promised;
-    }
-    cameras.iter().all(|v| v.is_finite()).then_some(Step { cameras, points, promise })
-}
+/// Steps of the kept blocks, the eliminated ones and the intrinsics, and the promise.
+type Solution<const K: usize, const E: usize> =
+    (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>, Vec<f64>, f64);
 
-/// Ranges of rows with the same point.
-fn spans_by_point(rows: &[Row]) -> Vec<Range<usize>> {
-    let mut start = 0;
-    rows.chunk_by(|a, b| a.point == b.point)
-        .map(|chunk| {
-            start += chunk.len();
-            start - chunk.len()..start
-        })
-        .collect()
-}
-
-/// `V` damped, its undamped diagonal, and `g_p`.
-fn point_block(rows: &[Row], damping: f64) -> (Matrix3<f64>, Vector3<f64>, Vector3<f64>) {
-    let (mut v, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
-    for row in rows {
-        v += row.by_point.transpose() * row.by_point;
-        gradient += row.by_point.transpose() * row.residual;
+impl<'a, const K: usize, const E: usize, Kept, Gone> System<'a, K, E, Kept, Gone>
+where
+    Kept: Fn(&Row) -> (usize, SMatrix<f64, 2, K>) + Sync,
+    Gone: Fn(&Row) -> (usize, SMatrix<f64, 2, E>) + Sync,
+{
+    fn new(
+        kept_free: &[bool],
+        free: &'a [bool],
+        layout: &'a Layout,
+        damping: f64,
+        kept: Kept,
+        gone: Gone,
+    ) -> Self {
+        let mut next = 0;
+        let place = |&free: &bool| {
+            free.then(|| {
+                next += K;
+                next - K
+            })
+        };
+        let at = kept_free.iter().map(place).collect();
+        let intrinsics = &layout.intrinsics;
+        Self { at, free, intrinsics, intrinsics_at: next, damping, kept, gone }
     }
-    let diagonal = v.diagonal();
-    (v + Matrix3::from_diagonal(&(diagonal * damping)), diagonal, gradient)
-}
 
-/// Contribution of some points to the reduced system.
-fn reduce(rows: &[Row], spans: &[Range<usize>], layout: &Layout, damping: f64) -> Option<Partial> {
-    let mut partial = Partial::zero(layout.size());
-    let active = layout.intrinsics.len();
-    for span in spans {
-        let rows = &rows[span.clone()];
-        let (v, _, gradient) = point_block(rows, damping);
-        let inverse = v.cholesky()?.inverse();
-        let mut intrinsic_coupling = vec![Vector3::zeros(); active];
-        let mut couplings = Vec::with_capacity(rows.len());
+    fn size(&self) -> usize {
+        self.intrinsics_at + self.intrinsics.len()
+    }
+
+    fn solve(&self, rows: &[Row], prior: &[(f64, f64)]) -> Option<Solution<K, E>> {
+        /// Fixed, so that the order of summation does not depend on the number of threads.
+        const PARTS: usize = 8;
+        let spans = self.spans(rows);
+        let part = spans.len().div_ceil(PARTS).max(1);
+        let partials: Vec<Option<Partial>> =
+            spans.par_chunks(part).map(|spans| self.reduce(rows, spans)).collect();
+        let mut total = Partial::zero(self.size());
+        for partial in partials {
+            total.add(&partial?);
+        }
+        let change = self.reduced_step(&mut total, prior)?;
+        let own: Vec<Option<(SVector<f64, E>, f64)>> =
+            spans.par_iter().map(|s| self.back_substitute(&rows[s.clone()], &change)).collect();
+        let mut promise = -total.gradient.dot(&change)
+            + self.damping * change.component_mul(&change).dot(&total.diagonal);
+        let mut eliminated = vec![SVector::zeros(); self.free.len()];
+        for (span, own) in spans.iter().zip(own) {
+            let (step, promised) = own?;
+            eliminated[(self.gone)(&rows[span.start]).0] = step;
+            promise += promised;
+        }
+        let block = |at: &Option<usize>| {
+            at.map_or_else(SVector::zeros, |at| change.fixed_rows::<K>(at).into_owned())
+        };
+        let kept = self.at.iter().map(block).collect();
+        let intrinsics = change.rows_range(self.intrinsics_at..).iter().copied().collect();
+        change.iter().all(|v| v.is_finite()).then_some((kept, eliminated, intrinsics, promise))
+    }
+
+    /// Prior and damping into the reduced system, and its solution.
+    fn reduced_step(&self, total: &mut Partial, prior: &[(f64, f64)]) -> Option<DVector<f64>> {
+        for (i, &(weight, gradient)) in prior.iter().enumerate() {
+            let at = self.intrinsics_at + i;
+            total.matrix[(at, at)] += weight;
+            total.diagonal[at] += weight;
+            total.right[at] += gradient;
+            total.gradient[at] += gradient;
+        }
+        for i in 0..self.size() {
+            total.matrix[(i, i)] += self.damping * total.diagonal[i] + 1e-12;
+        }
+        match self.size() {
+            0 => Some(DVector::zeros(0)),
+            _ => Some(-std::mem::take(&mut total.matrix).cholesky()?.solve(&total.right)),
+        }
+    }
+
+    /// Ranges of rows with the same eliminated block.
+    fn spans(&self, rows: &[Row]) -> Vec<Range<usize>> {
+        let mut start = 0;
+        rows.chunk_by(|a, b| (self.gone)(a).0 == (self.gone)(b).0)
+            .map(|chunk| {
+                start += chunk.len();
+                start - chunk.len()..start
+            })
+            .collect()
+    }
+
+    /// `V` damped, its undamped diagonal, and `g_e`, of one eliminated block.
+    fn own_block(&self, rows: &[Row]) -> (SMatrix<f64, E, E>, SVector<f64, E>, SVector<f64, E>) {
+        let (mut v, mut gradient) = (SMatrix::zeros(), SVector::zeros());
         for row in rows {
-            add_intrinsics(&mut partial, row, layout, &mut intrinsic_coupling);
-            if let Some(at) = layout.pose_at[row.view] {
-                add_pose(&mut partial, row, at);
-                couplings.push((at, row.by_pose.transpose() * row.by_point));
+            let (_, by_own) = (self.gone)(row);
+            v += by_own.transpose() * by_own;
+            gradient += by_own.transpose() * row.residual;
+        }
+        let diagonal = v.diagonal();
+        (v + SMatrix::from_diagonal(&(diagonal * self.damping)), diagonal, gradient)
+    }
+
+    /// Contribution of some eliminated blocks to the reduced system.
+    fn reduce(&self, rows: &[Row], spans: &[Range<usize>]) -> Option<Partial> {
+        let mut partial = Partial::zero(self.size());
+        for span in spans {
+            let rows = &rows[span.clone()];
+            let mut coupling = vec![SVector::<f64, E>::zeros(); self.intrinsics.len()];
+            let mut couplings = Vec::with_capacity(rows.len());
+            for row in rows {
+                self.add_intrinsics(&mut partial, row, &mut coupling);
+                let (block, by_kept) = (self.kept)(row);
+                if let Some(at) = self.at[block] {
+                    add_kept(&mut partial, &by_kept, &row.residual, at);
+                    couplings.push((at, by_kept.transpose() * (self.gone)(row).1));
+                }
+            }
+            if self.free[(self.gone)(&rows[0]).0] {
+                self.subtract(&mut partial, rows, &couplings, &coupling)?;
             }
         }
+        Some(partial)
+    }
+
+    /// `− W V⁻¹ Wᵀ` and `− W V⁻¹ g_e` of one eliminated block.
+    fn subtract(
+        &self,
+        partial: &mut Partial,
+        rows: &[Row],
+        couplings: &[(usize, SMatrix<f64, K, E>)],
+        of_intrinsics: &[SVector<f64, E>],
+    ) -> Option<()> {
+        let (v, _, gradient) = self.own_block(rows);
+        let inverse = v.cholesky()?.inverse();
         for (i, (at, w)) in couplings.iter().enumerate() {
             let y = w * inverse;
-            let mut right = partial.right.fixed_rows_mut::<6>(*at);
+            let mut right = partial.right.fixed_rows_mut::<K>(*at);
             right -= y * gradient;
-            // Rows are sorted by view, so the block (at, other) lies in the lower triangle.
+            // Rows are sorted, so the block (at, other) lies in the lower triangle.
             for (other, w) in &couplings[..=i] {
-                let mut block = partial.matrix.fixed_view_mut::<6, 6>(*at, *other);
+                let mut block = partial.matrix.fixed_view_mut::<K, K>(*at, *other);
                 block -= y * w.transpose();
             }
-            for (k, z) in intrinsic_coupling.iter().enumerate() {
-                let mut block =
-                    partial.matrix.fixed_view_mut::<1, 6>(layout.intrinsics_at + k, *at);
+            for (k, z) in of_intrinsics.iter().enumerate() {
+                let mut block = partial.matrix.fixed_view_mut::<1, K>(self.intrinsics_at + k, *at);
                 block -= (y * z).transpose();
             }
         }
-        for (k, z) in intrinsic_coupling.iter().enumerate() {
+        for (k, z) in of_intrinsics.iter().enumerate() {
             let y = inverse * z;
-            partial.right[layout.intrinsics_at + k] -= y.dot(&gradient);
-            for (l, other) in intrinsic_coupling[..=k].iter().enumerate() {
-                let at = (layout.intrinsics_at + k, layout.intrinsics_at + l);
-                partial.matrix[at] -= y.dot(other);
+            partial.right[self.intrinsics_at + k] -= y.dot(&gradient);
+            for (l, other) in of_intrinsics[..=k].iter().enumerate() {
+                partial.matrix[(self.intrinsics_at + k, self.intrinsics_at + l)] -= y.dot(other);
             }
         }
+        Some(())
     }
-    Some(partial)
+
+    fn add_intrinsics(&self, partial: &mut Partial, row: &Row, coupling: &mut [SVector<f64, E>]) {
+        let column = |k: usize| row.by_intrinsics.column(k);
+        let (block, by_kept) = (self.kept)(row);
+        let (_, by_own) = (self.gone)(row);
+        for (i, &k) in self.intrinsics.iter().enumerate() {
+            let at = self.intrinsics_at + i;
+            for (j, &l) in self.intrinsics[..=i].iter().enumerate() {
+                partial.matrix[(at, self.intrinsics_at + j)] += column(k).dot(&column(l));
+            }
+            partial.diagonal[at] += column(k).norm_squared();
+            partial.right[at] += column(k).dot(&row.residual);
+            partial.gradient[at] += column(k).dot(&row.residual);
+            if let Some(kept_at) = self.at[block] {
+                let mut block = partial.matrix.fixed_view_mut::<1, K>(at, kept_at);
+                block += column(k).transpose() * by_kept;
+            }
+            coupling[i] += by_own.transpose() * column(k);
+        }
+    }
+
+    /// Step of one eliminated block and its share of the promise.
+    fn back_substitute(
+        &self,
+        rows: &[Row],
+        change: &DVector<f64>,
+    ) -> Option<(SVector<f64, E>, f64)> {
+        if !self.free[(self.gone)(&rows[0]).0] {
+            return Some((SVector::zeros(), 0.0));
+        }
+        let (v, diagonal, gradient) = self.own_block(rows);
+        let mut right = gradient;
+        for row in rows {
+            let mut moved = Vector2::zeros();
+            let (block, by_kept) = (self.kept)(row);
+            if let Some(at) = self.at[block] {
+                moved += by_kept * change.fixed_rows::<K>(at);
+            }
+            for (i, &k) in self.intrinsics.iter().enumerate() {
+                moved += row.by_intrinsics.column(k) * change[self.intrinsics_at + i];
+            }
+            right += (self.gone)(row).1.transpose() * moved;
+        }
+        let step = -v.cholesky()?.solve(&right);
+        let promise =
+            -gradient.dot(&step) + self.damping * step.component_mul(&step).dot(&diagonal);
+        Some((step, promise))
+    }
 }
 
-fn add_pose(partial: &mut Partial, row: &Row, at: usize) {
-    let u = row.by_pose.transpose() * row.by_pose;
-    let gradient = row.by_pose.transpose() * row.residual;
-    let mut block = partial.matrix.fixed_view_mut::<6, 6>(at, at);
-    block += u;
-    let mut diagonal = partial.diagonal.fixed_rows_mut::<6>(at);
-    diagonal += u.diagonal();
-    let mut right = partial.right.fixed_rows_mut::<6>(at);
-    right += gradient;
-    let mut total = partial.gradient.fixed_rows_mut::<6>(at);
-    total += gradient;
-}
-
-fn add_intrinsics(
+fn add_kept<const K: usize>(
     partial: &mut Partial,
-    row: &Row,
-    layout: &Layout,
-    coupling: &mut [Vector3<f64>],
+    by_kept: &SMatrix<f64, 2, K>,
+    residual: &Vector2<f64>,
+    at: usize,
 ) {
-    let column = |k: usize| row.by_intrinsics.column(k);
-    for (i, &k) in layout.intrinsics.iter().enumerate() {
-        let at = layout.intrinsics_at + i;
-        for (j, &l) in layout.intrinsics[..=i].iter().enumerate() {
-            partial.matrix[(at, layout.intrinsics_at + j)] += column(k).dot(&column(l));
-        }
-        partial.diagonal[at] += column(k).norm_squared();
-        partial.right[at] += column(k).dot(&row.residual);
-        partial.gradient[at] += column(k).dot(&row.residual);
-        if let Some(pose_at) = layout.pose_at[row.view] {
-            let mut block = partial.matrix.fixed_view_mut::<1, 6>(at, pose_at);
-            block += column(k).transpose() * row.by_pose;
-        }
-        coupling[i] += row.by_point.transpose() * column(k);
-    }
-}
-
-/// Step of one point and its share of the promise.
-fn back_substitute(
-    rows: &[Row],
-    layout: &Layout,
-    cameras: &DVector<f64>,
-    damping: f64,
-) -> Option<(Vector3<f64>, f64)> {
-    let (v, diagonal, gradient) = point_block(rows, damping);
-    let mut right = gradient;
-    for row in rows {
-        let mut moved = Vector2::zeros();
-        if let Some(at) = layout.pose_at[row.view] {
-            moved += row.by_pose * cameras.fixed_rows::<6>(at);
-        }
-        for (i, &k) in layout.intrinsics.iter().enumerate() {
-            moved += row.by_intrinsics.column(k) * cameras[layout.intrinsics_at + i];
-        }
-        right += row.by_point.transpose() * moved;
-    }
-    let step = -v.cholesky()?.solve(&right);
-    let promise = -gradient.dot(&step) + damping * step.component_mul(&step).dot(&diagonal);
-    Some((step, promise))
+    let u = by_kept.transpose() * by_kept;
+    let gradient = by_kept.transpose() * residual;
+    let mut block = partial.matrix.fixed_view_mut::<K, K>(at, at);
+    block += u;
+    let mut diagonal = partial.diagonal.fixed_rows_mut::<K>(at);
+    diagonal += u.diagonal();
+    let mut right = partial.right.fixed_rows_mut::<K>(at);
+    right += gradient;
+    let mut total = partial.gradient.fixed_rows_mut::<K>(at);
+    total += gradient;
 }

@@ -3,6 +3,7 @@
 use super::SfmOptions;
 use super::essential::{parallax_deg, relative_pose};
 use super::features::Features2d;
+use super::frames::{Counter, Progress, SfmStage};
 use super::matching::{DescriptorMatch, UnitDescriptors, match_unit};
 use super::random::Random;
 use super::triangulation::{Sighting, centre_of, nearest_to_rays};
@@ -25,51 +26,73 @@ pub struct VerifiedPair {
     pub parallax_deg: f64,
 }
 
-/// The pairs to compare: all for few frames, else neighbours within the window and every tenth
-/// frame with every tenth.
-pub fn candidate_pairs(frames: usize, options: &SfmOptions) -> Vec<(usize, usize)> {
-    let wanted = |a: usize, b: usize| {
-        frames <= options.all_pairs_up_to
-            || b - a <= options.window
-            || (a.is_multiple_of(10) && b.is_multiple_of(10))
-    };
-    (0..frames)
-        .flat_map(|a| (a + 1..frames).map(move |b| (a, b)))
-        .filter(|&(a, b)| wanted(a, b))
-        .collect()
+/// Whether a pair is compared whatever it shows: all pairs of few frames, else neighbours.
+fn always(frames: usize, [a, b]: [usize; 2], options: &SfmOptions) -> bool {
+    frames <= options.all_pairs_up_to || b - a <= options.window
 }
 
-/// Match and verify the candidate pairs, in order; pairs that fail are left out.
+/// All pairs of few frames; else neighbours within the window and, of the distant pairs, those that
+/// either frame counts among its `retrieved` of the highest score (0 = unrelated). In order.
+pub fn chosen_pairs(
+    frames: usize,
+    options: &SfmOptions,
+    score: &(dyn Fn(usize, usize) -> usize + Sync),
+) -> Vec<(usize, usize)> {
+    let mut pairs = all_pairs(frames);
+    if frames <= options.all_pairs_up_to {
+        return pairs;
+    }
+    let distant: Vec<(usize, usize, usize)> = pairs
+        .par_iter()
+        .filter(|&&(a, b)| !always(frames, [a, b], options))
+        .map(|&(a, b)| (score(a, b), a, b))
+        .collect();
+    let mut wanted = vec![false; frames * frames];
+    for frame in 0..frames {
+        let mut own: Vec<_> =
+            distant.iter().filter(|(s, a, b)| *s > 0 && (*a == frame || *b == frame)).collect();
+        own.sort_by_key(|(s, a, b)| (std::cmp::Reverse(*s), *a, *b));
+        own.iter().take(options.retrieved).for_each(|(_, a, b)| wanted[a * frames + b] = true);
+    }
+    pairs.retain(|&(a, b)| always(frames, [a, b], options) || wanted[a * frames + b]);
+    pairs
+}
+
+fn all_pairs(frames: usize) -> Vec<(usize, usize)> {
+    (0..frames).flat_map(|a| (a + 1..frames).map(move |b| (a, b))).collect()
+}
+
+/// Match and verify pairs of frames, in order; pairs that fail are left out.
 pub fn verify_pairs(
     camera: &CameraModel,
     features: &[Features2d],
     descriptors: &[UnitDescriptors],
     options: &SfmOptions,
-    done: &(dyn Fn() + Sync),
+    progress: Progress,
 ) -> Vec<VerifiedPair> {
     let rays: Vec<Vec<Option<Vector3>>> =
         features.iter().map(|f| f.points.iter().map(|p| camera.unproject(p)).collect()).collect();
     let heads: Vec<_> = descriptors.iter().map(|d| d.head(options.preview_features)).collect();
+    // The strongest features alone tell whether frames see the same thing.
+    let preview = |a: usize, b: usize| {
+        let found = match_unit(&heads[a], &heads[b], options.ratio, options.max_distance).len();
+        if found >= options.preview_matches { found } else { 0 }
+    };
+    let pairs = chosen_pairs(features.len(), options, &preview);
+    let count = Counter::new(SfmStage::Matching, pairs.len(), progress);
     let verify = |&(a, b): &(usize, usize)| {
-        let found = (b - a <= 2 || looks_related(&heads[a], &heads[b], options))
+        let found = (b - a <= 2 || preview(a, b) > 0)
             .then(|| {
                 match_unit(&descriptors[a], &descriptors[b], options.ratio, options.max_distance)
             })
             .and_then(|matches| {
                 verify_pair(camera, [a, b], [&rays[a], &rays[b]], matches, options)
             });
-        done();
+        count.next();
         found
     };
-    let pairs = candidate_pairs(features.len(), options);
     let found: Vec<Option<VerifiedPair>> = pairs.par_iter().with_max_len(1).map(verify).collect();
     found.into_iter().flatten().collect()
-}
-
-/// Whether the strongest features alone give a few matches: saves the full comparison of frames
-/// that see different things.
-fn looks_related(a: &UnitDescriptors, b: &UnitDescriptors, options: &SfmOptions) -> bool {
-    match_unit(a, b, options.ratio, options.max_distance).len() >= options.preview_matches
 }
 
 fn verify_pair(
@@ -118,4 +141,25 @@ fn pair_parallax(b_from_a: &Isometry, a: &Vector3, b: &Vector3) -> f64 {
 /// Mean focal length, px: turns pixels into small angles.
 pub(super) fn mean_focal(camera: &CameraModel) -> f64 {
     0.5 * (camera.focal[0] + camera.focal[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neighbours_and_the_best_of_the_distant() {
+        let options =
+            SfmOptions { all_pairs_up_to: 4, window: 1, retrieved: 1, ..Default::default() };
+        assert_eq!(chosen_pairs(4, &options, &|_, _| 0).len(), 6);
+        // Frame 0 is like frame 5 and a little like frame 3; the others are like nothing distant.
+        let score = |a: usize, b: usize| match (a, b) {
+            (0, 5) => 40,
+            (0, 3) => 10,
+            _ => 0,
+        };
+        let found = chosen_pairs(6, &options, &score);
+        // Frame 3 has no better one than frame 0.
+        assert_eq!(found, [(0, 1), (0, 3), (0, 5), (1, 2), (2, 3), (3, 4), (4, 5)]);
+    }
 }

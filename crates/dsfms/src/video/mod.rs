@@ -22,8 +22,8 @@ pub const EXTENSIONS: [&str; 10] =
 #[serde(deny_unknown_fields, default)]
 pub struct VideoOptions {
     /// Frames to choose, at most; at least 1. The video is cut into as many windows, of each of
-    /// which the sharpest frame is a candidate. Default 40: ten seconds of exploration at four
-    /// frames a second.
+    /// which the sharpest frame is a candidate. Default 48: ten seconds of exploration at about
+    /// five frames a second.
     pub max_frames: usize,
     /// Length of a window in frames; `None` = the length of the video over `max_frames`.
     pub stride: Option<usize>,
@@ -35,7 +35,7 @@ pub struct VideoOptions {
 
 impl Default for VideoOptions {
     fn default() -> Self {
-        Self { max_frames: 40, stride: None, min_motion: 0.004 }
+        Self { max_frames: 48, stride: None, min_motion: 0.004 }
     }
 }
 

@@ -7,7 +7,8 @@ use crate::image::filter::{halve, laplacian_variance};
 
 /// The sharpest frame so far of each window.
 pub(super) struct Candidates {
-    window: usize,
+    /// Length of a window in frames, at least 1.
+    window: f64,
     limit: usize,
     /// Window number, sharpness, frame.
     best: Vec<(usize, f64, Frame)>,
@@ -17,15 +18,15 @@ impl Candidates {
     /// Windows for a video of `total` frames; of unknown length, windows start at one frame and
     /// double whenever there are twice as many as wanted.
     pub(super) fn new(options: &VideoOptions, total: Option<usize>) -> Self {
-        let auto = total.map_or(1, |total| total.div_ceil(options.max_frames));
-        let window = options.stride.unwrap_or(auto).max(1);
+        let auto = total.map_or(1.0, |total| total as f64 / options.max_frames as f64);
+        let window = options.stride.map_or(auto, |stride| stride as f64).max(1.0);
         let limit = if options.stride.is_some() { usize::MAX } else { 2 * options.max_frames };
         Self { window, limit, best: Vec::new() }
     }
 
     /// Look at one picture.
     pub(super) fn offer(&mut self, picture: Picture) {
-        let window = picture.index / self.window;
+        let window = (picture.index as f64 / self.window) as usize;
         let name = format!("frame_{:03}", picture.index);
         let frame = Frame { name, size: picture.size, rgb: picture.rgb };
         let sharpness = laplacian_variance(&halve(&frame.luma()), None);
@@ -44,7 +45,7 @@ impl Candidates {
 
     /// Windows of twice the length: of each pair the sharper frame stays.
     fn double(&mut self) {
-        self.window *= 2;
+        self.window *= 2.0;
         let mut merged: Vec<(usize, f64, Frame)> = Vec::with_capacity(self.limit);
         for (window, sharpness, frame) in self.best.drain(..) {
             let window = window / 2;
@@ -106,6 +107,14 @@ mod tests {
         }
         let frames = candidates.choose(&options);
         assert_eq!(names(&frames), ["frame_003", "frame_008", "frame_013", "frame_018"]);
+    }
+
+    #[test]
+    fn windows_need_not_be_of_whole_frames() {
+        let options = VideoOptions { max_frames: 8, ..Default::default() };
+        let mut candidates = Candidates::new(&options, Some(20));
+        (0..20).for_each(|i| candidates.offer(picture(i, 3 * i, 6)));
+        assert_eq!(candidates.choose(&options).len(), 8);
     }
 
     #[test]
