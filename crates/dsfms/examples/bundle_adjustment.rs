@@ -40,7 +40,6 @@ fn main() -> Result<(), Box<dyn Error>> {
             loss: Loss::Squared,
             max_steps: 200,
             cost_tolerance: 1e-10,
-            ..Default::default()
         };
         let began = Instant::now();
         let summary = adjust(&mut bundle, &options)?;

@@ -47,8 +47,8 @@ impl Samples {
             (s.iz[l], s.x[l], s.y[l]) = (iz, px, py);
             index[l] = row * w as i32 + column;
         }
-        for l in 0..LANES {
-            let four = &image.grey[index[l] as usize..][..w + 2];
+        for (l, &at) in index.iter().enumerate() {
+            let four = &image.grey[at as usize..][..w + 2];
             s.corners[0][l] = four[0];
             s.corners[1][l] = four[1];
             s.corners[2][l] = four[w];
