@@ -12,6 +12,7 @@ use crate::light::LightModel;
 use crate::register::objective::hold_depth;
 use crate::register::pose::rest_point;
 use crate::register::{Match, Scene};
+use rayon::prelude::*;
 
 /// Neighbours that a match shares its motion with.
 const NEIGHBOURS: usize = 4;
@@ -50,7 +51,7 @@ fn shared_motions(scene: &Scene, matches: &[Match], posed: &[Point3]) -> Vec<f64
         .iter()
         .map(|m| (rest_point(scene.rest, m), offset(m).unwrap_or_default()))
         .collect();
-    places.iter().enumerate().map(|(i, p)| shared_motion(i, p, &places)).collect()
+    places.par_iter().enumerate().map(|(i, p)| shared_motion(i, p, &places)).collect()
 }
 
 fn shared_motion(i: usize, (at, offset): &(Point3, Vector2), places: &[(Point3, Vector2)]) -> f64 {
