@@ -6,9 +6,10 @@
 //! ```
 //!
 //! Levenberg–Marquardt; points or poses, whichever leaves the smaller system, are eliminated (Schur
-//! complement) and the reduced system is dense, which suits up to about 200 views or 400 points. Gauge: fixed views hold the frame; the
-//! scale, when fewer than two are fixed, is held by the damping alone. All sums run over a fixed
-//! partition in a fixed order, so the result has the same bits at any number of threads.
+//! complement) and the reduced system is dense, which suits up to about 200 views or 400 points.
+//! Gauge: fixed views hold the frame; the scale, when fewer than two are fixed, is held by the damping
+//! alone. All sums run over a fixed partition in a fixed order, so the result has the same bits at any
+//! number of threads.
 
 use super::intrinsics::{self, COUNT, RefineIntrinsics};
 use super::resection::{pose_jacobian, retract};

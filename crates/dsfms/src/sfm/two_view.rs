@@ -26,11 +26,6 @@ pub struct VerifiedPair {
     pub parallax_deg: f64,
 }
 
-/// Whether a pair is compared whatever it shows: all pairs of few frames, else neighbours.
-fn always(frames: usize, [a, b]: [usize; 2], options: &SfmOptions) -> bool {
-    frames <= options.all_pairs_up_to || b - a <= options.window
-}
-
 /// All pairs of few frames; else neighbours within the window and, of the distant pairs, those that
 /// either frame counts among its `retrieved` of the highest score (0 = unrelated). In order.
 pub fn chosen_pairs(
@@ -42,9 +37,10 @@ pub fn chosen_pairs(
     if frames <= options.all_pairs_up_to {
         return pairs;
     }
+    let near = |a: usize, b: usize| b - a <= options.window;
     let distant: Vec<(usize, usize, usize)> = pairs
         .par_iter()
-        .filter(|&&(a, b)| !always(frames, [a, b], options))
+        .filter(|&&(a, b)| !near(a, b))
         .map(|&(a, b)| (score(a, b), a, b))
         .collect();
     let mut wanted = vec![false; frames * frames];
@@ -54,7 +50,7 @@ pub fn chosen_pairs(
         own.sort_by_key(|(s, a, b)| (std::cmp::Reverse(*s), *a, *b));
         own.iter().take(options.retrieved).for_each(|(_, a, b)| wanted[a * frames + b] = true);
     }
-    pairs.retain(|&(a, b)| always(frames, [a, b], options) || wanted[a * frames + b]);
+    pairs.retain(|&(a, b)| near(a, b) || wanted[a * frames + b]);
     pairs
 }
 

@@ -159,8 +159,8 @@ fn overview(report: &Report) -> String {
     format!(
         "<p>The template was built from {} exploration frames of an organ-like body at rest. Every \
          deformed frame was then reconstructed by rigid pose, shape from shading (sfs), motion \
-         (dsfm, eq. 3), motion with shading (dsfms, eq. 4) and both in one problem (joint), and compared with the truth of this \
-         path-traced scene. Errors are distances between every template vertex and its true place, \
+         (dsfm, eq. 3), motion with shading (dsfms, eq. 4) and both in one problem (joint), and \
+         compared with the truth of this path-traced scene. Errors are distances between every template vertex and its true place, \
          in mm, without any alignment of the deformed shapes: one similarity, from the camera \
          centres of the exploration to the true ones, gives the template its scale and frame.</p>\
          <nav aria-label=\"Sections\"><a href=\"#viewer\">viewer</a><a href=\"#methods\">methods</a>\
