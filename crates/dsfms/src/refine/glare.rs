@@ -7,6 +7,7 @@
 
 use crate::energy::Brightness;
 use crate::geometry::{centre_and_spread, median};
+use crate::image::ColorImage;
 
 /// What the channels say of one surface point, linear light.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,7 +39,7 @@ pub(super) struct Weighed {
 }
 
 /// Tissue paler than this does not tell glare from itself.
-pub(super) const PALE: f64 = 0.1;
+const PALE: f64 = 0.1;
 
 /// Where glare of this part of the brightness could hide, colours do not tell.
 const TOLD_APART: f64 = 0.15;
@@ -152,8 +153,17 @@ fn white_part(p: &Channels) -> Option<(f64, f64)> {
     (purity > 0.02 && image > 1e-3).then(|| (1.0 - cross / square * mean / image, purity))
 }
 
+/// Whether tissue is too pale, where it is `known`, for its colour to tell anything.
+pub(super) fn pale(albedo: &ColorImage, known: &[bool]) -> bool {
+    let mut sum = [0.0; 3];
+    for (albedo, _) in albedo.data.iter().zip(known).filter(|(_, known)| **known) {
+        (0..3).for_each(|c| sum[c] += f64::from(albedo[c]));
+    }
+    purity(&sum) <= PALE
+}
+
 /// Sine of the angle of a colour to white.
-pub(super) fn purity(colour: &[f64; 3]) -> f64 {
+fn purity(colour: &[f64; 3]) -> f64 {
     let (mean, norm) = (mean(colour), colour.iter().map(|c| c * c).sum::<f64>());
     let away: f64 = colour.iter().map(|c| (c - mean).powi(2)).sum();
     (away / norm.max(f64::MIN_POSITIVE)).sqrt()

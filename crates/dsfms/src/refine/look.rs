@@ -1,7 +1,8 @@
 //! What one shape makes of a photograph at one blur: light and albedo at surface points.
 
 use super::Photograph;
-use super::glare::{Channels, PALE, purity};
+use super::foreign::foreign;
+use super::glare::{Channels, pale};
 use crate::camera::Camera;
 use crate::geometry::{Point2, Point3, Vector3, point_at};
 use crate::image::filter::blur_masked_all;
@@ -23,7 +24,7 @@ pub(super) struct LookOptions {
     pub(super) halo: f64,
     /// What is nearer to the mirror direction may be glare in a frame with highlights, degrees.
     pub(super) mirror_deg: f64,
-    /// Colours tell glare from tissue.
+    /// Colours tell glare and instruments from tissue.
     pub(super) colour: bool,
 }
 
@@ -73,11 +74,13 @@ impl<'a> Look<'a> {
             raster,
             albedo,
         };
-        let glare = look.glare_of_pale_tissue(&known);
         // One mask for all channels: blurred over different pixels, glare would not stay white.
         let counts =
             |i: usize| known[i] && photo.usable.data[i] && picture.clipped[i] == [false; 3];
-        let data = (0..known.len()).map(|i| counts(i) && !glare.as_ref().is_some_and(|g| g[i]));
+        let counts: Vec<bool> = (0..known.len()).map(counts).collect();
+        let told = look.options.colour && !pale(&look.albedo, &known);
+        let covered = if told { look.foreign(&counts) } else { look.possible_glare() };
+        let data = counts.iter().zip(&covered.data).map(|(&counts, covered)| counts && !covered);
         let mask = Mask { size: look.raster.size, data: data.collect() };
         let planes = [0, 1, 2].map(|c| picture.linear.channel(c)).into_iter();
         let planes: Vec<Plane> = planes.chain([0, 1, 2].map(|c| look.albedo.channel(c))).collect();
@@ -89,22 +92,27 @@ impl<'a> Look<'a> {
         look
     }
 
+    /// Pixels that show something else than the surface.
+    fn foreign(&self, counts: &[bool]) -> Mask {
+        let light = |(p, n)| self.photo.light.shade(p, n).value.max(0.0);
+        let lit: Vec<f64> = self.shape.iter().zip(&self.normals).map(light).collect();
+        let shade = self.raster.render(0.0, |face, b| {
+            let corners = self.rest.topology.faces[face];
+            (0..3).map(|k| b[k] * lit[corners[k] as usize]).sum()
+        });
+        foreign(&self.photo.picture.linear, &self.albedo, &shade, counts)
+    }
+
     /// Pixels that may be glare, where their colour does not tell: they must not reach their
     /// neighbours through the blur.
-    fn glare_of_pale_tissue(&self, known: &[bool]) -> Option<Vec<bool>> {
-        let mut mean = [0.0; 3];
-        for (albedo, _) in self.albedo.data.iter().zip(known).filter(|(_, known)| **known) {
-            (0..3).for_each(|c| mean[c] += albedo[c] as f64);
-        }
-        if self.options.colour && purity(&mean) > PALE {
-            return None;
-        }
+    fn possible_glare(&self) -> Mask {
         let mirror = self.raster.render(false, |face, b| {
             let face = self.rest.topology.faces[face];
             let on = self.on_face(face, b);
             on.is_some_and(|(point, _, normal)| self.mirrors(&point, &normal))
         });
-        Some((0..mirror.len()).map(|i| mirror[i] || self.in_halo(i)).collect())
+        let data = (0..mirror.len()).map(|i| mirror[i] || self.in_halo(i)).collect();
+        Mask { size: self.raster.size, data }
     }
 
     fn mirrors(&self, point: &Point3, normal: &Vector3) -> bool {

@@ -3,6 +3,7 @@
 mod contour;
 mod cues;
 pub mod evidence;
+mod foreign;
 mod glare;
 mod hold;
 pub mod joint;

@@ -15,10 +15,10 @@ use rayon::prelude::*;
 pub const LEVELS: usize = 3;
 
 /// One anchor is sought in every square of this side, px of the working image.
-const CELL: usize = 14;
+const CELL: usize = 10;
 
 /// Anchors at most.
-const MOST: usize = 320;
+const MOST: usize = 700;
 
 /// The working image is halved until its diagonal is no longer than this, px.
 const DIAGONAL: f64 = 1000.0;
