@@ -2,21 +2,21 @@
 //! shadow.
 //!
 //! Of the brightness of tissue under white glare, `a·α + g`, the part `a` in the tissue's own colour
-//! is exposure times shading. Metal has none of it, shadow little; where it is far from what the shape
-//! predicts, the pixel shows something else, whether or not its brightness agrees.
+//! is exposure times shading. Metal has little of it beside much white. Tissue has as much as its
+//! shading says, which a shape yet to be found foretells poorly: only what is next to nothing is shadow.
 
 use crate::geometry::centre_and_spread;
 use crate::image::{ColorImage, Mask};
 
-/// The shape predicts the coloured part at least to this fraction of it: shading differs by less
-/// unless the surface is turned away.
-const FRACTION: f64 = 0.5;
+/// Less than this fraction of the coloured part that the shape predicts, beside more white than colour, is
+/// something else.
+const LITTLE: f64 = 0.5;
 
-/// Or to so many standard deviations.
+/// Less than this fraction of it is nothing of the surface, whatever is beside it.
+const NOTHING: f64 = 0.2;
+
+/// Less by so many standard deviations.
 const DEVIATIONS: f64 = 4.0;
-
-/// Less certain than this, a pixel tells nothing.
-const UNCERTAIN: f64 = 0.9;
 
 /// Noise of a channel, linear light.
 const NOISE: f64 = 0.002;
@@ -37,32 +37,51 @@ pub(super) fn foreign(
     shade: &[f64],
     known: &[bool],
 ) -> Mask {
-    let part = |i: usize| -> Option<[f64; 2]> {
-        let (image, albedo) = (image.data[i], albedo.data[i]);
-        let mean = albedo.iter().map(|&a| f64::from(a)).sum::<f64>() / 3.0;
-        let (mut cross, mut square) = (0.0, 0.0);
-        for (a, v) in albedo.into_iter().zip(image) {
-            let away = f64::from(a) - mean;
-            cross += away * f64::from(v);
-            square += away * away;
-        }
-        let told = known[i] && square > 0.0 && shade[i] > 0.0;
-        told.then(|| [cross / (square * shade[i]), NOISE / (square.sqrt() * shade[i])])
-    };
-    let parts: Vec<Option<[f64; 2]>> = (0..known.len()).map(part).collect();
-    let mut all: Vec<f64> = parts.iter().flatten().map(|p| p[0]).collect();
+    let part = |i: usize| Part::of(image.data[i], albedo.data[i], shade[i]);
+    let parts: Vec<Option<Part>> =
+        (0..known.len()).map(|i| if known[i] { part(i) } else { None }).collect();
+    let mut all: Vec<f64> = parts.iter().flatten().map(|p| p.coloured).collect();
     let (gain, spread) = centre_and_spread(&mut all);
-    let spread = spread / gain;
-    let strange = |part: &Option<[f64; 2]>| {
-        part.is_some_and(|[a, noise]| {
-            let limit = FRACTION.max(DEVIATIONS * spread.hypot(noise / gain));
-            gain > 0.0 && limit < UNCERTAIN && (a / gain - 1.0).abs() > limit
+    let strange = |part: &Option<Part>| {
+        part.as_ref().is_some_and(|&Part { coloured, white, noise }| {
+            let least = gain - DEVIATIONS * spread.hypot(noise);
+            let limit = if white > 0.5 { LITTLE } else { NOTHING };
+            coloured < least.min(limit * gain)
         })
     };
     let strange: Vec<bool> = parts.iter().map(strange).collect();
     let size = image.size;
     let diagonal = (size[0] as f64).hypot(size[1] as f64);
     majority(&Mask { size, data: strange }).dilate(MARGIN * diagonal)
+}
+
+/// The coloured part of a pixel.
+struct Part {
+    /// Exposure times what the shading is of that expected.
+    coloured: f64,
+    /// The rest, as a part of the brightness.
+    white: f64,
+    /// Standard deviation of the coloured part.
+    noise: f64,
+}
+
+impl Part {
+    /// `None` where nothing coloured is expected.
+    fn of(image: [f32; 3], albedo: [f32; 3], shade: f64) -> Option<Self> {
+        let mean = |c: [f32; 3]| c.iter().map(|&v| f64::from(v)).sum::<f64>() / 3.0;
+        let (own, seen) = (mean(albedo), mean(image));
+        let (mut cross, mut square) = (0.0, 0.0);
+        for (a, v) in albedo.into_iter().zip(image) {
+            let away = f64::from(a) - own;
+            cross += away * f64::from(v);
+            square += away * away;
+        }
+        (square > 0.0 && shade > 0.0).then(|| Self {
+            coloured: cross / (square * shade),
+            white: 1.0 - cross / square * own / seen.max(NOISE),
+            noise: NOISE / (square.sqrt() * shade),
+        })
+    }
 }
 
 /// What most of the nine pixels about one say; `false` at the border of the image.
@@ -106,16 +125,19 @@ mod tests {
     }
 
     #[test]
-    fn metal_and_deep_shadow_are_foreign_and_glare_is_not() {
+    fn metal_and_deep_shadow_are_foreign_and_glare_and_slopes_are_not() {
         let tissue = [0.6, 0.25, 0.2];
-        // As bright as the tissue, and the tissue's colour at a third of its light.
+        // As bright as the tissue, and the tissue's colour at a tenth of its light.
         for mask in [
             found(tissue, |lit| [0.35 * lit; 3]),
-            found(tissue, |lit| tissue.map(|a| 0.3 * lit * a)),
+            found(tissue, |lit| tissue.map(|a| 0.1 * lit * a)),
         ] {
             assert!((21..29).all(|x| mask.at(x, 20)), "the bar");
             let clear = |x: &usize| !(19..31).contains(x);
             assert!((0..60).filter(clear).all(|x| !mask.at(x, 20) && !mask.at(x, 5)));
         }
+        // Turned away from the light as no shape foretold.
+        let slope = found(tissue, |lit| tissue.map(|a| 0.3 * lit * a));
+        assert!(!slope.data.contains(&true));
     }
 }
