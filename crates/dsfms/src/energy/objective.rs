@@ -116,10 +116,11 @@ impl<'a> Objective<'a> {
 
     /// Find the blocks of every term; `false` where one has none.
     fn locate(&mut self, equations: &NormalEquations) -> bool {
-        self.terms.iter_mut().all(|term| {
+        let locate = |term: &mut Box<dyn Weighted + 'a>| {
             let pattern = if term.is_isotropic() { equations.smooth() } else { equations.near() };
             term.locate(pattern)
-        })
+        };
+        self.terms.par_iter_mut().all(locate)
     }
 
     /// A system for the terms, and for those that an earlier one was made for.

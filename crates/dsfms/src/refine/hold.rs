@@ -7,7 +7,7 @@
 use super::joint::JointOptions;
 use crate::camera::Camera;
 use crate::energy::Boundary;
-use crate::geometry::{Point3, Vector2};
+use crate::geometry::{Point3, Vector2, nearest};
 use crate::light::LightModel;
 use crate::register::objective::hold_depth;
 use crate::register::pose::rest_point;
@@ -55,16 +55,10 @@ fn shared_motions(scene: &Scene, matches: &[Match], posed: &[Point3]) -> Vec<f64
 }
 
 fn shared_motion(i: usize, (at, offset): &(Point3, Vector2), places: &[(Point3, Vector2)]) -> f64 {
-    let distance = |j: usize| (places[j].0 - at).norm_squared();
-    let mut others: Vec<(f64, usize)> =
-        (0..places.len()).filter(|&j| j != i).map(|j| (distance(j), j)).collect();
-    let count = NEIGHBOURS.min(others.len());
-    if count == 0 {
-        return 0.0;
-    }
-    others.select_nth_unstable_by(count - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let products: f64 = others[..count].iter().map(|&(_, j)| places[j].1.dot(offset)).sum();
-    (products / count as f64).max(0.0).sqrt()
+    let others = (0..places.len()).filter(|&j| j != i);
+    let near = nearest(NEIGHBOURS, others, |j| (places[j].0 - at).norm_squared());
+    let products: f64 = near.iter().map(|&j| places[j].1.dot(offset)).sum();
+    (products / near.len().max(1) as f64).max(0.0).sqrt()
 }
 
 #[cfg(test)]

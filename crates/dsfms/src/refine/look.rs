@@ -56,8 +56,11 @@ impl<'a> Look<'a> {
         let raster = rasterize(photo.camera, &rest.topology, shape);
         let normals = vertex_normals(&rest.topology, shape);
         let (texels, picture) = (photo.albedo, photo.picture);
-        let known = raster.render(false, |face, b| texels.views[texels.index(face, b)] > 0);
-        let albedo = raster.render([0.0; 3], |face, b| texels.at(face, b));
+        let texel = raster.render((false, [0.0; 3]), |face, b| {
+            let texel = texels.index(face, b);
+            (texels.views[texel] > 0, texels.value[texel])
+        });
+        let (known, albedo): (Vec<bool>, Vec<[f32; 3]>) = texel.into_iter().unzip();
         let albedo = ColorImage { size: raster.size, data: albedo };
         let highlights = picture.saturated.data.iter().any(|&s| s);
         let mut look = Self {

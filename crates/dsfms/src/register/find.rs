@@ -2,7 +2,7 @@
 
 use super::{Match, RegisterError, RegisterOptions};
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Point2, Point3, Vector2, median, point_at};
+use crate::geometry::{Point2, Point3, Vector2, median, nearest, point_at};
 use crate::image::{Frame, Mask};
 use crate::mesh::Mesh;
 use crate::sfm::matching::UnitDescriptors;
@@ -10,6 +10,7 @@ use crate::sfm::places::match_places;
 use crate::sfm::random::Random;
 use crate::sfm::{Features2d, SfmOptions, detect, resect};
 use crate::template::Features;
+use rayon::prelude::*;
 
 /// Fewest matches a found pose must rest on: below this, chance agreements of unrelated tissue
 /// with some pose are likely.
@@ -126,24 +127,18 @@ pub fn agreeing(
     let usable = |i: &usize| offsets[*i].is_some_and(|o| o.norm() < limit);
     let candidates: Vec<usize> = (0..pixels.len()).filter(usable).collect();
     let agrees = |&i: &usize| {
-        let mut others: Vec<(f64, usize)> = candidates
-            .iter()
-            .filter(|&&j| j != i)
-            .map(|&j| ((pixels[i] - pixels[j]).norm_squared(), j))
-            .collect();
-        if others.len() > 8 {
-            others.select_nth_unstable_by(8, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            others.truncate(8);
-        }
+        let others = nearest(8, candidates.iter().copied().filter(|&j| j != i), |j| {
+            (pixels[i] - pixels[j]).norm_squared()
+        });
         let component = |axis: usize| {
             let mut values: Vec<f64> =
-                others.iter().filter_map(|&(_, j)| offsets[j].map(|o| o[axis])).collect();
+                others.iter().filter_map(|&j| offsets[j].map(|o| o[axis])).collect();
             median(&mut values).unwrap_or(0.0)
         };
         let typical = Vector2::new(component(0), component(1));
         offsets[i].is_some_and(|o| (o - typical).norm() < slack + typical.norm() / 3.0)
     };
-    candidates.iter().filter(|i| agrees(i)).copied().collect()
+    candidates.par_iter().filter(|i| agrees(i)).copied().collect()
 }
 
 #[cfg(test)]

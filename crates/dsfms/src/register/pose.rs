@@ -2,7 +2,7 @@
 
 use super::{Match, RegisterError, RegisterOptions};
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Isometry, Point2, Point3, Vector2, median, point_at};
+use crate::geometry::{Isometry, Point2, Point3, Vector2, median, nearest, point_at};
 use crate::mesh::Mesh;
 use crate::sfm::random::Random;
 use crate::sfm::resection::{refine_pose, resect};
@@ -124,15 +124,14 @@ fn settled(
 /// Root mean product of every point's offset with its nearest neighbour's; 0 where the mean is
 /// negative or no more than noise without any sharing would often give.
 fn shared_motion(offsets: &[(Point3, Vector2)]) -> f64 {
-    let nearest = |i: usize| {
-        let distance = |j: &usize| (offsets[*j].0 - offsets[i].0).norm_squared();
+    let neighbour = |i: usize| {
         let others = (0..offsets.len()).filter(|&j| j != i);
-        others.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        nearest(1, others, |j| (offsets[j].0 - offsets[i].0).norm_squared()).first().copied()
     };
     // Of very many matches every so-manieth tells as much.
     let products: Vec<f64> = (0..offsets.len())
         .step_by(offsets.len() / MOST_SAMPLED + 1)
-        .filter_map(|i| Some(offsets[i].1.dot(&offsets[nearest(i)?].1)))
+        .filter_map(|i| Some(offsets[i].1.dot(&offsets[neighbour(i)?].1)))
         .collect();
     let count = products.len().max(1) as f64;
     let mean = products.iter().sum::<f64>() / count;

@@ -106,8 +106,11 @@ impl Iterative {
             let local = (local * scale).map(|c| c as f32);
             (self.along[new], self.across[new]) = ([local.x, local.y], [local.z]);
         }
-        self.cholesky.solve_with(&self.factors[0], &mut self.along);
-        self.cholesky.solve_with(&self.factors[1], &mut self.across);
+        let ([along, across], cholesky) = (&self.factors, &self.cholesky);
+        rayon::join(
+            || cholesky.solve_with(along, &mut self.along),
+            || cholesky.solve_with(across, &mut self.across),
+        );
         for (new, &v) in ordered.order.iter().enumerate() {
             let ([x, y], [across], v) = (self.along[new], self.across[new], v as usize);
             let local = Vector3::new(x, y, across).map(f64::from);

@@ -16,6 +16,9 @@ const COUNT: usize = SIDE * SIDE;
 /// Steps on a level at most.
 const STEPS: usize = 12;
 
+/// A shorter step is the last, px.
+const SETTLED: f64 = 0.02;
+
 /// An image and its halves, fine to coarse.
 pub struct Pyramid {
     /// The levels; never empty.
@@ -33,6 +36,11 @@ impl Pyramid {
     }
 }
 
+/// [`follow`] on the finest level alone, from a start that is a few pixels off at most.
+pub fn settle(render: &Pyramid, frame: &Pyramid, at: Point2, start: Point2) -> Option<Point2> {
+    align(&render.levels[0], &frame.levels[0], at, start, SETTLED)
+}
+
 /// Position in `frame` (level 0) of the patch that `render` shows about `at`, searched from `start`;
 /// `None` where it leaves the image, has no texture in some direction or does not settle.
 pub fn follow(render: &Pyramid, frame: &Pyramid, at: Point2, start: Point2) -> Option<Point2> {
@@ -40,7 +48,7 @@ pub fn follow(render: &Pyramid, frame: &Pyramid, at: Point2, start: Point2) -> O
     for level in (0..render.levels.len().min(frame.levels.len())).rev() {
         let scale = 0.5_f64.powi(level as i32);
         let centre = Point2::from((at.coords.add_scalar(0.5)) * scale - Vector2::repeat(0.5));
-        let settled = if level > 0 { 0.1 } else { 0.02 };
+        let settled = if level > 0 { 5.0 * SETTLED } else { SETTLED };
         let found = align(
             &render.levels[level],
             &frame.levels[level],
@@ -201,6 +209,8 @@ mod tests {
         let at = Point2::new(60.0, 50.0);
         let found = follow(&a, &b, at, at).unwrap();
         assert!((found - Point2::new(65.3, 46.4)).norm() < 0.05, "{found}");
+        let settled = settle(&a, &b, at, Point2::new(64.0, 47.0)).unwrap();
+        assert!((settled - found).norm() < 0.05, "{settled}");
         assert!(correlation(&a.levels[0], at, &b.levels[0], found).unwrap() > 0.99);
         assert!(correlation(&a.levels[0], at, &b.levels[0], at).unwrap() < 0.9);
     }

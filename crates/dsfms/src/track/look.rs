@@ -17,6 +17,9 @@ pub const LEVELS: usize = 3;
 /// One anchor is sought in every square of this side, px of the working image.
 const CELL: usize = 10;
 
+/// Of every so-manieth pixel across and down.
+const STRIDE: usize = 4;
+
 /// Anchors at most.
 const MOST: usize = 700;
 
@@ -172,8 +175,8 @@ fn corners(plane: &Plane, known: &Mask) -> Vec<[usize; 2]> {
         .collect();
     let best_of = |&[x0, y0]: &[usize; 2]| -> Option<(f32, [usize; 2])> {
         let places = (y0..(y0 + CELL).min(h - margin))
-            .step_by(3)
-            .flat_map(|y| (x0..(x0 + CELL).min(w - margin)).step_by(3).map(move |x| [x, y]));
+            .step_by(STRIDE)
+            .flat_map(|y| (x0..(x0 + CELL).min(w - margin)).step_by(STRIDE).map(move |x| [x, y]));
         let inside = |&[x, y]: &[usize; 2]| whole(known, Point2::new(x as f64, y as f64));
         let scored = places.filter(inside).map(|p| (texture(plane, p), p));
         scored.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)))

@@ -11,6 +11,9 @@ use crate::register::{
     Match, Posed, RegisterError, Registered, Scene, pose, pose_near, register_in, register_near,
 };
 
+/// Matches that the motion since the last frame is taken from at most.
+const FEW: usize = 150;
+
 impl Tracker<'_> {
     /// The surface that matches give with nothing known; the error says why there is none.
     pub(super) fn anew(
@@ -52,14 +55,17 @@ impl Tracker<'_> {
     ) -> Result<Draft, String> {
         self.beside_last(view, matches, clock, |tracker, last, matches| {
             let options = &tracker.options.reconstruct.register;
-            let pixels: Vec<Point2> = matches.iter().map(|m| m.pixel).collect();
-            let to = |points: &[Point3], start: Isometry| {
-                pose_near(tracker.camera, points, &pixels, options, start)
+            let to = |matches: &[Match], points: &[Point3], start: Isometry| {
+                let pixels: Vec<Point2> = matches.iter().map(|m| m.pixel).collect();
+                pose_near(tracker.camera, &tracker.on(matches, points), &pixels, options, start)
             };
             let (shape, rest) = (tracker.expected(last), &tracker.template.mesh.positions);
-            let moved = to(&tracker.on(matches, shape), Isometry::identity())?.pose;
+            // A start need not come of all.
+            let few = matches.iter().step_by(matches.len().div_ceil(FEW)).copied();
+            let few: Vec<Match> = few.collect();
+            let moved = to(&few, shape, Isometry::identity())?.pose;
             let base = align_rigid_robust(&last.vertices, shape).unwrap_or_default();
-            let posed = to(&tracker.on(matches, rest), moved * base * last.pose)?;
+            let posed = to(matches, rest, moved * base * last.pose)?;
             Ok(tracker.near(last, shape, moved, posed, false))
         })
     }

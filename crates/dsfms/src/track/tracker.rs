@@ -1,6 +1,6 @@
 //! The state between frames, and one frame's way through find, follow and verdict.
 
-use super::flow::{correlation, follow};
+use super::flow::{correlation, follow, settle};
 use super::look::{Anchor, Look, Working, whole};
 use super::mips::Mips;
 use super::prepare::{Preparation, Prepared, View};
@@ -260,13 +260,21 @@ impl<'a> Tracker<'a> {
         let one = |a: &Anchor| -> Option<(f64, (Match, Vector2))> {
             let corners = faces[a.face as usize].map(|v| &start[v as usize]);
             let start = self.working.camera.project(&point_at(corners, a.barycentric))?.pixel;
-            let place = follow(render, frame, a.pixel, start)
-                .or_else(|| follow(render, frame, a.pixel, a.pixel))?;
-            whole(&view.seen.usable, place).then_some(())?;
-            let alike = correlation(&render.levels[0], a.pixel, &frame.levels[0], place)?;
+            let alike = |place: Point2| -> Option<(Point2, f64)> {
+                whole(&view.seen.usable, place).then_some(())?;
+                let alike = correlation(&render.levels[0], a.pixel, &frame.levels[0], place)?;
+                (alike >= self.options.correlation).then_some((place, alike))
+            };
+            // Mostly the last motion goes on; only where it does not must coarser levels tell.
+            let (place, alike) =
+                settle(render, frame, a.pixel, start).and_then(alike).or_else(|| {
+                    let place = follow(render, frame, a.pixel, start)
+                        .or_else(|| follow(render, frame, a.pixel, a.pixel));
+                    place.and_then(alike)
+                })?;
             let pixel = self.working.to_frame(place);
             let found = Match { face: a.face, barycentric: a.barycentric, pixel };
-            (alike >= self.options.correlation).then(|| (1.0 - alike, (found, place - a.pixel)))
+            Some((1.0 - alike, (found, place - a.pixel)))
         };
         let found: Vec<_> = last.look.anchors.par_iter().map(one).collect();
         let matches = alike_enough(found.into_iter().flatten().collect());
