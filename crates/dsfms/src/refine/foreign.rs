@@ -7,6 +7,7 @@
 
 use crate::geometry::centre_and_spread;
 use crate::image::{ColorImage, Mask};
+use rayon::prelude::*;
 
 /// Less than this fraction of the coloured part that the shape predicts, beside more white than colour, is
 /// something else.
@@ -37,9 +38,9 @@ pub(super) fn foreign(
     shade: &[f64],
     known: &[bool],
 ) -> Mask {
-    let part = |i: usize| Part::of(image.data[i], albedo.data[i], shade[i]);
-    let parts: Vec<Option<Part>> =
-        (0..known.len()).map(|i| if known[i] { part(i) } else { None }).collect();
+    let part =
+        |i: usize| known[i].then(|| Part::of(image.data[i], albedo.data[i], shade[i])).flatten();
+    let parts: Vec<Option<Part>> = (0..known.len()).into_par_iter().map(part).collect();
     let mut all: Vec<f64> = parts.iter().flatten().map(|p| p.coloured).collect();
     let (gain, spread) = centre_and_spread(&mut all);
     let strange = |part: &Option<Part>| {
