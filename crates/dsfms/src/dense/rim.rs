@@ -11,43 +11,47 @@ use rayon::prelude::*;
 /// Share of the frames that look at a place whose depth agrees with it, for full trust.
 const AGREEING: f64 = 0.2;
 /// Cosine to the sightline of the agreeing frame that faces a place most, for full trust.
-const FACING: f64 = 0.15;
+const FACING: f64 = 0.05;
 /// Steps of diffusion: trust is averaged over about half their root in edges.
 const STEPS: usize = 100;
 /// Trust that stays, averaged, none beyond the rim.
-const LEAST: f64 = 0.3;
+const LEAST: f64 = 0.2;
+/// Share of the neighbourhood whose front a frame must look at.
+const SEEN: f64 = 0.5;
 /// What a straight rim of full trust loses by that, in edges: it is given back.
-const LOST: usize = 3;
+const LOST: usize = 4;
+/// Bays of the rim narrower than twice this, in edges, stay filled.
+const BAY: usize = 6;
 
 /// Peel the rim. Expects one fan a vertex; leaves teeth.
 pub(super) fn peel(triangles: &mut Triangles, views: &[PosedFrame], maps: &[DepthMap]) {
     let normals = normals(triangles);
-    let trust: Vec<f64> = triangles
-        .positions
-        .par_iter()
-        .zip(&normals)
-        .map(|(p, n)| trust(views, maps, p, n))
-        .collect();
-    let doubtful: Vec<bool> = diffused(triangles, trust).iter().map(|&t| t < LEAST).collect();
+    let (trust, seen): (Vec<f64>, Vec<f64>) =
+        triangles.positions.par_iter().zip(&normals).map(|(p, n)| trust(views, maps, p, n)).unzip();
+    let trust = diffused(triangles, trust);
+    let seen = diffused(triangles, seen);
+    let doubtful: Vec<bool> =
+        trust.iter().zip(&seen).map(|(&t, &s)| t < LEAST || s < SEEN).collect();
     remove_from_rim(triangles, &doubtful);
 }
 
-/// Trust in a vertex, in `[0, 1]`.
-fn trust(views: &[PosedFrame], maps: &[DepthMap], point: &Point3, normal: &Vector3) -> f64 {
-    let (mut looking, mut agreeing, mut facing) = (0, 0, 0.0f64);
+/// Trust in a vertex, in `[0, 1]`, and 1 where a frame looks at its front, else 0.
+fn trust(views: &[PosedFrame], maps: &[DepthMap], point: &Point3, normal: &Vector3) -> (f64, f64) {
+    let (mut looking, mut agreeing, mut facing, mut seen) = (0, 0, 0.0f64, false);
     for (view, map) in views.iter().zip(maps) {
-        match says(view, map, point) {
-            Some(true) => {
-                let centre = view.pose.inverse_transform_point(&Point3::origin());
-                facing = facing.max(normal.dot(&(centre - point).normalize()));
-                (looking, agreeing) = (looking + 1, agreeing + 1);
-            }
-            Some(false) => looking += 1,
-            None => {}
+        let Some(agrees) = says(view, map, point) else { continue };
+        let centre = view.pose.inverse_transform_point(&Point3::origin());
+        let cosine = normal.dot(&(centre - point).normalize());
+        looking += 1;
+        seen |= cosine > 0.0;
+        if agrees {
+            facing = facing.max(cosine);
+            agreeing += 1;
         }
     }
     let share = agreeing as f64 / (AGREEING * looking.max(1) as f64);
-    share.min(1.0) * (facing / FACING).clamp(0.0, 1.0)
+    let trust = share.min(1.0) * (facing / FACING).clamp(0.0, 1.0);
+    (trust, f64::from(u8::from(seen)))
 }
 
 /// Whether a frame agrees with a surface at a point; `None` where it does not look or something lies
@@ -133,8 +137,10 @@ fn remove_from_rim(triangles: &mut Triangles, doubtful: &[bool]) {
     for face in triangles.faces.iter().filter(|face| !face.iter().any(|&v| gone[v as usize])) {
         face.iter().for_each(|&v| kept[v as usize] = true);
     }
-    let kept = grown(&triangles.faces, kept, LOST);
-    triangles.faces.retain(|face| face.iter().all(|&v| kept[v as usize]));
+    let kept = grown(&triangles.faces, kept, LOST + BAY);
+    let gone = kept.iter().map(|&kept| !kept).collect();
+    let gone = grown(&triangles.faces, gone, BAY);
+    triangles.faces.retain(|face| !face.iter().any(|&v| gone[v as usize]));
 }
 
 #[cfg(test)]
