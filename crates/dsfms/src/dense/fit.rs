@@ -13,10 +13,10 @@ use rayon::prelude::*;
 /// No neighbour.
 pub(super) const NONE: u32 = u32::MAX;
 /// Levels, each of half the resolution of the one before.
-const LEVELS: usize = 3;
+const LEVELS: usize = 4;
 /// Rounds, after each of which the bounds that hold are chosen again.
 const ROUNDS: usize = 2;
-/// Conjugate gradient steps a round.
+/// Conjugate gradient steps a round on the finest level; twice as many on every coarser one.
 const STEPS: usize = 25;
 /// Points a parallel task works on.
 const CHUNK: usize = 4096;
@@ -42,7 +42,7 @@ fn level(blocks: &[[i32; 3]], evidence: &[Evidence], smoothness: f32, levels: us
             .zip(&field)
             .map(|(e, &f)| if e.bound && f >= e.distance { 0.0 } else { e.weight })
             .collect();
-        grid.solve(&weight, evidence, &mut field);
+        grid.solve(&weight, evidence, &mut field, STEPS << (LEVELS - levels));
     }
     field
 }
@@ -142,7 +142,7 @@ struct Grid {
 
 impl Grid {
     /// Conjugate gradients on `(C + λ DᵀD) f = C d`, preconditioned by the diagonal.
-    fn solve(&self, weight: &[f32], evidence: &[Evidence], field: &mut [f32]) {
+    fn solve(&self, weight: &[f32], evidence: &[Evidence], field: &mut [f32], steps: usize) {
         let n = field.len();
         // Six of 1, one of 4 for each of three axes; a little more where differences are missing.
         let diagonal = |i: usize| weight[i] + 18.0 * self.smoothness;
@@ -155,7 +155,7 @@ impl Grid {
         let mut z = scaled(&residual);
         let mut direction = z.clone();
         let mut energy = dot(&residual, &z);
-        for _ in 0..STEPS {
+        for _ in 0..steps {
             applied = self.apply(weight, &direction);
             let curvature = dot(&direction, &applied);
             if !(energy > 0.0 && curvature > 0.0) {

