@@ -15,7 +15,7 @@ const FACING: f64 = 0.05;
 /// Steps of diffusion: trust is averaged over about half their root in edges.
 const STEPS: usize = 100;
 /// Trust that stays, averaged, none beyond the rim.
-const LEAST: f64 = 0.2;
+const LEAST: f64 = 0.15;
 /// Share of the neighbourhood whose front a frame must look at.
 const SEEN: f64 = 0.5;
 /// What a straight rim of full trust loses by that, in edges: it is given back.
@@ -140,11 +140,17 @@ fn remove_from_rim(triangles: &mut Triangles, doubtful: &[bool], front: &[bool])
     }
     let given_back = grown(&triangles.faces, kept.clone(), LOST);
     let all = kept.iter().zip(&given_back).zip(front);
-    let kept = all.map(|((&kept, &back), &front)| kept || back && front).collect();
-    let kept = grown(&triangles.faces, kept, BAY);
-    let gone = kept.iter().map(|&kept| !kept).collect();
-    let gone = grown(&triangles.faces, gone, BAY);
-    triangles.faces.retain(|face| !face.iter().any(|&v| gone[v as usize]));
+    let kept: Vec<bool> = all.map(|((&kept, &back), &front)| kept || back && front).collect();
+    let kept = without_bays(&triangles.faces, kept, &rim);
+    triangles.faces.retain(|face| face.iter().all(|&v| kept[v as usize]));
+}
+
+/// The kept vertices and the bays between them (a morphological closing).
+fn without_bays(faces: &[[u32; 3]], kept: Vec<bool>, rim: &[[u32; 2]]) -> Vec<bool> {
+    let mut open: Vec<bool> = grown(faces, kept.clone(), BAY).iter().map(|&k| !k).collect();
+    rim.iter().flatten().for_each(|&v| open[v as usize] |= !kept[v as usize]);
+    let open = grown(faces, open, BAY);
+    kept.iter().zip(&open).map(|(&kept, &open)| kept || !open).collect()
 }
 
 #[cfg(test)]
