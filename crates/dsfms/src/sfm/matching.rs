@@ -80,6 +80,7 @@ impl TwoBest {
     /// Of equal products the first stays the largest, and the other is the second largest.
     #[inline]
     fn offer(&mut self, index: u32, values: &[f32; LANES]) {
+        #[allow(clippy::needless_range_loop)] // One lane of every array.
         for l in 0..LANES {
             let (v, best) = (values[l], self.best[l]);
             let less = if v > best { best } else { v };
