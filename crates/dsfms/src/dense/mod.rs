@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! posed frames ─► depth_maps ─► surface
-//!                 one a frame   truncated signed distances ─► tetrahedra ─► mesh
+//!                 one a frame   truncated signed distances ─► smooth field ─► tetrahedra ─► mesh
 //! ```
 //!
 //! The light moves with the camera and highlights move over the tissue, so images are compared by
@@ -16,10 +16,12 @@ mod clean;
 mod consistency;
 mod error;
 mod exchange;
+mod fit;
 mod handles;
 mod holes;
 mod lanes;
 mod neighbours;
+mod observe;
 mod options;
 mod patchmatch;
 mod plane;

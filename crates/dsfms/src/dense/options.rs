@@ -38,6 +38,9 @@ pub struct DenseOptions {
     pub target_vertices: usize,
     /// Edge of that grid, length units; overrides `target_vertices`.
     pub voxel: Option<f64>,
+    /// Stiffness of the field of signed distances: what is trusted with `c` is smoothed over about
+    /// `2π (smoothness / c)^¼` edges of the grid.
+    pub smoothness: f64,
     /// Trust (sum over frames of `confidence`) a piece of surface needs, for every frame there is:
     /// the more frames, the more of them agree by chance.
     pub min_support: f64,
@@ -70,6 +73,7 @@ impl Default for DenseOptions {
             fill_px: 12,
             target_vertices: 60_000,
             voxel: None,
+            smoothness: 1.0,
             min_support: 0.003,
             max_hole_edges: 250,
             smoothing: 40,
@@ -82,7 +86,7 @@ impl Default for DenseOptions {
 impl DenseOptions {
     /// Check every field against its bounds.
     pub fn validate(&self) -> Result<(), DenseError> {
-        let checks: [(&'static str, &'static str, f64, bool); 13] = [
+        let checks: [(&'static str, &'static str, f64, bool); 14] = [
             ("max_frames", "at least 2", self.max_frames as f64, self.max_frames >= 2),
             ("max_pixels", "at least 1000", self.max_pixels as f64, self.max_pixels >= 1000),
             (
@@ -130,6 +134,7 @@ impl DenseOptions {
                 self.voxel.unwrap_or(1.0),
                 self.voxel.unwrap_or(1.0) > 0.0 && self.voxel.unwrap_or(1.0).is_finite(),
             ),
+            ("smoothness", "positive", self.smoothness, self.smoothness > 0.0),
             ("min_support", "positive", self.min_support, self.min_support > 0.0),
         ];
         match checks.into_iter().find(|c| !c.3) {

@@ -11,43 +11,48 @@ use rayon::prelude::*;
 /// Share of the frames that look at a place whose depth agrees with it, for full trust.
 const AGREEING: f64 = 0.2;
 /// Cosine to the sightline of the agreeing frame that faces a place most, for full trust.
-const FACING: f64 = 0.15;
+const FACING: f64 = 0.05;
 /// Steps of diffusion: trust is averaged over about half their root in edges.
 const STEPS: usize = 100;
 /// Trust that stays, averaged, none beyond the rim.
-const LEAST: f64 = 0.3;
+const LEAST: f64 = 0.15;
+/// Share of the neighbourhood whose front a frame must look at.
+const SEEN: f64 = 0.5;
 /// What a straight rim of full trust loses by that, in edges: it is given back.
-const LOST: usize = 3;
+const LOST: usize = 4;
+/// Bays of the rim narrower than twice this, in edges, stay filled.
+const BAY: usize = 6;
 
 /// Peel the rim. Expects one fan a vertex; leaves teeth.
 pub(super) fn peel(triangles: &mut Triangles, views: &[PosedFrame], maps: &[DepthMap]) {
     let normals = normals(triangles);
-    let trust: Vec<f64> = triangles
-        .positions
-        .par_iter()
-        .zip(&normals)
-        .map(|(p, n)| trust(views, maps, p, n))
-        .collect();
-    let doubtful: Vec<bool> = diffused(triangles, trust).iter().map(|&t| t < LEAST).collect();
-    remove_from_rim(triangles, &doubtful);
+    let (trust, seen): (Vec<f64>, Vec<f64>) =
+        triangles.positions.par_iter().zip(&normals).map(|(p, n)| trust(views, maps, p, n)).unzip();
+    let trust = diffused(triangles, trust);
+    let front: Vec<bool> = seen.iter().map(|&s| s > 0.0).collect();
+    let seen = diffused(triangles, seen);
+    let doubtful: Vec<bool> =
+        trust.iter().zip(&seen).map(|(&t, &s)| t < LEAST || s < SEEN).collect();
+    remove_from_rim(triangles, &doubtful, &front);
 }
 
-/// Trust in a vertex, in `[0, 1]`.
-fn trust(views: &[PosedFrame], maps: &[DepthMap], point: &Point3, normal: &Vector3) -> f64 {
-    let (mut looking, mut agreeing, mut facing) = (0, 0, 0.0f64);
+/// Trust in a vertex, in `[0, 1]`, and 1 where a frame looks at its front, else 0.
+fn trust(views: &[PosedFrame], maps: &[DepthMap], point: &Point3, normal: &Vector3) -> (f64, f64) {
+    let (mut looking, mut agreeing, mut facing, mut seen) = (0, 0, 0.0f64, false);
     for (view, map) in views.iter().zip(maps) {
-        match says(view, map, point) {
-            Some(true) => {
-                let centre = view.pose.inverse_transform_point(&Point3::origin());
-                facing = facing.max(normal.dot(&(centre - point).normalize()));
-                (looking, agreeing) = (looking + 1, agreeing + 1);
-            }
-            Some(false) => looking += 1,
-            None => {}
+        let Some(agrees) = says(view, map, point) else { continue };
+        let centre = view.pose.inverse_transform_point(&Point3::origin());
+        let cosine = normal.dot(&(centre - point).normalize());
+        looking += 1;
+        seen |= cosine > 0.0;
+        if agrees {
+            facing = facing.max(cosine);
+            agreeing += 1;
         }
     }
     let share = agreeing as f64 / (AGREEING * looking.max(1) as f64);
-    share.min(1.0) * (facing / FACING).clamp(0.0, 1.0)
+    let trust = share.min(1.0) * (facing / FACING).clamp(0.0, 1.0);
+    (trust, f64::from(u8::from(seen)))
 }
 
 /// Whether a frame agrees with a surface at a point; `None` where it does not look or something lies
@@ -111,8 +116,8 @@ fn diffused(triangles: &Triangles, mut value: Vec<f64>) -> Vec<f64> {
 }
 
 /// Take away the faces at doubtful vertices that connect over such vertices to the rim: doubt amid the
-/// surface makes no hole.
-fn remove_from_rim(triangles: &mut Triangles, doubtful: &[bool]) {
+/// surface makes no hole. What is given back is only what a frame looks at from the front.
+fn remove_from_rim(triangles: &mut Triangles, doubtful: &[bool], front: &[bool]) {
     let mut gone = vec![false; doubtful.len()];
     let rim = boundary_edges(&triangles.faces);
     rim.iter().flatten().for_each(|&v| gone[v as usize] = doubtful[v as usize]);
@@ -133,8 +138,19 @@ fn remove_from_rim(triangles: &mut Triangles, doubtful: &[bool]) {
     for face in triangles.faces.iter().filter(|face| !face.iter().any(|&v| gone[v as usize])) {
         face.iter().for_each(|&v| kept[v as usize] = true);
     }
-    let kept = grown(&triangles.faces, kept, LOST);
+    let given_back = grown(&triangles.faces, kept.clone(), LOST);
+    let all = kept.iter().zip(&given_back).zip(front);
+    let kept: Vec<bool> = all.map(|((&kept, &back), &front)| kept || back && front).collect();
+    let kept = without_bays(&triangles.faces, kept, &rim);
     triangles.faces.retain(|face| face.iter().all(|&v| kept[v as usize]));
+}
+
+/// The kept vertices and the bays between them (a morphological closing).
+fn without_bays(faces: &[[u32; 3]], kept: Vec<bool>, rim: &[[u32; 2]]) -> Vec<bool> {
+    let mut open: Vec<bool> = grown(faces, kept.clone(), BAY).iter().map(|&k| !k).collect();
+    rim.iter().flatten().for_each(|&v| open[v as usize] |= !kept[v as usize]);
+    let open = grown(faces, open, BAY);
+    kept.iter().zip(&open).map(|(&kept, &open)| kept || !open).collect()
 }
 
 #[cfg(test)]
@@ -161,10 +177,11 @@ mod tests {
     fn a_spike_goes_and_the_sheet_loses_little() {
         let mut sheet = sheet();
         let trust = vec![1.0; sheet.positions.len()];
+        let seen = vec![true; trust.len()];
         let doubtful: Vec<bool> = diffused(&sheet, trust).iter().map(|&t| t < LEAST).collect();
-        remove_from_rim(&mut sheet, &doubtful);
+        remove_from_rim(&mut sheet, &doubtful, &seen);
         let reach = sheet.faces.iter().flatten().map(|v| v % 61).max();
-        assert!(reach.is_some_and(|x| (36..42).contains(&x)), "{reach:?}");
+        assert!(reach.is_some_and(|x| (36..44).contains(&x)), "{reach:?}");
         assert!(sheet.faces.len() > 2 * 34 * 24, "{}", sheet.faces.len());
     }
 
@@ -172,17 +189,18 @@ mod tests {
     fn doubt_amid_the_surface_makes_no_hole() {
         let mut sheet = sheet();
         let mut doubtful = vec![false; sheet.positions.len()];
+        let seen = vec![true; doubtful.len()];
         for (x, y) in (10..14).flat_map(|x| (10..14).map(move |y| (x, y))) {
             doubtful[y * 61 + x] = true;
         }
         let before = sheet.faces.len();
-        remove_from_rim(&mut sheet, &doubtful);
+        remove_from_rim(&mut sheet, &doubtful, &seen);
         assert_eq!(sheet.faces.len(), before);
         // A bay that is open to the rim is peeled.
-        for (x, y) in (8..24).flat_map(|x| (0..14).map(move |y| (x, y))) {
+        for (x, y) in (4..34).flat_map(|x| (0..24).map(move |y| (x, y))) {
             doubtful[y * 61 + x] = true;
         }
-        remove_from_rim(&mut sheet, &doubtful);
+        remove_from_rim(&mut sheet, &doubtful, &seen);
         assert!(sheet.faces.len() < before);
     }
 }

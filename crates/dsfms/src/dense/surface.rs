@@ -2,7 +2,7 @@
 
 use super::tetrahedra::{Triangles, extract};
 use super::volume::Volume;
-use super::{DenseError, DenseOptions, DepthMap, PosedFrame, clean, handles, holes, rim};
+use super::{DenseError, DenseOptions, DepthMap, PosedFrame, clean, fit, handles, holes, rim};
 use crate::geometry::Point3;
 use crate::mesh::{Mesh, Topology};
 use rayon::prelude::*;
@@ -61,7 +61,9 @@ fn without_handles(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptio
     let mut options = options.clone();
     let mut best: Option<(usize, Triangles)> = None;
     for _ in 0..COARSER {
-        let volume = Volume::fuse(views, maps, &options);
+        let mut volume = Volume::fuse(views, maps, &options);
+        fit::run(&mut volume, options.smoothness as f32);
+        volume.spread_support(least, BEYOND);
         let mut triangles = extract(&volume, least);
         let coarser = volume.voxel * std::f64::consts::SQRT_2;
         drop(volume);
@@ -80,6 +82,8 @@ fn without_handles(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptio
     best.map(|(_, triangles)| triangles).unwrap_or_default()
 }
 
+/// How far, in edges, the surface goes on beyond what depth supports, for the rim to be chosen from.
+const BEYOND: usize = 6;
 /// Grids tried, at most: each has edges longer by √2 than the one before.
 const COARSER: usize = 5;
 

@@ -86,11 +86,17 @@ fn reconstruct(threads: usize) -> DenseSurface {
 #[test]
 fn a_bump_comes_back_the_same_at_any_thread_count() {
     let one = reconstruct(1);
-    let errors: Vec<f64> =
-        one.mesh.positions.iter().map(|p| (p.z - height(p.x, p.y)).abs()).collect();
-    let rms = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
-    // 0.55 mm a pixel at this distance.
-    assert!(rms < 0.25, "rms {rms} mm over {} vertices", errors.len());
+    let rms = |supported: bool| {
+        let vertices = one.mesh.positions.iter().zip(&one.support);
+        let errors: Vec<f64> = vertices
+            .filter(|(_, s)| s.frames > 0 || !supported)
+            .map(|(p, _)| (p.z - height(p.x, p.y)).powi(2))
+            .collect();
+        (errors.iter().sum::<f64>() / errors.len() as f64).sqrt()
+    };
+    // 0.55 mm a pixel at this distance; the rim goes on a little beyond what depth supports.
+    assert!(rms(true) < 0.2, "rms {} mm", rms(true));
+    assert!(rms(false) < 0.4, "rms {} mm", rms(false));
     let area: f64 = one.mesh.face_areas().iter().sum();
     assert!(area > 800.0, "area {area} mm²");
     let towards: usize = (0..one.mesh.topology.faces.len())

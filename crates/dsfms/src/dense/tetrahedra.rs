@@ -125,8 +125,13 @@ mod tests {
         let blocks: Vec<[i32; 3]> =
             (0..64).map(|i| [i / 16 - 2, i / 4 % 4 - 2, i % 4 - 2]).collect();
         let n = blocks.len() * BLOCK;
-        let mut volume =
-            Volume { voxel: 1.0, blocks, distance: vec![0.0; n], support: vec![1.0; n] };
+        let mut volume = Volume {
+            voxel: 1.0,
+            blocks,
+            distance: vec![0.0; n],
+            support: vec![1.0; n],
+            evidence: Vec::new(),
+        };
         for i in 0..n {
             let p = volume.position(i / BLOCK, i % BLOCK);
             volume.distance[i] = (p.coords.norm() - r) as f32;

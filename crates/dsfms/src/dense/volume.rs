@@ -4,10 +4,9 @@
 //! within the truncation distance of its plane, and, with less weight, about the free space before
 //! it; never about what lies behind.
 
-use super::{DenseOptions, DepthMap, PosedFrame};
-use crate::camera::Camera;
+use super::observe::{Evidence, View, average};
+use super::{DenseOptions, DepthMap, PosedFrame, fit};
 use crate::geometry::{Point3, median};
-use crate::image::Mask;
 use rayon::prelude::*;
 
 /// Grid points along the edge of a block.
@@ -16,17 +15,8 @@ pub(super) const EDGE: usize = 8;
 pub(super) const BLOCK: usize = EDGE * EDGE * EDGE;
 /// Truncation distance in grid edges.
 const TRUNCATION: f64 = 3.0;
-/// Weight of free space against that of the surface itself.
-const FREE_SPACE: f64 = 0.2;
-/// A pixel says nothing about points farther behind it than this many truncation distances, however
-/// grazing its plane.
-const MAX_BEHIND: f64 = 4.0;
-/// Distances that differ by no more, in truncation distances, are of one surface.
-const SAME_LAYER: f64 = 0.5;
 /// Depth pixels (every second along rows and columns) of a cell that counts as surface.
 const FILLED_CELL: usize = 9;
-/// Organ masks are widened by this fraction of the image width before they carve.
-const MASK_MARGIN: f64 = 0.006;
 
 /// The grid: world position of grid point `g` of block `b` is `voxel * (8 b + g)`.
 pub(super) struct Volume {
@@ -37,18 +27,21 @@ pub(super) struct Volume {
     pub distance: Vec<f32>,
     /// Trust of the frames that see a surface here, summed.
     pub support: Vec<f32>,
+    /// What the frames say of the distance.
+    pub evidence: Vec<Evidence>,
 }
 
 impl Volume {
-    /// Allocate around the depth maps and average them.
+    /// Allocate around the depth maps and average them; the distances are those of the evidence.
     pub fn fuse(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptions) -> Self {
         let voxel = options.voxel.unwrap_or_else(|| voxel_edge(maps, options.target_vertices));
-        let blocks = allocate(maps, voxel);
+        let blocks = widened(&allocate(maps, voxel));
         let lenses: Vec<View> = views.iter().zip(maps).map(|(v, m)| View::new(v, m)).collect();
         let mut volume = Self {
             voxel,
             distance: vec![0.0; blocks.len() * BLOCK],
             support: vec![0.0; blocks.len() * BLOCK],
+            evidence: vec![Evidence::default(); blocks.len() * BLOCK],
             blocks,
         };
         let blocks = &volume.blocks;
@@ -56,14 +49,40 @@ impl Volume {
             .distance
             .par_chunks_mut(BLOCK)
             .zip(volume.support.par_chunks_mut(BLOCK))
+            .zip(volume.evidence.par_chunks_mut(BLOCK))
             .enumerate()
-            .for_each_init(Vec::new, |seen, (b, (distance, support))| {
+            .for_each_init(Vec::new, |seen, (b, ((distance, support), evidence))| {
                 for g in 0..BLOCK {
                     let point = position(voxel, &blocks[b], g);
-                    (distance[g], support[g]) = average(&lenses, &point, TRUNCATION * voxel, seen);
+                    (evidence[g], support[g]) = average(&lenses, &point, TRUNCATION * voxel, seen);
+                    distance[g] = evidence[g].distance;
                 }
             });
         volume
+    }
+
+    /// Count what lies within `reach` edges of points of at least `least` support near the zero level
+    /// as supported.
+    pub fn spread_support(&mut self, least: f32, reach: usize) {
+        /// Of the truncation distance.
+        const NEAR: f32 = 0.67;
+        let around = fit::neighbours(&self.blocks);
+        let mut front: Vec<u32> = (0..self.support.len())
+            .filter(|&i| self.support[i] >= least && self.distance[i].abs() < NEAR)
+            .map(|i| i as u32)
+            .collect();
+        let mut known = vec![false; self.support.len()];
+        front.iter().for_each(|&i| known[i as usize] = true);
+        for _ in 0..reach {
+            let mut next = Vec::new();
+            for &n in front.iter().flat_map(|&i| &around[i as usize]) {
+                if n != fit::NONE && !std::mem::replace(&mut known[n as usize], true) {
+                    self.support[n as usize] = self.support[n as usize].max(least);
+                    next.push(n);
+                }
+            }
+            front = next;
+        }
     }
 
     /// Index of a block.
@@ -153,164 +172,14 @@ fn allocate(maps: &[DepthMap], voxel: f64) -> Vec<[i32; 3]> {
     blocks
 }
 
-/// A depth map with the outline that carves.
-struct View<'a> {
-    map: &'a DepthMap,
-    posed: &'a PosedFrame<'a>,
-    organ: Option<Mask>,
-}
-
-impl<'a> View<'a> {
-    fn new(posed: &'a PosedFrame<'a>, map: &'a DepthMap) -> Self {
-        let margin = (MASK_MARGIN * posed.camera.size[0] as f64).round() as usize + 1;
-        Self { map, posed, organ: posed.organ.map(|m| widened(m, margin)) }
-    }
-
-    /// `true` where the point projects on usable pixels outside the organ.
-    fn excludes(&self, point: &Point3) -> bool {
-        let Some(organ) = &self.organ else { return false };
-        let Some(hit) = self.posed.camera.project(&(self.posed.pose * point)) else { return false };
-        let [w, h] = self.posed.camera.size.map(|s| s as f64 - 1.0);
-        let p = hit.pixel;
-        let inside = p.x >= 0.0 && p.y >= 0.0 && p.x <= w && p.y <= h;
-        inside && self.posed.valid.is_none_or(|m| m.at_pixel(&p)) && !organ.at_pixel(&p)
-    }
-
-    /// What the frame says of a point; `None` where it sees no depth or something in front of it.
-    fn observe(&self, point: &Point3, truncation: f64) -> Option<Observation> {
-        let m = self.map;
-        let p = m.pose * point;
-        if p.z <= 0.0 {
-            return None;
-        }
-        let [w, h] = m.camera.size;
-        let u = m.camera.focal[0] * p.x / p.z + m.camera.centre[0];
-        let v = m.camera.focal[1] * p.y / p.z + m.camera.centre[1];
-        if !(u >= -0.5 && v >= -0.5 && u < w as f64 - 0.5 && v < h as f64 - 0.5) {
-            return None;
-        }
-        let mut sum = Observation::default();
-        let mut share = 0.0;
-        for (i, j) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
-            let (x, y) = (u.floor() + i, v.floor() + j);
-            if x < 0.0 || y < 0.0 || x >= w as f64 || y >= h as f64 {
-                continue;
-            }
-            let bilinear = (1.0 - (u - x).abs()) * (1.0 - (v - y).abs());
-            let pixel = y as usize * w + x as usize;
-            if m.depth[pixel] > 0.0 {
-                sum.add(bilinear, tangent_plane(m, pixel, [x, y], &p));
-                share += bilinear;
-            }
-        }
-        (share >= 0.25).then(|| sum.truncated(share, truncation)).flatten()
-    }
-}
-
-/// Signed distance from the plane of a pixel, its weight in the mean, and trust that a surface is
-/// there.
-#[derive(Clone, Copy, Default)]
-struct Observation {
-    distance: f64,
-    weight: f64,
-    support: f64,
-    /// How far the point lies behind the pixel's surface along the optical axis.
-    behind: f64,
-}
-
-impl Observation {
-    fn add(&mut self, share: f64, other: Self) {
-        self.distance += share * other.distance;
-        self.weight += share * other.weight;
-        self.support += share * other.support;
-        self.behind += share * other.behind;
-    }
-
-    /// Divide by the share of pixels that had depth; `None` for points hidden by the surface.
-    fn truncated(self, share: f64, truncation: f64) -> Option<Self> {
-        let [distance, weight, support, behind] =
-            [self.distance, self.weight, self.support, self.behind].map(|v| v / share);
-        let distance = distance / truncation;
-        if distance < -1.0 || behind > MAX_BEHIND * truncation {
-            return None;
-        }
-        if distance > 1.0 {
-            return Some(Self { distance: 1.0, weight: FREE_SPACE * weight, support: 0.0, behind });
-        }
-        Some(Self { distance, weight, support, behind })
-    }
-}
-
-/// A point (camera axes) against the plane of pixel `i`: what is seen at a grazing angle weighs less.
-fn tangent_plane(m: &DepthMap, i: usize, [x, y]: [f64; 2], p: &Point3) -> Observation {
-    let z = m.depth[i] as f64;
-    let on = [
-        (x - m.camera.centre[0]) / m.camera.focal[0] * z,
-        (y - m.camera.centre[1]) / m.camera.focal[1] * z,
-        z,
-    ];
-    let n = m.normal[i].map(|c| c as f64);
-    let distance = n[0] * (p.x - on[0]) + n[1] * (p.y - on[1]) + n[2] * (p.z - on[2]);
-    let length = (on[0] * on[0] + on[1] * on[1] + on[2] * on[2]).sqrt();
-    let facing = -(n[0] * on[0] + n[1] * on[1] + n[2] * on[2]) / length;
-    let support = m.confidence[i] as f64;
-    Observation { distance, weight: support * facing * facing, support, behind: p.z - z }
-}
-
-/// Signed distance over the frames and their support; none where the point is not organ. `seen` is
-/// room for what the frames say.
-fn average(
-    views: &[View],
-    point: &Point3,
-    truncation: f64,
-    seen: &mut Vec<Observation>,
-) -> (f32, f32) {
-    seen.clear();
-    seen.extend(views.iter().filter_map(|v| v.observe(point, truncation)));
-    let support: f64 = seen.iter().map(|s| s.support).sum();
-    let Some(distance) = robust_distance(seen) else { return (1.0, 0.0) };
-    let against = views.iter().filter(|v| v.excludes(point)).count();
-    // One outline may be wrong; of few frames each counts.
-    if against >= 2 || against == 1 && views.len() <= 4 {
-        return (1.0, 0.0);
-    }
-    (distance as f32, support as f32)
-}
-
-/// Weighted mean of the distances within [`SAME_LAYER`] of their weighted median: a depth map that is
-/// wrong here must not shift the others. Sorts the observations.
-fn robust_distance(seen: &mut Vec<Observation>) -> Option<f64> {
-    seen.retain(|s| s.weight > 0.0);
-    seen.sort_unstable_by(|a, b| {
-        a.distance.total_cmp(&b.distance).then(a.weight.total_cmp(&b.weight))
-    });
-    let half = 0.5 * seen.iter().map(|s| s.weight).sum::<f64>();
-    let mut passed = 0.0;
-    let median = seen.iter().find(|s| {
-        passed += s.weight;
-        passed >= half
-    })?;
-    let median = median.distance;
-    let near = seen.iter().filter(|s| (s.distance - median).abs() <= SAME_LAYER);
-    let (sum, weight) =
-        near.fold((0.0, 0.0), |(sum, weight), s| (sum + s.weight * s.distance, weight + s.weight));
-    (weight > 0.0).then(|| sum / weight)
-}
-
-/// The mask with everything within `radius` px (a square) added.
-fn widened(mask: &Mask, radius: usize) -> Mask {
-    let [w, h] = mask.size;
-    let rows: Vec<bool> = (0..w * h)
-        .map(|i| {
-            let (x, y) = (i % w, i / w);
-            (x.saturating_sub(radius)..(x + radius + 1).min(w)).any(|x| mask.at(x, y))
-        })
-        .collect();
-    let data = (0..w * h)
-        .map(|i| {
-            let (x, y) = (i % w, i / w);
-            (y.saturating_sub(radius)..(y + radius + 1).min(h)).any(|y| rows[y * w + x])
-        })
-        .collect();
-    Mask { size: mask.size, data }
+/// The blocks and all beside them, where the field may go on.
+fn widened(blocks: &[[i32; 3]]) -> Vec<[i32; 3]> {
+    let beside = |b: &[i32; 3]| {
+        let [x, y, z] = *b;
+        (0..27).map(move |i| [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1])
+    };
+    let mut all: Vec<[i32; 3]> = blocks.iter().flat_map(beside).collect();
+    all.par_sort_unstable();
+    all.dedup();
+    all
 }

@@ -31,6 +31,10 @@ impl Features2d {
     }
 }
 
+/// Strongest keypoints described before masks are looked at, over those that are kept, where the masks
+/// leave all.
+const PLENTY: f64 = 1.5;
+
 /// Detect and describe the keypoints of a frame, strongest first, at most `max_features`.
 ///
 /// `mask`: `true` = valid; keypoints outside are dropped. Saturated pixels and their
@@ -43,11 +47,22 @@ pub fn detect(frame: &Frame, mask: Option<&Mask>, options: &SfmOptions) -> Featu
     };
     let blocked =
         (!options.keep_saturated).then(|| saturation(frame).dilate(options.saturation_margin_px));
-    let mut keypoints = kornia::sift(&equalised, options.contrast_threshold);
-    keypoints.retain(|k| {
+    let usable = |k: &kornia::Keypoint| {
         mask.is_none_or(|m| m.at_pixel(&k.point))
             && blocked.as_ref().is_none_or(|m| !m.at_pixel(&k.point))
-    });
+    };
+    let strongest = |most: usize| {
+        let found = kornia::sift(&equalised, options.contrast_threshold, most);
+        let all = found.len() < most;
+        (found.into_iter().filter(usable).collect::<Vec<_>>(), all)
+    };
+    // Describing costs as much as detecting: only where the masks leave too few are the others.
+    let coverage = mask.map_or(1.0, Mask::coverage).max(0.01);
+    let plenty = (PLENTY * options.max_features as f64 / coverage) as usize;
+    let (mut keypoints, all) = strongest(plenty);
+    if keypoints.len() < options.max_features && !all {
+        keypoints = strongest(usize::MAX).0;
+    }
     // Stable: equal responses keep the detector's order.
     keypoints.sort_by(|a, b| b.response.total_cmp(&a.response));
     keypoints.truncate(options.max_features);

@@ -40,18 +40,20 @@ pub fn match_guided(a: &GuidedView, b: &GuidedView, limits: &GuidedLimits) -> Ve
     let e = essential_matrix(&b_from_a) / baseline;
     let empty = (u32::MAX, f32::MIN, f32::MIN);
     let (mut forward, mut backward) = (vec![empty; a.rays.len()], vec![empty; b.rays.len()]);
+    let bundles: Vec<Bundle> = b.rays.chunks(LANES).map(Bundle::new).collect();
     for (i, ray) in a.rays.iter().enumerate() {
         let Some(ray) = ray else { continue };
         let Some(window) = Window::new(&b_from_a, ray, &(e * ray), limits) else { continue };
         let row = a.descriptors.row(i);
-        for (j, other) in b.rays.iter().enumerate() {
-            let Some(other) = other else { continue };
-            if !window.contains(other) {
-                continue;
+        for (k, bundle) in bundles.iter().enumerate() {
+            let mut inside = window.contains(bundle);
+            while inside != 0 {
+                let j = k * LANES + inside.trailing_zeros() as usize;
+                inside &= inside - 1;
+                let dot = dot(row, b.descriptors.row(j));
+                offer(&mut forward[i], j as u32, dot);
+                offer(&mut backward[j], i as u32, dot);
             }
-            let dot = dot(row, b.descriptors.row(j));
-            offer(&mut forward[i], j as u32, dot);
-            offer(&mut backward[j], i as u32, dot);
         }
     }
     let clear = |c: &(u32, f32, f32)| distance(c.1) < limits.ratio * distance(c.2);
@@ -92,6 +94,20 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
     sums.iter().sum()
 }
 
+/// Sightlines looked at together.
+const LANES: usize = 16;
+
+/// Sightlines by coordinate; not a number where there is none.
+struct Bundle([[f64; LANES]; 3]);
+
+impl Bundle {
+    fn new(rays: &[Option<Vector3>]) -> Self {
+        let ray = |l: usize| rays.get(l).copied().flatten();
+        let axis = |k: usize| std::array::from_fn(|l| ray(l).map_or(f64::NAN, |ray| ray[k]));
+        Self([axis(0), axis(1), axis(2)])
+    }
+}
+
 /// The part of the second view in which the first view's sightline can appear: near the epipolar
 /// plane, between the directions of the nearest and the farthest point.
 struct Window {
@@ -123,8 +139,20 @@ impl Window {
         })
     }
 
-    fn contains(&self, ray: &Vector3) -> bool {
-        self.normal.dot(ray).abs() <= self.sine && self.middle.dot(ray) >= self.cosine
+    /// Which sightlines of the bundle lie in it, one bit each.
+    #[inline]
+    fn contains(&self, Bundle([x, y, z]): &Bundle) -> u32 {
+        let (n, m) = (&self.normal, &self.middle);
+        let mut inside = [false; LANES];
+        for l in 0..LANES {
+            let across = n.x * x[l] + n.y * y[l] + n.z * z[l];
+            let along = m.x * x[l] + m.y * y[l] + m.z * z[l];
+            inside[l] = (across.abs() <= self.sine) & (along >= self.cosine);
+        }
+        if !inside.iter().fold(false, |any, &one| any | one) {
+            return 0;
+        }
+        (0..LANES).fold(0, |bits, l| bits | u32::from(inside[l]) << l)
     }
 }
 

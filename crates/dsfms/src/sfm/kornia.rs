@@ -48,12 +48,13 @@ pub fn equalise(grey: &Plane, clip: f64, tiles: usize) -> Plane {
 }
 
 /// SIFT keypoints of a grey image in `[0, 1]`, the image doubled first; in kornia's order (by x,
-/// then y), the same at any thread count. Empty for an image that is too small.
-pub fn sift(grey: &Plane, contrast_threshold: f64) -> Vec<Keypoint> {
+/// then y), the same at any thread count; of more than `most` the strongest (and all that tie with the
+/// last of them). Empty for an image that is too small.
+pub fn sift(grey: &Plane, contrast_threshold: f64, most: usize) -> Vec<Keypoint> {
     /// Half a pixel of the doubled image, in pixels of the original.
     const UPSAMPLING_SHIFT: f64 = 0.25;
     let source: Vec<f32> = grey.data.iter().map(|v| v * 255.0).collect();
-    let config = SiftConfig { contrast_threshold, ..Default::default() };
+    let config = SiftConfig { contrast_threshold, n_features: most, ..Default::default() };
     let [w, h] = grey.size;
     let mut workspace = SiftWorkspace::new();
     let found = sift_detect_and_compute(
@@ -64,7 +65,8 @@ pub fn sift(grey: &Plane, contrast_threshold: f64) -> Vec<Keypoint> {
         &config,
         FirstOctave::Double,
         usize::MAX,
-        false,
+        // Rows summed by symmetric pairs: half the work, rounded otherwise than OpenCV does.
+        true,
     );
     let Ok(found) = found else { return Vec::new() };
     let (descriptors, _) = found.descriptors.as_chunks::<128>();
@@ -106,7 +108,7 @@ mod tests {
             (0.2 + 0.6 * (-(x * x + y * y) / (2.0 * 9.0)).exp()) as f32
         };
         let plane = Plane { size, data: (0..64 * 48).map(value).collect() };
-        let best = sift(&plane, 0.01)
+        let best = sift(&plane, 0.01, 1000)
             .into_iter()
             .min_by(|a, b| {
                 let d = |k: &Keypoint| (k.point - Point2::new(cx, cy)).norm();

@@ -62,18 +62,58 @@ pub(super) fn distance(dot: f32) -> f32 {
     (2.0 - 2.0 * dot.min(1.0)).max(0.0).sqrt()
 }
 
-/// Nearest and second nearest column of one row: `(index, product)` and the second's product.
-fn two_best(row: &[f32]) -> (usize, f32, f32) {
-    let (mut index, mut best, mut second) = (0, f32::MIN, f32::MIN);
-    for (j, &v) in row.iter().enumerate() {
-        if v > second {
-            if v > best {
-                (index, second, best) = (j, best, v);
-            } else {
-                second = v;
-            }
+/// Rows or columns compared at once: fixed-size arrays that the compiler turns into registers.
+const LANES: usize = 16;
+
+/// Largest and second largest product so far, and where the largest is, of [`LANES`] rows or columns.
+#[derive(Clone, Copy)]
+struct TwoBest {
+    index: [u32; LANES],
+    best: [f32; LANES],
+    second: [f32; LANES],
+}
+
+impl TwoBest {
+    const EMPTY: Self =
+        Self { index: [0; LANES], best: [f32::MIN; LANES], second: [f32::MIN; LANES] };
+
+    /// Of equal products the first stays the largest, and the other is the second largest.
+    #[inline]
+    fn offer(&mut self, index: u32, values: &[f32; LANES]) {
+        #[allow(clippy::needless_range_loop)] // One lane of every array.
+        for l in 0..LANES {
+            let (v, best) = (values[l], self.best[l]);
+            let less = if v > best { best } else { v };
+            self.second[l] = if less > self.second[l] { less } else { self.second[l] };
+            self.index[l] = if v > best { index } else { self.index[l] };
+            self.best[l] = if v > best { v } else { best };
         }
     }
+
+    fn at(&self, l: usize) -> (usize, f32, f32) {
+        (self.index[l] as usize, self.best[l], self.second[l])
+    }
+}
+
+/// Nearest and second nearest column of one row: `(index, product)` and the second's product.
+fn two_best(row: &[f32]) -> (usize, f32, f32) {
+    let (blocks, rest) = row.as_chunks::<LANES>();
+    let mut lanes = TwoBest::EMPTY;
+    (0..).zip(blocks).for_each(|(block, values)| lanes.offer(block, values));
+    let (mut index, mut best, mut second) = (usize::MAX, f32::MIN, f32::MIN);
+    let mut join = |i: usize, v: f32, next: f32| {
+        if v > best || v == best && i < index {
+            second = best.max(next);
+            (index, best) = (i, v);
+        } else {
+            second = second.max(v);
+        }
+    };
+    for l in 0..LANES.min(row.len()) {
+        let (block, v, next) = lanes.at(l);
+        join(block * LANES + l, v, next);
+    }
+    rest.iter().enumerate().for_each(|(l, &v)| join(blocks.len() * LANES + l, v, f32::MIN));
     (index, best, second)
 }
 
@@ -93,8 +133,8 @@ pub fn match_unit(
     }
     let mut block = vec![0.0f32; BLOCK.min(na) * nb];
     let mut forward = Vec::with_capacity(na);
-    // Per column: best row, its product, the second product.
-    let mut columns = vec![(0u32, f32::MIN, f32::MIN); nb];
+    // Columns beyond the last one are never asked.
+    let mut columns = vec![TwoBest::EMPTY; nb.div_ceil(LANES)];
     for start in (0..na).step_by(BLOCK) {
         let rows = BLOCK.min(na - start);
         matmul(
@@ -107,20 +147,18 @@ pub fn match_unit(
         );
         for (i, row) in block[..rows * nb].chunks_exact(nb).enumerate() {
             forward.push(two_best(row));
-            for (column, &v) in columns.iter_mut().zip(row) {
-                if v > column.2 {
-                    *column = match v > column.1 {
-                        true => ((start + i) as u32, v, column.1),
-                        false => (column.0, column.1, v),
-                    };
-                }
+            let (blocks, rest) = row.as_chunks::<LANES>();
+            let mut last = [f32::MIN; LANES];
+            last[..rest.len()].copy_from_slice(rest);
+            for (column, values) in columns.iter_mut().zip(blocks.iter().chain([&last])) {
+                column.offer((start + i) as u32, values);
             }
         }
     }
     let clear = |best: f32, second: f32| distance(best) < ratio * distance(second);
     let keep = |(i, &(j, best, second)): (usize, &(usize, f32, f32))| {
-        let (back, _, column_second) = columns[j];
-        let good = back as usize == i
+        let (back, _, column_second) = columns[j / LANES].at(j % LANES);
+        let good = back == i
             && distance(best) <= max_distance
             && clear(best, second)
             && clear(best, column_second);

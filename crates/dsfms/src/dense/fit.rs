@@ -1,0 +1,322 @@
+//! A smooth field of signed distances through what the depth maps say.
+//!
+//! `min_f Σ c (f − d)² + λ Σ ‖∇²f‖²` over the points of the grid, `c` the trust in what the frames say
+//! of a point: where many agree the field follows them, where few do it is smoothed over a longer way
+//! (`2π (λ/c)^¼` edges), and where nothing is known it goes on as flat as it can. Of free space and of
+//! what lies outside the organ's outline it is only known that the distance is at least so much.
+//! Solved from coarse to fine by conjugate gradients.
+
+use super::observe::Evidence;
+use super::volume::{BLOCK, EDGE, Volume};
+use rayon::prelude::*;
+
+/// No neighbour.
+pub(super) const NONE: u32 = u32::MAX;
+/// Levels, each of half the resolution of the one before.
+const LEVELS: usize = 4;
+/// Rounds, after each of which the bounds that hold are chosen again.
+const ROUNDS: usize = 2;
+/// Conjugate gradient steps a round on the finest level; twice as many on every coarser one.
+const STEPS: usize = 25;
+/// Points a parallel task works on.
+const CHUNK: usize = 4096;
+
+/// Replace the distances of `volume` by the smooth field.
+pub(super) fn run(volume: &mut Volume, smoothness: f32) {
+    volume.distance = level(&volume.blocks, &volume.evidence, smoothness, LEVELS);
+}
+
+fn level(blocks: &[[i32; 3]], evidence: &[Evidence], smoothness: f32, levels: usize) -> Vec<f32> {
+    let mut field: Vec<f32> = if levels > 1 {
+        let (parents, data) = coarser(blocks, evidence);
+        // A second difference is four times as large, and there are an eighth of the points.
+        let coarse = level(&parents, &data, 0.5 * smoothness, levels - 1);
+        prolonged(blocks, &parents, &coarse)
+    } else {
+        evidence.iter().map(|e| e.distance).collect()
+    };
+    let grid = Grid { around: neighbours(blocks), smoothness };
+    for _ in 0..ROUNDS {
+        let weight: Vec<f32> = evidence
+            .par_iter()
+            .zip(&field)
+            .map(|(e, &f)| if e.bound && f >= e.distance { 0.0 } else { e.weight })
+            .collect();
+        grid.solve(&weight, evidence, &mut field, STEPS << (LEVELS - levels));
+    }
+    field
+}
+
+/// Index of the six neighbours of every point, along x, y, z, down and up; [`NONE`] where there is none.
+pub(super) fn neighbours(blocks: &[[i32; 3]]) -> Vec<[u32; 6]> {
+    let mut around = vec![[NONE; 6]; blocks.len() * BLOCK];
+    around.par_chunks_mut(BLOCK).enumerate().for_each(|(b, around)| {
+        let beside: [Option<usize>; 6] = std::array::from_fn(|n| {
+            let mut at = blocks[b];
+            at[n / 2] += if n % 2 == 0 { -1 } else { 1 };
+            blocks.binary_search(&at).ok()
+        });
+        for (g, around) in around.iter_mut().enumerate() {
+            let local = [g % EDGE, g / EDGE % EDGE, g / (EDGE * EDGE)];
+            for n in 0..6 {
+                let (axis, up) = (n / 2, n % 2 == 1);
+                let mut to = local;
+                let leaves = if up { local[axis] + 1 == EDGE } else { local[axis] == 0 };
+                to[axis] =
+                    if up { (local[axis] + 1) % EDGE } else { (local[axis] + EDGE - 1) % EDGE };
+                let block = if leaves { beside[n] } else { Some(b) };
+                if let Some(block) = block {
+                    around[n] = (block * BLOCK + (to[2] * EDGE + to[1]) * EDGE + to[0]) as u32;
+                }
+            }
+        }
+    });
+    around
+}
+
+/// Blocks and evidence of the grid of twice the edge; a point there stands for eight.
+fn coarser(blocks: &[[i32; 3]], evidence: &[Evidence]) -> (Vec<[i32; 3]>, Vec<Evidence>) {
+    let mut parents: Vec<[i32; 3]> = blocks.iter().map(|b| b.map(|c| c.div_euclid(2))).collect();
+    parents.sort_unstable();
+    parents.dedup();
+    let mut sums = vec![[0.0f32; 4]; parents.len() * BLOCK];
+    for (b, block) in blocks.iter().enumerate() {
+        let Ok(parent) = parents.binary_search(&block.map(|c| c.div_euclid(2))) else { continue };
+        let base = block.map(|c| c.rem_euclid(2) as usize * EDGE / 2);
+        for g in 0..BLOCK {
+            let local = [g % EDGE, g / EDGE % EDGE, g / (EDGE * EDGE)];
+            let at = [0, 1, 2].map(|k| base[k] + local[k] / 2);
+            let sum = &mut sums[parent * BLOCK + (at[2] * EDGE + at[1]) * EDGE + at[0]];
+            let e = &evidence[b * BLOCK + g];
+            if e.bound {
+                sum[2] += e.weight;
+                sum[3] += e.weight * e.distance;
+            } else {
+                sum[0] += e.weight;
+                sum[1] += e.weight * e.distance;
+            }
+        }
+    }
+    let evidence = sums.iter().map(|s| match s {
+        [w, sum, ..] if *w > 0.0 => Evidence { distance: sum / w, weight: *w, bound: false },
+        [_, _, w, sum] if *w > 0.0 => Evidence { distance: sum / w, weight: *w, bound: true },
+        _ => Evidence { distance: 1.0, weight: 0.0, bound: false },
+    });
+    (parents, evidence.collect())
+}
+
+/// The coarse field at the fine points, trilinear within a parent's neighbours that there are.
+fn prolonged(blocks: &[[i32; 3]], parents: &[[i32; 3]], coarse: &[f32]) -> Vec<f32> {
+    let mut fine = vec![0.0; blocks.len() * BLOCK];
+    fine.par_chunks_mut(BLOCK).zip(blocks).for_each(|(fine, block)| {
+        for (g, value) in fine.iter_mut().enumerate() {
+            let local = [g % EDGE, g / EDGE % EDGE, g / (EDGE * EDGE)];
+            let at = [0, 1, 2].map(|k| block[k] * EDGE as i32 + local[k] as i32);
+            let (mut sum, mut weight) = (0.0, 0.0);
+            for corner in 0..8 {
+                let mut share = 1.0;
+                // Fine point x lies at (x - ½) / 2 of the coarse grid.
+                let to = [0, 1, 2].map(|k| {
+                    let far = corner >> k & 1 == 1;
+                    share *= if far { 0.25 } else { 0.75 };
+                    let side = if at[k].rem_euclid(2) == 0 { -1 } else { 1 };
+                    at[k].div_euclid(2) + if far { side } else { 0 }
+                });
+                let parent = to.map(|c| c.div_euclid(EDGE as i32));
+                if let Ok(p) = parents.binary_search(&parent) {
+                    let l = to.map(|c| c.rem_euclid(EDGE as i32) as usize);
+                    sum += share * coarse[p * BLOCK + (l[2] * EDGE + l[1]) * EDGE + l[0]];
+                    weight += share;
+                }
+            }
+            *value = sum / weight;
+        }
+    });
+    fine
+}
+
+struct Grid {
+    around: Vec<[u32; 6]>,
+    smoothness: f32,
+}
+
+impl Grid {
+    /// Conjugate gradients on `(C + λ DᵀD) f = C d`, preconditioned by the diagonal.
+    fn solve(&self, weight: &[f32], evidence: &[Evidence], field: &mut [f32], steps: usize) {
+        let n = field.len();
+        // Six of 1, one of 4 for each of three axes; a little more where differences are missing.
+        let diagonal = |i: usize| weight[i] + 18.0 * self.smoothness;
+        let mut applied = self.apply(weight, field);
+        let mut residual: Vec<f32> =
+            (0..n).into_par_iter().map(|i| weight[i] * evidence[i].distance - applied[i]).collect();
+        let scaled = |r: &[f32]| -> Vec<f32> {
+            (0..n).into_par_iter().map(|i| r[i] / diagonal(i)).collect()
+        };
+        let mut z = scaled(&residual);
+        let mut direction = z.clone();
+        let mut energy = dot(&residual, &z);
+        for _ in 0..steps {
+            applied = self.apply(weight, &direction);
+            let curvature = dot(&direction, &applied);
+            if !(energy > 0.0 && curvature > 0.0) {
+                break;
+            }
+            let step = (energy / curvature) as f32;
+            field.par_iter_mut().zip(&direction).for_each(|(f, d)| *f += step * d);
+            residual.par_iter_mut().zip(&applied).for_each(|(r, a)| *r -= step * a);
+            z = scaled(&residual);
+            let next = dot(&residual, &z);
+            let share = (next / energy) as f32;
+            direction.par_iter_mut().zip(&z).for_each(|(d, z)| *d = z + share * *d);
+            energy = next;
+        }
+    }
+
+    /// `(C + λ DᵀD) f`, `D` the second differences along the axes and, mixed, across the squares.
+    fn apply(&self, weight: &[f32], f: &[f32]) -> Vec<f32> {
+        let second: Vec<[f32; 6]> =
+            (0..f.len()).into_par_iter().map(|i| self.differences(f, i)).collect();
+        let mut out = vec![0.0; f.len()];
+        out.par_iter_mut().enumerate().for_each(|(i, out)| {
+            *out = weight[i] * f[i] + self.smoothness * self.transposed(&second, i);
+        });
+        out
+    }
+
+    /// Second differences about point `i` along x, y, z; then of the squares above it in xy, yz, zx.
+    #[inline]
+    fn differences(&self, f: &[f32], i: usize) -> [f32; 6] {
+        let around = &self.around[i];
+        let mut out = [0.0; 6];
+        for k in 0..3 {
+            let (a, b) = (around[2 * k], around[2 * k + 1]);
+            if a != NONE && b != NONE {
+                out[k] = f[a as usize] + f[b as usize] - 2.0 * f[i];
+            }
+            let (u, v) = (b, around[2 * ((k + 1) % 3) + 1]);
+            if u != NONE && v != NONE {
+                let across = self.around[u as usize][2 * ((k + 1) % 3) + 1];
+                if across != NONE {
+                    out[3 + k] = f[i] + f[across as usize] - f[u as usize] - f[v as usize];
+                }
+            }
+        }
+        out
+    }
+
+    /// `Dᵀ` at point `i`, the mixed ones doubled.
+    #[inline]
+    fn transposed(&self, second: &[[f32; 6]], i: usize) -> f32 {
+        let around = &self.around[i];
+        let mut sum = 0.0;
+        for k in 0..3 {
+            let (a, b) = (around[2 * k], around[2 * k + 1]);
+            sum -= 2.0 * second[i][k];
+            if a != NONE {
+                sum += second[a as usize][k];
+            }
+            if b != NONE {
+                sum += second[b as usize][k];
+            }
+            let back = around[2 * ((k + 1) % 3)];
+            let mut mixed = second[i][3 + k];
+            if a != NONE {
+                mixed -= second[a as usize][3 + k];
+                let corner = self.around[a as usize][2 * ((k + 1) % 3)];
+                if corner != NONE {
+                    mixed += second[corner as usize][3 + k];
+                }
+            }
+            if back != NONE {
+                mixed -= second[back as usize][3 + k];
+            }
+            sum += 2.0 * mixed;
+        }
+        sum
+    }
+}
+
+/// Sum of products, in pieces of a fixed size and order.
+fn dot(a: &[f32], b: &[f32]) -> f64 {
+    let parts: Vec<f64> = a
+        .par_chunks(CHUNK)
+        .zip(b.par_chunks(CHUNK))
+        .map(|(a, b)| a.iter().zip(b).map(|(x, y)| f64::from(*x) * f64::from(*y)).sum())
+        .collect();
+    parts.iter().sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 4 x 4 x 4 blocks about the origin.
+    fn blocks() -> Vec<[i32; 3]> {
+        (0..64).map(|i| [i / 16 - 2, i / 4 % 4 - 2, i % 4 - 2]).collect()
+    }
+
+    fn place(i: usize) -> [f32; 3] {
+        let (block, g) = (blocks()[i / BLOCK], i % BLOCK);
+        let local = [g % EDGE, g / EDGE % EDGE, g / (EDGE * EDGE)];
+        [0, 1, 2].map(|k| (block[k] * EDGE as i32 + local[k] as i32) as f32)
+    }
+
+    fn slope(i: usize) -> f32 {
+        let [x, y, z] = place(i);
+        0.1 * z + 0.05 * x - 0.02 * y
+    }
+
+    #[test]
+    fn a_plane_goes_on_where_nothing_is_known() {
+        let evidence: Vec<Evidence> = (0..64 * BLOCK)
+            .map(|i| {
+                let weight = if place(i)[0] < 0.0 && slope(i).abs() < 0.4 { 1.0 } else { 0.0 };
+                Evidence {
+                    distance: if weight > 0.0 { slope(i) } else { 1.0 },
+                    weight,
+                    bound: false,
+                }
+            })
+            .collect();
+        let field = level(&blocks(), &evidence, 1.0, LEVELS);
+        let near = (0..field.len()).filter(|&i| place(i)[0] < 5.0 && slope(i).abs() < 0.2);
+        let worst = near.map(|i| (field[i] - slope(i)).abs()).fold(0.0, f32::max);
+        // Nearly: what lies far off has not settled.
+        assert!(worst < 0.2, "{worst}");
+    }
+
+    #[test]
+    fn a_bound_holds_from_one_side() {
+        let with = |bound: f32| {
+            let evidence: Vec<Evidence> = (0..64 * BLOCK)
+                .map(|i| {
+                    let [x, _, z] = place(i);
+                    if x < 0.0 && z.abs() < 3.0 {
+                        Evidence { distance: 0.1 * z, weight: 1.0, bound: false }
+                    } else if x > 6.0 && z == 0.0 {
+                        Evidence { distance: bound, weight: 10.0, bound: true }
+                    } else {
+                        Evidence { distance: 1.0, weight: 0.0, bound: false }
+                    }
+                })
+                .collect();
+            let field = level(&blocks(), &evidence, 0.1, LEVELS);
+            let at = (0..field.len()).find(|&i| place(i) == [8.0, 0.0, 0.0]).unwrap();
+            field[at]
+        };
+        assert!(with(-0.5).abs() < 0.05, "{}", with(-0.5));
+        assert!(with(0.5) > 0.35, "{}", with(0.5));
+    }
+
+    #[test]
+    fn the_operator_is_symmetric() {
+        let blocks = &blocks()[..9];
+        let grid = Grid { around: neighbours(blocks), smoothness: 0.7 };
+        let n = grid.around.len();
+        let a: Vec<f32> = (0..n).map(|i| (i as f32 * 0.37).sin()).collect();
+        let b: Vec<f32> = (0..n).map(|i| (i as f32 * 0.53).cos()).collect();
+        let weight = vec![0.3; n];
+        let (ab, ba) = (dot(&a, &grid.apply(&weight, &b)), dot(&b, &grid.apply(&weight, &a)));
+        assert!((ab - ba).abs() < 1e-4 * ab.abs().max(1.0), "{ab} {ba}");
+    }
+}

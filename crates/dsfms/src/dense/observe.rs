@@ -1,0 +1,197 @@
+//! What the frames say of a point of the grid.
+
+use super::{DepthMap, PosedFrame};
+use crate::camera::Camera;
+use crate::geometry::Point3;
+use crate::image::{Plane, distance::distance_to};
+
+/// Weight of free space against that of the surface itself.
+const FREE_SPACE: f64 = 0.2;
+/// A pixel says nothing about points farther behind it than this many truncation distances, however
+/// grazing its plane.
+const MAX_BEHIND: f64 = 4.0;
+/// Distances that differ by no more, in truncation distances, are of one surface.
+const SAME_LAYER: f64 = 0.5;
+/// An outline is believed to this many px.
+const OUTLINE_PX: f64 = 1.0;
+/// Distance, in truncation distances, from which on a point lies in free space.
+const FREE: f64 = 0.99;
+/// Trust in an outline, where trust of a frame in a surface it faces is at most 1.
+const OUTLINE_TRUST: f64 = 1.0;
+
+/// A signed distance (in truncation distances) and the trust in it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Evidence {
+    pub distance: f32,
+    pub weight: f32,
+    /// The distance is known to be at least this.
+    pub bound: bool,
+}
+
+/// A depth map, and the outline that bounds the organ.
+pub(super) struct View<'a> {
+    map: &'a DepthMap,
+    posed: &'a PosedFrame<'a>,
+    /// Distance of every pixel from the organ, px.
+    organ: Option<Plane>,
+}
+
+impl<'a> View<'a> {
+    pub fn new(posed: &'a PosedFrame<'a>, map: &'a DepthMap) -> Self {
+        Self { map, posed, organ: posed.organ.map(distance_to) }
+    }
+
+    /// Distance of a point from the cone of the organ's outline; `None` within, or where no usable
+    /// pixel shows it.
+    fn outside(&self, point: &Point3) -> Option<f64> {
+        let organ = self.organ.as_ref()?;
+        let p = self.posed.pose * point;
+        let pixel = self.posed.camera.project(&p)?.pixel;
+        let [w, h] = self.posed.camera.size.map(|s| s as f64 - 1.0);
+        let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x <= w && pixel.y <= h;
+        if !inside || self.posed.valid.is_some_and(|m| !m.at_pixel(&pixel)) {
+            return None;
+        }
+        let away = organ.at(pixel.x.round() as usize, pixel.y.round() as usize);
+        let away = f64::from(away) - OUTLINE_PX;
+        (away > 0.0).then(|| away * p.z / self.posed.camera.focal[0])
+    }
+
+    /// What the frame says of a point; `None` where it sees no depth or something in front of it.
+    fn observe(&self, point: &Point3, truncation: f64) -> Option<Observation> {
+        let m = self.map;
+        let p = m.pose * point;
+        if p.z <= 0.0 {
+            return None;
+        }
+        let [w, h] = m.camera.size;
+        let u = m.camera.focal[0] * p.x / p.z + m.camera.centre[0];
+        let v = m.camera.focal[1] * p.y / p.z + m.camera.centre[1];
+        if !(u >= -0.5 && v >= -0.5 && u < w as f64 - 0.5 && v < h as f64 - 0.5) {
+            return None;
+        }
+        let mut sum = Observation::default();
+        let mut share = 0.0;
+        for (i, j) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+            let (x, y) = (u.floor() + i, v.floor() + j);
+            if x < 0.0 || y < 0.0 || x >= w as f64 || y >= h as f64 {
+                continue;
+            }
+            let bilinear = (1.0 - (u - x).abs()) * (1.0 - (v - y).abs());
+            let pixel = y as usize * w + x as usize;
+            if m.depth[pixel] > 0.0 {
+                sum.add(bilinear, tangent_plane(m, pixel, [x, y], &p));
+                share += bilinear;
+            }
+        }
+        (share >= 0.25).then(|| sum.truncated(share, truncation)).flatten()
+    }
+}
+
+/// Signed distance from the plane of a pixel, its weight in the mean, and trust that a surface is
+/// there.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Observation {
+    distance: f64,
+    weight: f64,
+    support: f64,
+    /// How far the point lies behind the pixel's surface along the optical axis.
+    behind: f64,
+}
+
+impl Observation {
+    fn add(&mut self, share: f64, other: Self) {
+        self.distance += share * other.distance;
+        self.weight += share * other.weight;
+        self.support += share * other.support;
+        self.behind += share * other.behind;
+    }
+
+    /// Divide by the share of pixels that had depth; `None` for points hidden by the surface.
+    fn truncated(self, share: f64, truncation: f64) -> Option<Self> {
+        let [distance, weight, support, behind] =
+            [self.distance, self.weight, self.support, self.behind].map(|v| v / share);
+        let distance = distance / truncation;
+        if distance < -1.0 || behind > MAX_BEHIND * truncation {
+            return None;
+        }
+        if distance > 1.0 {
+            return Some(Self { distance: 1.0, weight: FREE_SPACE * weight, support: 0.0, behind });
+        }
+        Some(Self { distance, weight, support, behind })
+    }
+}
+
+/// A point (camera axes) against the plane of pixel `i`: what is seen at a grazing angle weighs less.
+fn tangent_plane(m: &DepthMap, i: usize, [x, y]: [f64; 2], p: &Point3) -> Observation {
+    let z = m.depth[i] as f64;
+    let on = [
+        (x - m.camera.centre[0]) / m.camera.focal[0] * z,
+        (y - m.camera.centre[1]) / m.camera.focal[1] * z,
+        z,
+    ];
+    let n = m.normal[i].map(|c| c as f64);
+    let distance = n[0] * (p.x - on[0]) + n[1] * (p.y - on[1]) + n[2] * (p.z - on[2]);
+    let length = (on[0] * on[0] + on[1] * on[1] + on[2] * on[2]).sqrt();
+    let facing = -(n[0] * on[0] + n[1] * on[1] + n[2] * on[2]) / length;
+    let support = m.confidence[i] as f64;
+    Observation { distance, weight: support * facing * facing, support, behind: p.z - z }
+}
+
+/// What the frames say of a point, and their support. `seen` is room for it.
+pub(super) fn average(
+    views: &[View],
+    point: &Point3,
+    truncation: f64,
+    seen: &mut Vec<Observation>,
+) -> (Evidence, f32) {
+    seen.clear();
+    seen.extend(views.iter().filter_map(|v| v.observe(point, truncation)));
+    let support: f64 = seen.iter().map(|s| s.support).sum();
+    let outside = outside(views, point) / truncation;
+    let found = robust_distance(seen);
+    let (distance, weight) = found.unwrap_or((1.0, 0.0));
+    if outside > 0.0 && (found.is_none() || distance < outside) {
+        // Stereo that contradicts an outline weakly is wrong; else the outline may be.
+        let sum = weight + OUTLINE_TRUST;
+        let blend = (weight * distance + OUTLINE_TRUST * outside.min(1.0)) / sum;
+        let bound = weight < OUTLINE_TRUST;
+        return (Evidence { distance: blend as f32, weight: sum as f32, bound }, 0.0);
+    }
+    let bound = distance > FREE;
+    (Evidence { distance: distance as f32, weight: weight as f32, bound }, support as f32)
+}
+
+/// How far the point lies outside the organ's outline: the second largest distance from the cones of
+/// the outlines, as one outline may be wrong; of few frames each counts.
+fn outside(views: &[View], point: &Point3) -> f64 {
+    let mut largest = [0.0f64; 2];
+    for distance in views.iter().filter_map(|v| v.outside(point)) {
+        if distance > largest[0] {
+            largest = [distance, largest[0]];
+        } else if distance > largest[1] {
+            largest[1] = distance;
+        }
+    }
+    largest[usize::from(views.len() > 4)]
+}
+
+/// Weighted mean of the distances within [`SAME_LAYER`] of their weighted median, and their weight: a
+/// depth map that is wrong here must not shift the others. Sorts the observations.
+fn robust_distance(seen: &mut Vec<Observation>) -> Option<(f64, f64)> {
+    seen.retain(|s| s.weight > 0.0);
+    seen.sort_unstable_by(|a, b| {
+        a.distance.total_cmp(&b.distance).then(a.weight.total_cmp(&b.weight))
+    });
+    let half = 0.5 * seen.iter().map(|s| s.weight).sum::<f64>();
+    let mut passed = 0.0;
+    let median = seen.iter().find(|s| {
+        passed += s.weight;
+        passed >= half
+    })?;
+    let median = median.distance;
+    let near = seen.iter().filter(|s| (s.distance - median).abs() <= SAME_LAYER);
+    let (sum, weight) =
+        near.fold((0.0, 0.0), |(sum, weight), s| (sum + s.weight * s.distance, weight + s.weight));
+    (weight > 0.0).then(|| (sum / weight, weight))
+}
