@@ -128,7 +128,7 @@ impl Clip {
         let tone = self.template.tone.clone();
         let (mut sums, mut count) = ([0.0; 2], 0.0);
         for k in (0..self.truth.len()).step_by(every) {
-            let options = TrackOptions::default();
+            let options = TrackOptions::realtime();
             let fresh = Tracker::new(&self.template, &self.camera, &tone, method, options);
             let alone = fresh.ok().and_then(|mut t| t.next(&self.frames[k], None).ok());
             let cold = alone.and_then(|t| t.surface);

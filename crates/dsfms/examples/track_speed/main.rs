@@ -66,7 +66,7 @@ fn args() -> Result<Args, Box<dyn std::error::Error>> {
         rate: None,
         vertices: 1000,
         cold_every: 0,
-        options: TrackOptions::default(),
+        options: TrackOptions::realtime(),
     };
     while let Some(arg) = all.next() {
         if !arg.starts_with("--") {

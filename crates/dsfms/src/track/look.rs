@@ -26,9 +26,6 @@ const MOST: usize = 700;
 /// The working image is halved until its diagonal is no longer than this, px.
 const DIAGONAL: f64 = 1000.0;
 
-/// The photograph is halved as long as its finest blur keeps this standard deviation, px.
-const LEAST_BLUR: f64 = 1.5;
-
 /// The sizes at which a frame is looked at: coarse enough to be fast.
 #[derive(Clone, Debug)]
 pub struct Working {
@@ -41,8 +38,9 @@ pub struct Working {
 }
 
 impl Working {
-    /// For frames of this camera; `blur`: the finest at which shading is read, of the diagonal.
-    pub fn of(camera: &CameraModel, blur: f64) -> Self {
+    /// For frames of this camera; `blur`: the finest at which shading is read, of the diagonal, and
+    /// `least_px` what halving leaves of it at least, px.
+    pub fn of(camera: &CameraModel, blur: f64, least_px: f64) -> Self {
         let diagonal = |camera: &CameraModel| (camera.size[0] as f64).hypot(camera.size[1] as f64);
         let halve = |mut halved: CameraModel, enough: &dyn Fn(f64) -> bool| {
             let mut times = 0;
@@ -52,7 +50,7 @@ impl Working {
             (halved, times)
         };
         let (working, halvings) = halve(camera.clone(), &|d| d <= DIAGONAL);
-        let (photo, photo_halvings) = halve(camera.clone(), &|d| 0.5 * d * blur < LEAST_BLUR);
+        let (photo, photo_halvings) = halve(camera.clone(), &|d| 0.5 * d * blur < least_px);
         Self { camera: working, halvings, photo, photo_halvings }
     }
 

@@ -58,6 +58,11 @@ impl Default for TrackOptions {
 }
 
 impl TrackOptions {
+    /// For a live source: coarser and about twice as fast.
+    pub fn realtime() -> Self {
+        Self { video: VideoOptions::realtime(), ..Self::default() }
+    }
+
     /// Options from TOML; what the text does not name keeps its default.
     ///
     /// # Errors

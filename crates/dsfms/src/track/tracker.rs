@@ -121,7 +121,8 @@ impl<'a> Tracker<'a> {
         }
         let features = template.features.as_ref().ok_or(TrackError::NoDescriptors)?;
         let blurs = options.reconstruct.joint.blurs.iter();
-        let working = Working::of(camera, blurs.copied().fold(options.video.blur, f64::min));
+        let finest = blurs.copied().fold(options.video.blur, f64::min);
+        let working = Working::of(camera, finest, options.video.least_blur_px);
         let shading = method == Method::Joint;
         let preparation = Preparation::new(camera, tone, &working, shading);
         Ok(Self {

@@ -70,7 +70,7 @@ pub struct TrackArgs {
     #[arg(long, value_name = "WxH", value_parser = size)]
     pub size: Option<[usize; 2]>,
     /// Keep up with the source: a frame that comes before the last is solved takes the place of the
-    /// one that waits. Files play at their own rate, or at --rate.
+    /// one that waits, and shading is read more coarsely. Files play at their own rate, or at --rate.
     #[arg(long)]
     pub realtime: bool,
     /// Frames a second of the input; default what the video says, else 25.

@@ -40,6 +40,7 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     let (camera, tone) = camera(args, global, &template)?;
     let mut options = match &args.options {
         Some(path) => inputs::options(path, TrackOptions::from_toml)?,
+        None if args.realtime => TrackOptions::realtime(),
         None => TrackOptions::default(),
     };
     options.reconstruct.seed = global.seed;
