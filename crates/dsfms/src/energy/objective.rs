@@ -39,6 +39,8 @@ pub struct Objective<'a> {
     globals: usize,
     terms: Vec<Box<dyn Weighted + 'a>>,
     workspace: Workspace,
+    /// The state whose linearisation lies in the stripes.
+    ahead: Option<Unknowns>,
 }
 
 /// What outlives an objective: patterns, ordering, symbolic factors and memory. Hand it from solve
@@ -56,7 +58,8 @@ struct System {
 impl<'a> Objective<'a> {
     /// No terms yet.
     pub fn over(vertices: usize, globals: usize) -> Self {
-        Self { vertices, globals, terms: Vec::new(), workspace: Workspace::default() }
+        let workspace = Workspace::default();
+        Self { vertices, globals, terms: Vec::new(), workspace, ahead: None }
     }
 
     /// Add a term. A weight of 0 leaves it out.
@@ -123,6 +126,29 @@ impl<'a> Objective<'a> {
         self.terms.par_iter_mut().all(locate)
     }
 
+    /// Linearise into the stripes; the cost of every term, `None` where the state is infeasible.
+    fn accumulate(&mut self, state: &Unknowns) -> Option<Vec<f64>> {
+        let (terms, system) = (&self.terms, self.workspace.system.as_mut()?);
+        let parts: Vec<Option<Vec<f64>>> = system
+            .stripes
+            .par_iter_mut()
+            .enumerate()
+            .map(|(k, sums)| {
+                sums.clear();
+                let part = |term: &Box<dyn Weighted + 'a>| {
+                    let n = term.count();
+                    term.accumulate(state, n * k / STRIPES..n * (k + 1) / STRIPES, sums)
+                };
+                terms.iter().map(part).collect()
+            })
+            .collect();
+        let mut costs = vec![0.0; terms.len()];
+        for part in parts {
+            costs.iter_mut().zip(part?).for_each(|(sum, cost)| *sum += cost);
+        }
+        Some(costs)
+    }
+
     /// A system for the terms, and for those that an earlier one was made for.
     fn analyse(&self, earlier: Option<&NormalEquations>) -> System {
         let pattern = |isotropic: bool| {
@@ -148,20 +174,23 @@ impl Problem for Objective<'_> {
         self.terms.par_iter().map(|term| term.cost(state)).collect()
     }
 
+    fn trial(&mut self, state: &Unknowns) -> Option<Vec<f64>> {
+        self.ahead = None;
+        let costs = self.accumulate(state);
+        self.ahead = costs.is_some().then(|| state.clone());
+        costs
+    }
+
     fn labels(&self) -> Vec<&'static str> {
         self.terms.iter().map(|term| term.label()).collect()
     }
 
     fn linearise(&mut self, state: &Unknowns) -> f64 {
+        if self.ahead.as_ref() != Some(state) {
+            self.accumulate(state);
+        }
+        self.ahead = None;
         let Some(system) = &mut self.workspace.system else { return 0.0 };
-        let terms = &self.terms;
-        system.stripes.par_iter_mut().enumerate().for_each(|(stripe, sums)| {
-            sums.clear();
-            for term in terms {
-                let n = term.count();
-                term.accumulate(state, n * stripe / STRIPES..n * (stripe + 1) / STRIPES, sums);
-            }
-        });
         system.equations.assemble(system.stripes.iter());
         system.equations.gradient_norm()
     }
@@ -190,7 +219,13 @@ trait Weighted: Send + Sync {
     fn locate(&mut self, pattern: &Pattern) -> bool;
     fn accumulate_isotropic(&self, values: &mut [f64]);
     fn cost(&self, state: &Unknowns) -> Option<f64>;
-    fn accumulate(&self, state: &Unknowns, range: std::ops::Range<usize>, sums: &mut Accumulator);
+    /// Add blocks to the sums; their cost, `None` where one is infeasible.
+    fn accumulate(
+        &self,
+        state: &Unknowns,
+        range: std::ops::Range<usize>,
+        sums: &mut Accumulator,
+    ) -> Option<f64>;
 }
 
 struct WeightedTerm<const R: usize, T> {
@@ -286,7 +321,12 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
         sum.is_finite().then_some(self.weight * sum)
     }
 
-    fn accumulate(&self, state: &Unknowns, range: std::ops::Range<usize>, sums: &mut Accumulator) {
+    fn accumulate(
+        &self,
+        state: &Unknowns,
+        range: std::ops::Range<usize>,
+        sums: &mut Accumulator,
+    ) -> Option<f64> {
         if self.is_isotropic() {
             return self.accumulate_gradient(state, range, sums);
         }
@@ -299,6 +339,7 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
         let mut d_vertices = [SMatrix::<f64, R, 3>::zeros(); MAX_STENCIL];
         let mut d_globals = [SVector::<f64, R>::zeros(); MAX_GLOBALS];
         let mut gathered = Gathered::new();
+        let mut cost = 0.0;
         for i in range {
             let stencil = self.term.stencil(i);
             let (v, g) = gathered.take(state, stencil, globals);
@@ -308,13 +349,15 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
             let jacobian = Jacobian { vertices: dv, globals: dg };
             let slots = &self.slots[slot..slot + pairs(i)];
             slot += pairs(i);
-            let Ok(r) = self.term.residual(i, v, g, Some(jacobian)) else { continue };
-            let slope = self.loss.evaluate(r.norm_squared()).1;
-            let w = self.weight * self.term.weight(i) * slope;
-            if w > 0.0 {
-                scatter(sums, Block { w, r, stencil, globals, dv, dg, slots });
+            let r = self.term.residual(i, v, g, Some(jacobian)).ok()?;
+            let (value, slope) = self.loss.evaluate(r.norm_squared());
+            let w = self.weight * self.term.weight(i);
+            cost += w * value;
+            if w * slope > 0.0 {
+                scatter(sums, Block { w: w * slope, r, stencil, globals, dv, dg, slots });
             }
         }
+        cost.is_finite().then_some(cost)
     }
 }
 
@@ -325,21 +368,20 @@ impl<const R: usize, T: EnergyTerm<R>> WeightedTerm<R, T> {
         state: &Unknowns,
         range: std::ops::Range<usize>,
         sums: &mut Accumulator,
-    ) {
-        let mut gathered = Gathered::new();
+    ) -> Option<f64> {
+        let (mut gathered, mut cost) = (Gathered::new(), 0.0);
         for i in range {
             let stencil = self.term.stencil(i);
             let (v, _) = gathered.take(state, stencil, &[]);
-            let (Ok(r), Some(weights)) =
-                (self.term.residual(i, v, &[], None), self.term.isotropic(i))
-            else {
-                continue;
-            };
-            let r = Vector3::from_fn(|c, _| r[c] * self.weight * self.term.weight(i));
+            let (r, w) =
+                (self.term.residual(i, v, &[], None).ok()?, self.weight * self.term.weight(i));
+            cost += w * r.norm_squared();
+            let (r, weights) = (Vector3::from_fn(|c, _| r[c] * w), self.term.isotropic(i)?);
             for (&a, &k) in stencil.iter().zip(weights) {
                 sums.gradient[a as usize] += r * k;
             }
         }
+        cost.is_finite().then_some(cost)
     }
 }
 

@@ -9,13 +9,13 @@ use rayon::prelude::*;
 /// inside the image are normalised to one; `sigma <= 0` returns a copy.
 pub fn blur(plane: &Plane, sigma: f64) -> Plane {
     let Some(kernel) = half_kernel(sigma) else { return plane.clone() };
-    let sums = convolve(plane, &kernel);
+    let mut sums = convolve(plane, &kernel);
     // The border's missing weight is separable too.
     let [wx, wy] = plane.size.map(|n| border_weights(n, &kernel));
-    let width = plane.size[0];
-    let data = sums.data.iter().enumerate();
-    let data = data.map(|(i, v)| v / (wx[i % width] * wy[i / width])).collect();
-    Plane { size: plane.size, data }
+    for (row, wy) in sums.data.chunks_mut(plane.size[0].max(1)).zip(wy) {
+        row.iter_mut().zip(&wx).for_each(|(v, wx)| *v /= wx * wy);
+    }
+    sums
 }
 
 /// Normalised blur `blur(v·m) / blur(m)`: pixels outside the mask contribute nothing, and values
@@ -54,12 +54,13 @@ pub fn blur_masked_all(planes: &[Plane], mask: &Mask, sigma: f64) -> (Vec<Plane>
 /// the result lies at `2x + ½` of the input (see [`crate::camera::CameraModel::halved`]).
 pub fn halve(plane: &Plane) -> Plane {
     let size = plane.size.map(|n| n / 2);
-    let mean = |i: usize| {
-        let (x, y) = (2 * (i % size[0]), 2 * (i / size[0]));
-        let top = plane.at(x, y) + plane.at(x + 1, y);
-        0.25 * (top + (plane.at(x, y + 1) + plane.at(x + 1, y + 1)))
-    };
-    Plane { size, data: (0..size[0] * size[1]).map(mean).collect() }
+    let mut data = Vec::with_capacity(size[0] * size[1]);
+    for y in 0..size[1] {
+        let row = |y: usize| plane.data[y * plane.size[0]..][..2 * size[0]].chunks_exact(2);
+        let pairs = row(2 * y).zip(row(2 * y + 1));
+        data.extend(pairs.map(|(a, b)| 0.25 * ((a[0] + a[1]) + (b[0] + b[1]))));
+    }
+    Plane { size, data }
 }
 
 /// Variance of the 4-neighbour Laplacian over the interior pixels whose neighbours lie in `mask`:

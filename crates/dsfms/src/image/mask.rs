@@ -2,6 +2,9 @@
 
 use super::distance::distance_to;
 
+/// Pixels that a stamp fills in the time in which the distance transform sees one.
+const TRANSFORM: usize = 20;
+
 /// A boolean image, row major; what `true` means is said where the mask is used.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mask {
@@ -71,10 +74,44 @@ impl Mask {
         if !self.data.contains(&true) {
             return self.clone();
         }
+        let outline: Vec<usize> = (0..self.data.len()).filter(|&i| self.on_outline(i)).collect();
+        let stamp = (std::f64::consts::PI * radius * radius) as usize;
+        if outline.len().saturating_mul(stamp) < TRANSFORM * self.data.len() {
+            return self.stamped(&outline, radius);
+        }
         let distance = distance_to(self);
         let near = |(&d, &own): (&f32, &bool)| own || d as f64 <= radius;
         let data = distance.data.iter().zip(&self.data).map(near).collect();
         Self { size: self.size, data }
+    }
+
+    /// `true` next to a pixel that is not, or to the border of the image.
+    fn on_outline(&self, i: usize) -> bool {
+        if !self.data[i] {
+            return false;
+        }
+        let [w, h] = self.size;
+        let (x, y) = (i % w, i / w);
+        let inner = || x > 0 && y > 0 && x + 1 < w && y + 1 < h;
+        let alone = |i: &usize| !self.data[*i];
+        !(inner() && ![i - 1, i + 1, i - w, i + w].iter().any(alone))
+    }
+
+    /// With a disc about every pixel of the outline.
+    fn stamped(&self, outline: &[usize], radius: f64) -> Self {
+        let mut grown = self.clone();
+        let [w, h] = self.size;
+        let reach = radius.floor() as usize;
+        let half = |dy: usize| (radius * radius - (dy * dy) as f64).sqrt() as usize;
+        let halves: Vec<usize> = (0..=reach).map(half).collect();
+        for &i in outline {
+            let (x, y) = (i % w, i / w);
+            for row in y.saturating_sub(reach)..(y + reach + 1).min(h) {
+                let half = halves[row.abs_diff(y)];
+                grown.data[row * w..][x.saturating_sub(half)..(x + half + 1).min(w)].fill(true);
+            }
+        }
+        grown
     }
 
     /// Shrunk by `radius` px; the border of the image takes nothing away.
@@ -136,6 +173,7 @@ mod tests {
     fn dilation_of_a_point_is_a_disc() {
         let point = disc(0.0);
         assert_eq!(point.dilate(7.3), disc(7.3));
+        assert_eq!(disc(3.0).dilate(f64::MAX).coverage(), 1.0);
         assert_eq!(disc(9.0).complement().erode(5.0), disc(9.0).dilate(5.0).complement());
         assert_eq!(Mask::filled([4, 4], false).dilate(100.0).coverage(), 0.0);
         assert_eq!(Mask::filled([4, 4], true).erode(100.0).coverage(), 1.0);

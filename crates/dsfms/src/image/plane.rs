@@ -38,6 +38,31 @@ impl ColorImage {
     /// px). Outside the image the edge goes on, without slope across it; `None` where `p` is not a
     /// number.
     pub fn mixed(&self, p: &Point2, weights: &[f64; 3]) -> Option<(f64, Vector2)> {
+        let (inside, pixels, [u, v]) = self.around(p)?;
+        let at = |pixel: &[f32; 3]| -> f64 {
+            weights.iter().zip(pixel).map(|(w, &c)| w * f64::from(c)).sum()
+        };
+        let [a, b, c, d] = pixels.map(at);
+        let value = (1.0 - v) * ((1.0 - u) * a + u * b) + v * ((1.0 - u) * c + u * d);
+        let slope = |outside: bool, slope: f64| if outside { 0.0 } else { slope };
+        let gradient = Vector2::new(
+            slope(p.x != inside.x, (1.0 - v) * (b - a) + v * (d - c)),
+            slope(p.y != inside.y, (1.0 - u) * (c - a) + u * (d - b)),
+        );
+        Some((value, gradient))
+    }
+
+    /// Bilinear value of every channel; outside the image and for no number as [`mixed`](Self::mixed).
+    pub fn sampled(&self, p: &Point2) -> Option<[f64; 3]> {
+        let (_, [a, b, c, d], [u, v]) = self.around(p)?;
+        Some(std::array::from_fn(|k| {
+            let [a, b, c, d] = [a, b, c, d].map(|pixel| f64::from(pixel[k]));
+            (1.0 - v) * ((1.0 - u) * a + u * b) + v * ((1.0 - u) * c + u * d)
+        }))
+    }
+
+    /// The nearest place inside the image, the four pixels about it and where it lies between them.
+    fn around(&self, p: &Point2) -> Option<(Point2, [&[f32; 3]; 4], [f64; 2])> {
         let [w, h] = self.size.map(|n| n as f64 - 1.0);
         let inside = Point2::new(p.x.clamp(0.0, w), p.y.clamp(0.0, h));
         if inside.x.is_nan() || inside.y.is_nan() {
@@ -47,19 +72,9 @@ impl ColorImage {
         let (x, y) = (inside.x as usize, inside.y as usize);
         let (x, y) = (x.min(width.saturating_sub(2)), y.min(height.saturating_sub(2)));
         let (right, below) = ((x + 1).min(width - 1), (y + 1).min(height - 1));
-        let (u, v) = (inside.x - x as f64, inside.y - y as f64);
-        let at = |x: usize, y: usize| -> f64 {
-            let pixel = &self.data[y * width + x];
-            weights.iter().zip(pixel).map(|(w, &c)| w * c as f64).sum()
-        };
-        let (a, b, c, d) = (at(x, y), at(right, y), at(x, below), at(right, below));
-        let value = (1.0 - v) * ((1.0 - u) * a + u * b) + v * ((1.0 - u) * c + u * d);
-        let slope = |outside: bool, slope: f64| if outside { 0.0 } else { slope };
-        let gradient = Vector2::new(
-            slope(p.x != inside.x, (1.0 - v) * (b - a) + v * (d - c)),
-            slope(p.y != inside.y, (1.0 - u) * (c - a) + u * (d - b)),
-        );
-        Some((value, gradient))
+        let at = |x: usize, y: usize| &self.data[y * width + x];
+        let pixels = [at(x, y), at(right, y), at(x, below), at(right, below)];
+        Some((inside, pixels, [inside.x - x as f64, inside.y - y as f64]))
     }
 
     /// Channel `c` (0 red, 1 green, 2 blue).

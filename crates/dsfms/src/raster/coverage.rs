@@ -37,23 +37,58 @@ impl Edge {
         Self { origin: [low.x, low.y], along: [high.x - low.x, high.y - low.y], sign }
     }
 
-    fn at(&self, x: f64, y: f64) -> f64 {
-        self.sign * (self.along[0] * (y - self.origin[1]) - self.along[1] * (x - self.origin[0]))
+    /// The part that a row has in common.
+    fn row(&self, y: f64) -> f64 {
+        self.along[0] * (y - self.origin[1])
+    }
+
+    fn at(&self, row: f64, x: f64) -> f64 {
+        self.sign * (row - self.along[1] * (x - self.origin[0]))
+    }
+}
+
+/// A row of pixel centres across a face.
+pub(super) struct Row<'a> {
+    face: &'a ScreenFace,
+    edges: [f64; 3],
+}
+
+/// A pixel centre inside a face.
+pub(super) struct Inside {
+    /// Depth of the face there.
+    pub depth: f64,
+    weighted: [f64; 3],
+    total: f64,
+}
+
+impl Inside {
+    /// Perspective-correct barycentrics.
+    pub fn barycentric(&self) -> [f64; 3] {
+        self.weighted.map(|v| v / self.total)
     }
 }
 
 impl ScreenFace {
-    /// Depth and perspective-correct barycentrics at a pixel centre; `None` outside the face.
-    pub fn at(&self, x: f64, y: f64) -> Option<(f64, [f64; 3])> {
-        let w = [self.edges[0].at(x, y), self.edges[1].at(x, y), self.edges[2].at(x, y)];
+    /// A row of pixel centres.
+    pub fn row(&self, y: f64) -> Row<'_> {
+        Row { face: self, edges: [0, 1, 2].map(|k| self.edges[k].row(y)) }
+    }
+}
+
+impl Row<'_> {
+    /// What the face has at a column; `None` outside.
+    pub fn at(&self, x: f64) -> Option<Inside> {
+        let (edges, rows) = (&self.face.edges, &self.edges);
+        let w = [edges[0].at(rows[0], x), edges[1].at(rows[1], x), edges[2].at(rows[2], x)];
         let inside = (w[0] >= 0.0 && w[1] >= 0.0 && w[2] >= 0.0)
             || (w[0] <= 0.0 && w[1] <= 0.0 && w[2] <= 0.0);
         if !inside {
             return None;
         }
-        let weighted: [f64; 3] = std::array::from_fn(|k| w[k] * self.inverse_depth[k]);
+        let weighted: [f64; 3] = std::array::from_fn(|k| w[k] * self.face.inverse_depth[k]);
         let total = weighted[0] + weighted[1] + weighted[2];
-        (total != 0.0).then(|| ((w[0] + w[1] + w[2]) / total, weighted.map(|v| v / total)))
+        let depth = (w[0] + w[1] + w[2]) / total;
+        (total != 0.0).then_some(Inside { depth, weighted, total })
     }
 }
 

@@ -78,20 +78,16 @@ impl Band<'_> {
         for face in faces {
             let (first, last) = (face.y[0].max(self.rows[0]), face.y[1].min(self.rows[1] - 1));
             for y in first..=last.min(face.y[1]) {
+                let (row, start) = (face.row(y as f64), (y - self.rows[0]) * self.width);
                 for x in face.x[0]..=face.x[1] {
-                    self.put(face, x, y);
+                    let (Some(here), i) = (row.at(x as f64), start + x) else { continue };
+                    if here.depth < self.depth[i] {
+                        self.depth[i] = here.depth;
+                        self.face[i] = face.index;
+                        self.barycentric[i] = here.barycentric();
+                    }
                 }
             }
-        }
-    }
-
-    fn put(&mut self, face: &ScreenFace, x: usize, y: usize) {
-        let Some((depth, barycentric)) = face.at(x as f64, y as f64) else { return };
-        let i = (y - self.rows[0]) * self.width + x;
-        if depth < self.depth[i] {
-            self.depth[i] = depth;
-            self.face[i] = face.index;
-            self.barycentric[i] = barycentric;
         }
     }
 }

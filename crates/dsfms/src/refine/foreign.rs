@@ -23,7 +23,10 @@ const DEVIATIONS: f64 = 4.0;
 const NOISE: f64 = 0.002;
 
 /// Foreign pixels among the nine about one that make it foreign: single ones are noise.
-const MAJORITY: usize = 5;
+const MAJORITY: u8 = 5;
+
+/// Pixels, about, whose median tells that of all.
+const ENOUGH: usize = 20_000;
 
 /// Margin about what is foreign, of the image diagonal.
 const MARGIN: f64 = 0.004;
@@ -41,13 +44,14 @@ pub(super) fn foreign(
     let part =
         |i: usize| known[i].then(|| Part::of(image.data[i], albedo.data[i], shade[i])).flatten();
     let parts: Vec<Option<Part>> = (0..known.len()).into_par_iter().map(part).collect();
-    let mut all: Vec<f64> = parts.iter().flatten().map(|p| p.coloured).collect();
+    let some = parts.iter().step_by(parts.len().div_ceil(ENOUGH).max(1));
+    let mut all: Vec<f64> = some.flatten().map(|p| p.coloured).collect();
     let (gain, spread) = centre_and_spread(&mut all);
     let strange = |part: &Option<Part>| {
         part.as_ref().is_some_and(|&Part { coloured, white, noise }| {
-            let least = gain - DEVIATIONS * spread.hypot(noise);
             let limit = if white > 0.5 { LITTLE } else { NOTHING };
-            coloured < least.min(limit * gain)
+            let least = || gain - DEVIATIONS * (spread * spread + noise * noise).sqrt();
+            coloured < limit * gain && coloured < least()
         })
     };
     let strange: Vec<bool> = parts.iter().map(strange).collect();
@@ -88,15 +92,17 @@ impl Part {
 /// What most of the nine pixels about one say; `false` at the border of the image.
 fn majority(mask: &Mask) -> Mask {
     let [w, h] = mask.size;
-    let mut found = Mask::filled(mask.size, false);
-    for y in 1..h.saturating_sub(1) {
-        for x in 1..w.saturating_sub(1) {
-            let rows = mask.data[(y - 1) * w..].chunks(w).take(3);
-            let count = rows.flat_map(|row| &row[x - 1..=x + 1]).filter(|&&v| v).count();
-            found.data[y * w + x] = count >= MAJORITY;
+    let inside = |i: &usize| {
+        (1..w.saturating_sub(1)).contains(&(i % w)) && (1..h.saturating_sub(1)).contains(&(i / w))
+    };
+    let mut votes = vec![0u8; w * h];
+    for i in (0..w * h).filter(|&i| mask.data[i]).filter(inside) {
+        for row in [i - w, i, i + w] {
+            votes[row - 1..=row + 1].iter_mut().for_each(|v| *v += 1);
         }
     }
-    found
+    let most = (0..w * h).map(|i| votes[i] >= MAJORITY && inside(&i));
+    Mask { size: mask.size, data: most.collect() }
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use crate::image::{ColorImage, Mask, Plane};
 use crate::light::Light;
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
-use crate::raster::{Raster, rasterize, regions::distance_to};
+use crate::raster::{Raster, rasterize};
 
 /// How a photograph is looked at; lengths in px.
 pub(super) struct LookOptions {
@@ -40,7 +40,8 @@ pub(super) struct Look<'a> {
     pub(super) image: ColorImage,
     albedo: ColorImage,
     support: Plane,
-    contour: Vec<f32>,
+    /// `true` too near to a predicted contour.
+    at_contour: Mask,
     /// Half a mean edge: what the z-buffer may be off at a slanted face.
     pub(super) tolerance: f64,
     glossy: f64,
@@ -62,12 +63,16 @@ impl<'a> Look<'a> {
         });
         let (known, albedo): (Vec<bool>, Vec<[f32; 3]>) = texel.into_iter().unzip();
         let albedo = ColorImage { size: raster.size, data: albedo };
+        let at_contour = match options.contour {
+            none if none <= 0.0 => Mask::filled(raster.size, false),
+            radius => raster.discontinuities(0.05).dilate(radius),
+        };
         let highlights = picture.saturated.data.iter().any(|&s| s);
         let mut look = Self {
             glossy: if highlights { options.mirror_deg.to_radians().cos() } else { f64::INFINITY },
             image: ColorImage { size: raster.size, data: Vec::new() },
             support: Plane { size: raster.size, data: Vec::new() },
-            contour: distance_to(&raster.discontinuities(0.05)),
+            at_contour,
             tolerance: 0.5 * rest.mean_edge_length(),
             photo,
             rest,
@@ -158,20 +163,12 @@ impl<'a> Look<'a> {
         let i = y as usize * w + x as usize;
         let occluded = self.raster.depth[i] < point.z - self.tolerance;
         let grazing = -normal.dot(&point.coords.normalize()) < self.options.grazing;
-        if occluded
-            || grazing
-            || (self.contour[i] as f64) < self.options.contour
-            || self.support.data[i] < 0.5
-        {
+        if occluded || grazing || self.at_contour.data[i] || self.support.data[i] < 0.5 {
             return None;
         }
-        let channel = |of: &ColorImage| {
-            [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-                .map(|w| of.mixed(pixel, &w).map_or(0.0, |s| s.0))
-        };
         Some(Channels {
-            image: channel(&self.image),
-            albedo: channel(&self.albedo),
+            image: self.image.sampled(pixel)?,
+            albedo: self.albedo.sampled(pixel)?,
             shade: self.photo.light.shade(point, normal).value,
             maybe_glare: self.mirrors(point, normal) || self.in_halo(i),
         })

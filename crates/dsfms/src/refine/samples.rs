@@ -10,6 +10,7 @@ use crate::geometry::Point3;
 use crate::image::ColorImage;
 use crate::mesh::Mesh;
 use crate::raster::Raster;
+use rayon::prelude::*;
 
 /// Barycentrics of the samples of a face.
 const INSIDE: [[f64; 3]; 3] = [
@@ -53,18 +54,16 @@ pub(super) struct Seen {
 
 impl Seen {
     pub(super) fn of(look: Look, options: &JointOptions) -> Self {
-        let fine = 3 * faces_drawn(&look.raster) > options.max_samples;
+        let faces = &look.rest.topology.faces;
+        let fine = 3 * faces_drawn(&look.raster, faces.len()) > options.max_samples;
         let inside = if fine { &CENTRE[..] } else { &INSIDE };
-        let (mut places, mut channels) = (Vec::new(), Vec::new());
-        for (f, &face) in look.rest.topology.faces.iter().enumerate() {
-            for &b in inside {
-                let Some((point, pixel, normal)) = look.on_face(face, b) else { continue };
-                if let Some(found) = look.at(&point, &pixel, &normal) {
-                    places.push((f as u32, b));
-                    channels.push(found);
-                }
-            }
-        }
+        let one = |f: usize, b: [f64; 3]| {
+            let (point, pixel, normal) = look.on_face(faces[f], b)?;
+            Some(((f as u32, b), look.at(&point, &pixel, &normal)?))
+        };
+        let all = (0..faces.len() * inside.len()).into_par_iter();
+        let found = all.filter_map(|i| one(i / inside.len(), inside[i % inside.len()]));
+        let (places, channels): (Vec<_>, Vec<_>) = found.unzip();
         let noise = NoiseOptions {
             relative: options.sigma_relative,
             absolute: options.sigma_absolute,
@@ -81,9 +80,9 @@ impl Seen {
 }
 
 /// Number of faces with at least one pixel.
-fn faces_drawn(raster: &Raster) -> usize {
-    let mut faces: Vec<u32> = raster.face.iter().copied().filter(|&f| f != u32::MAX).collect();
-    faces.sort_unstable();
-    faces.dedup();
-    faces.len()
+fn faces_drawn(raster: &Raster, faces: usize) -> usize {
+    let mut drawn = vec![false; faces];
+    let seen = raster.face.iter().filter(|&&f| f != u32::MAX);
+    seen.for_each(|&f| drawn[f as usize] = true);
+    drawn.iter().filter(|&&d| d).count()
 }

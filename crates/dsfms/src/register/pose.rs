@@ -7,6 +7,7 @@ use crate::mesh::Mesh;
 use crate::sfm::random::Random;
 use crate::sfm::resection::{refine_pose, resect};
 use crate::solver::Loss;
+use rayon::prelude::*;
 
 /// Matches a pose needs.
 pub const NEEDED: usize = 4;
@@ -130,6 +131,7 @@ fn shared_motion(offsets: &[(Point3, Vector2)]) -> f64 {
     };
     // Of very many matches every so-manieth tells as much.
     let products: Vec<f64> = (0..offsets.len())
+        .into_par_iter()
         .step_by(offsets.len() / MOST_SAMPLED + 1)
         .filter_map(|i| Some(offsets[i].1.dot(&offsets[neighbour(i)?].1)))
         .collect();

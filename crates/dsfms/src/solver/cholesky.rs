@@ -10,7 +10,6 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 use faer::{Side, Spec};
-use nalgebra::RealField;
 
 /// A factorisation was asked of a matrix that has none, or of a pattern that is malformed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -39,14 +38,6 @@ pub struct Cholesky {
 #[derive(Clone, Debug, Default)]
 pub struct Factor {
     values: Vec<f64>,
-}
-
-impl Factor {
-    /// The values in single precision: half the memory to read, twice as many a vector.
-    pub fn single(&self, into: &mut Vec<f32>) {
-        into.clear();
-        into.extend(self.values.iter().map(|&v| v as f32));
-    }
 }
 
 impl Cholesky {
@@ -105,41 +96,41 @@ impl Cholesky {
 
     /// Solve `A x = b` in place for `K` right-hand sides, those of one unknown together.
     pub fn solve<const K: usize>(&self, factor: &Factor, x: &mut [[f64; K]]) {
-        self.solve_with(&factor.values, x);
+        let mut gathered = Vec::new();
+        self.panels(factor).for_each(|panel| panel.forward(x, &mut gathered));
+        self.panels(factor).rev().for_each(|panel| panel.backward(x, &mut gathered));
     }
 
-    /// The same with the values of a factor in another precision.
-    pub fn solve_with<T: RealField + Copy, const K: usize>(&self, factor: &[T], x: &mut [[T; K]]) {
-        let SymbolicCholeskyRaw::Supernodal(symbolic) = self.symbolic.raw() else { return };
-        let panel = |s: usize| Panel {
+    /// The panels of a factor, in the order of their columns.
+    pub(super) fn panels<'a>(
+        &'a self,
+        factor: &'a Factor,
+    ) -> impl DoubleEndedIterator<Item = Panel<'a>> {
+        let SymbolicCholeskyRaw::Supernodal(symbolic) = self.symbolic.raw() else {
+            unreachable!("the analysis is always supernodal")
+        };
+        (0..symbolic.n_supernodes()).map(move |s| Panel {
             begin: symbolic.supernode_begin()[s],
             width: symbolic.supernode_end()[s] - symbolic.supernode_begin()[s],
             below: symbolic.supernode(s).pattern(),
-            values: &factor[symbolic.col_ptr_for_val()[s]..],
-        };
-        let mut gathered = Vec::new();
-        for s in 0..symbolic.n_supernodes() {
-            panel(s).forward(x, &mut gathered);
-        }
-        for s in (0..symbolic.n_supernodes()).rev() {
-            panel(s).backward(x, &mut gathered);
-        }
+            values: &factor.values[symbolic.col_ptr_for_val()[s]..],
+        })
     }
 }
 
 /// Adjacent columns of `L` with the same rows below them.
-struct Panel<'a, T> {
-    begin: usize,
-    width: usize,
+pub(super) struct Panel<'a> {
+    pub(super) begin: usize,
+    pub(super) width: usize,
     /// Rows below the diagonal block.
-    below: &'a [usize],
+    pub(super) below: &'a [usize],
     /// Column major, `width + below` rows.
-    values: &'a [T],
+    values: &'a [f64],
 }
 
-impl<T: RealField + Copy> Panel<'_, T> {
+impl Panel<'_> {
     /// Part of `L⁻¹`.
-    fn forward<const K: usize>(&self, x: &mut [[T; K]], sums: &mut Vec<[T; K]>) {
+    fn forward<const K: usize>(&self, x: &mut [[f64; K]], sums: &mut Vec<[f64; K]>) {
         let inside = &mut x[self.begin..self.begin + self.width];
         for c in 0..self.width {
             let top = self.column(c).0;
@@ -150,7 +141,7 @@ impl<T: RealField + Copy> Panel<'_, T> {
             }
         }
         sums.clear();
-        sums.resize(self.below.len(), [T::zero(); K]);
+        sums.resize(self.below.len(), [0.0; K]);
         // Four columns at a time: the sums are then read and written a quarter as often.
         for c in (0..self.width - self.width % 4).step_by(4) {
             let v = [inside[c], inside[c + 1], inside[c + 2], inside[c + 3]];
@@ -172,13 +163,13 @@ impl<T: RealField + Copy> Panel<'_, T> {
     }
 
     /// Part of `L⁻ᵀ`.
-    fn backward<const K: usize>(&self, x: &mut [[T; K]], gathered: &mut Vec<[T; K]>) {
+    fn backward<const K: usize>(&self, x: &mut [[f64; K]], gathered: &mut Vec<[f64; K]>) {
         gathered.clear();
         gathered.extend(self.below.iter().map(|&row| x[row]));
         let inside = &mut x[self.begin..self.begin + self.width];
         for c in (0..self.width - self.width % 4).step_by(4) {
             let [p, q, r, s] = [0, 1, 2, 3].map(|i| self.column(c + i).1);
-            let mut sums = [[T::zero(); K]; 4];
+            let mut sums = [[0.0; K]; 4];
             for ((((x, p), q), r), s) in gathered.iter().zip(p).zip(q).zip(r).zip(s) {
                 (0..K).for_each(|k| {
                     sums[0][k] += *p * x[k];
@@ -207,7 +198,7 @@ impl<T: RealField + Copy> Panel<'_, T> {
     }
 
     /// A column within the diagonal block and below it.
-    fn column(&self, c: usize) -> (&[T], &[T]) {
+    pub(super) fn column(&self, c: usize) -> (&[f64], &[f64]) {
         let height = self.width + self.below.len();
         self.values[c * height..(c + 1) * height].split_at(self.width)
     }

@@ -9,6 +9,7 @@
 use super::cholesky::{Cholesky, CholeskyError, Factor, dot};
 use super::normal_equations::Matrix;
 use super::ordering::Ordered;
+use super::panels::Panels;
 use nalgebra::{Cholesky as Dense, Dyn, Matrix3, Point3, Vector3};
 
 /// More iterations than this renew a factor made at another linearisation or damping.
@@ -21,15 +22,16 @@ pub(super) struct Iterative {
     cholesky: Cholesky,
     factor: Factor,
     /// Along the surface, and across it: single precision is enough to precondition.
-    factors: [Vec<f32>; 2],
+    factors: [Panels; 2],
     corner: Option<Dense<f64, Dyn>>,
     /// Axes of every vertex, in its columns.
     axes: Vec<Matrix3<f64>>,
     fresh: bool,
     renew: bool,
     values: [Vec<f64>; 2],
-    along: Vec<[f32; 2]>,
-    across: Vec<[f32; 1]>,
+    along: [Vec<f32>; 2],
+    across: [Vec<f32>; 1],
+    memory: [Vec<f32>; 2],
 }
 
 impl Iterative {
@@ -46,8 +48,9 @@ impl Iterative {
             fresh: false,
             renew: true,
             values,
-            along: vec![[0.0; 2]; ordered.len()],
-            across: vec![[0.0]; ordered.len()],
+            along: [0, 1].map(|_| vec![0.0; ordered.len()]),
+            across: [vec![0.0; ordered.len()]],
+            memory: Default::default(),
         })
     }
 
@@ -84,7 +87,7 @@ impl Iterative {
         }
         for (values, factor) in self.values.iter().zip(&mut self.factors) {
             self.cholesky.factorise(values, &mut self.factor)?;
-            self.factor.single(factor);
+            factor.set(self.cholesky.panels(&self.factor));
         }
         let mut corner = matrix.sums.corner.clone();
         for k in 0..corner.nrows() {
@@ -103,17 +106,14 @@ impl Iterative {
         for (new, &v) in ordered.order.iter().enumerate() {
             let v = v as usize;
             let local = self.axes[v].tr_mul(&Vector3::new(r[3 * v], r[3 * v + 1], r[3 * v + 2]));
-            let local = (local * scale).map(|c| c as f32);
-            (self.along[new], self.across[new]) = ([local.x, local.y], [local.z]);
+            let [x, y, z] = [local.x, local.y, local.z].map(|c| (c * scale) as f32);
+            (self.along[0][new], self.along[1][new], self.across[0][new]) = (x, y, z);
         }
-        let ([along, across], cholesky) = (&self.factors, &self.cholesky);
-        rayon::join(
-            || cholesky.solve_with(along, &mut self.along),
-            || cholesky.solve_with(across, &mut self.across),
-        );
+        self.factors[0].solve(&mut self.along, &mut self.memory);
+        self.factors[1].solve(&mut self.across, &mut self.memory);
         for (new, &v) in ordered.order.iter().enumerate() {
-            let ([x, y], [across], v) = (self.along[new], self.across[new], v as usize);
-            let local = Vector3::new(x, y, across).map(f64::from);
+            let local = [self.along[0][new], self.along[1][new], self.across[0][new]];
+            let (local, v) = (Vector3::from(local.map(f64::from)), v as usize);
             let global = self.axes[v] * local / scale;
             z[3 * v..3 * v + 3].copy_from_slice(global.as_slice());
         }
@@ -143,6 +143,7 @@ impl Iterative {
         let mut x = vec![0.0; r.len()];
         let (mut z, mut q) = (x.clone(), x.clone());
         let diagonal = damped_part(matrix, damping);
+        let mut wide = [0, 1].map(|_| vec![[0.0; 4]; matrix.near.vertices()]);
         self.precondition(matrix.ordered, &r, &mut z);
         let mut p = z.clone();
         let (mut rz, mut since) = (dot(&r, &z), 0);
@@ -151,7 +152,7 @@ impl Iterative {
             return None;
         }
         while rz > goal {
-            multiply(matrix, &diagonal, &p, &mut q);
+            multiply(matrix, &diagonal, &p, &mut q, &mut wide);
             let alpha = rz / dot(&p, &q);
             if !alpha.is_finite() || alpha <= 0.0 || since == LIMIT {
                 return None;
@@ -187,40 +188,63 @@ fn damped_part(matrix: &Matrix, damping: f64) -> Vec<f64> {
     diagonal
 }
 
-/// `y = (H + diagonal) x`.
-fn multiply(matrix: &Matrix, diagonal: &[f64], x: &[f64], y: &mut [f64]) {
-    y.iter_mut().zip(diagonal.iter().zip(x)).for_each(|(y, (d, x))| *y = d * x);
-    let at = |x: &[f64], v: usize| Vector3::new(x[3 * v], x[3 * v + 1], x[3 * v + 2]);
-    let add = |y: &mut [f64], v: usize, d: Vector3<f64>| {
-        y[3 * v..3 * v + 3].iter_mut().zip(&d).for_each(|(y, d)| *y += d);
-    };
-    for column in 0..matrix.near.vertices() {
-        let here = at(x, column);
-        let (first, rows) = matrix.near.column(column);
-        let mut sum = matrix.sums.blocks[first] * here;
-        for (block, &row) in matrix.sums.blocks[first..].iter().zip(rows).skip(1) {
-            add(y, row as usize, block * here);
-            sum += block.tr_mul(&at(x, row as usize));
-        }
-        let (first, rows) = matrix.smooth.column(column);
-        sum += here * matrix.isotropic[first];
-        for (&s, &row) in matrix.isotropic[first..].iter().zip(rows).skip(1) {
-            add(y, row as usize, here * s);
-            sum += at(x, row as usize) * s;
-        }
-        add(y, column, sum);
+/// A vertex's part of a vector, with room for whole registers.
+type Wide = [f64; 4];
+
+/// `y = (H + diagonal) x`; `wide`: memory, an entry a vertex.
+fn multiply(
+    matrix: &Matrix,
+    diagonal: &[f64],
+    x: &[f64],
+    y: &mut [f64],
+    wide: &mut [Vec<Wide>; 2],
+) {
+    let [from, to] = wide;
+    for (from, x) in from.iter_mut().zip(x.chunks_exact(3)) {
+        *from = [x[0], x[1], x[2], 0.0];
     }
+    to.fill([0.0; 4]);
+    let add = |to: &mut Wide, by: &Wide, s: f64| (0..4).for_each(|k| to[k] += s * by[k]);
+    for column in 0..from.len() {
+        let (here, mut sum) = (from[column], [0.0; 4]);
+        let (first, rows) = matrix.smooth.column(column);
+        add(&mut sum, &here, matrix.isotropic[first]);
+        for (&s, &row) in matrix.isotropic[first..].iter().zip(rows).skip(1) {
+            add(&mut to[row as usize], &here, s);
+            add(&mut sum, &from[row as usize], s);
+        }
+        let (first, rows) = matrix.near.column(column);
+        let here = Vector3::new(here[0], here[1], here[2]);
+        let mut near = matrix.sums.blocks[first] * here;
+        for (block, &row) in matrix.sums.blocks[first..].iter().zip(rows).skip(1) {
+            let (x, y) = (&from[row as usize], &mut to[row as usize]);
+            let product = block * here;
+            (0..3).for_each(|k| y[k] += product[k]);
+            near += block.tr_mul(&Vector3::new(x[0], x[1], x[2]));
+        }
+        (0..3).for_each(|k| to[column][k] += sum[k] + near[k]);
+    }
+    let parts = y.chunks_exact_mut(3).zip(diagonal.chunks_exact(3));
+    for ((y, d), (x, sum)) in parts.zip(from.iter().zip(to.iter())) {
+        (0..3).for_each(|k| y[k] = d[k] * x[k] + sum[k]);
+    }
+    multiply_globals(matrix, diagonal, x, y);
+}
+
+/// The part of [`multiply`] that globals have in it.
+fn multiply_globals(matrix: &Matrix, diagonal: &[f64], x: &[f64], y: &mut [f64]) {
+    let at = |x: &[f64], v: usize| Vector3::new(x[3 * v], x[3 * v + 1], x[3 * v + 2]);
     let n = 3 * matrix.near.vertices();
     for (k, border) in matrix.sums.border.iter().enumerate() {
-        let mut sum = 0.0;
-        for (v, b) in border.iter().enumerate() {
-            add(y, v, b * x[n + k]);
+        let mut sum = diagonal[n + k] * x[n + k];
+        for ((v, b), y) in border.iter().enumerate().zip(y.chunks_exact_mut(3)) {
+            (0..3).for_each(|c| y[c] += b[c] * x[n + k]);
             sum += b.dot(&at(x, v));
         }
         for l in 0..matrix.sums.border.len() {
             sum += matrix.sums.corner[(k, l)] * x[n + l];
         }
-        y[n + k] += sum;
+        y[n + k] = sum;
     }
 }
 

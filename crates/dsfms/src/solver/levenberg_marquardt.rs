@@ -18,6 +18,10 @@ pub trait Problem {
     type State: Clone;
     /// Weighted cost of every term, or `None` where the state is infeasible.
     fn costs(&self, state: &Self::State) -> Option<Vec<f64>>;
+    /// The same where [`linearise`](Self::linearise) is likely to follow: what both need may be kept.
+    fn trial(&mut self, state: &Self::State) -> Option<Vec<f64>> {
+        self.costs(state)
+    }
     /// Name of every term, in the order of [`Problem::costs`].
     fn labels(&self) -> Vec<&'static str>;
     /// Build the Gauss–Newton model at a feasible state; returns the norm of the gradient.
@@ -74,7 +78,7 @@ pub fn minimize<P: Problem>(
     options: &Options,
 ) -> (P::State, Summary) {
     let start = Instant::now();
-    let Some(before) = problem.costs(&state) else {
+    let Some(before) = problem.trial(&state) else {
         return (state, summary(problem, Stop::NoProgress, [0, 0], [&[], &[]], start));
     };
     let (mut costs, mut damping, mut growth) = (before.clone(), options.initial_damping, 2.0);
@@ -89,8 +93,9 @@ pub fn minimize<P: Problem>(
         loop {
             let trial = problem.step(damping).and_then(|step| {
                 let next = problem.retract(&state, &step.delta);
-                let costs = problem.costs(&next)?;
-                Some((next, costs, step.predicted))
+                let last = accepted + 1 == options.max_steps;
+                let costs = if last { problem.costs(&next) } else { problem.trial(&next) };
+                Some((next, costs?, step.predicted))
             });
             let cost: f64 = costs.iter().sum();
             if let Some((next, next_costs, predicted)) = trial {

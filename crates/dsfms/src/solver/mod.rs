@@ -11,6 +11,7 @@ pub mod levenberg_marquardt;
 pub mod loss;
 pub mod normal_equations;
 mod ordering;
+mod panels;
 pub mod pattern;
 pub mod summary;
 

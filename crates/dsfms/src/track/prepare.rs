@@ -4,7 +4,7 @@
 use super::TrackError;
 use super::flow::Pyramid;
 use super::look::{LEVELS, Seen, Working};
-use super::reduce::{Reduced, Tables, any, clear_about, halve_mask, halved, stretch};
+use super::reduce::{Reduced, Tables, any, halve_mask, halved, stretch};
 use crate::camera::CameraModel;
 use crate::image::viewport::INSTRUMENT_MARGIN;
 use crate::image::{Frame, Mask, Picture, ToneCurve, viewport};
@@ -152,12 +152,12 @@ impl Preparation {
         let lit = self.viewport.as_ref().and_then(|v| v.1.clone());
         let mut usable = lit.unwrap_or_else(|| Mask::filled(camera.size, true));
         if let Some(instrument) = instrument {
-            clear_about(&mut usable, &any(instrument, halvings), INSTRUMENT_MARGIN / scale);
+            let covered = any(instrument, halvings).dilate(INSTRUMENT_MARGIN / scale);
+            usable = usable.minus(&covered);
         }
         let [w, h] = frame.size;
         let halo = HALO * (w as f64).hypot(h as f64) / scale;
-        let mut clear = usable.clone();
-        clear_about(&mut clear, &any(&reduced.saturated(), halvings - base), halo);
+        let clear = usable.minus(&any(&reduced.saturated(), halvings - base).dilate(halo));
         let bright = halved(&reduced.bright, halvings - base);
         let seen = Seen { pyramid: Pyramid::new(bright, LEVELS), usable: clear };
         let picture = self.shading.then(|| reduced.picture(photo_halvings - base));

@@ -148,31 +148,6 @@ pub(super) fn stretch(mask: &Mask, size: [usize; 2]) -> Mask {
     Mask { size, data }
 }
 
-/// Clear what lies within `radius` px of a `true` pixel: one stamp a pixel of the outline.
-pub(super) fn clear_about(mask: &mut Mask, of: &Mask, radius: f64) {
-    let [w, h] = of.size;
-    let reach = radius.floor() as isize;
-    let stamp: Vec<[isize; 2]> = (-reach..=reach)
-        .flat_map(|y| (-reach..=reach).map(move |x| [x, y]))
-        .filter(|[x, y]| ((x * x + y * y) as f64) <= radius * radius)
-        .collect();
-    for (i, _) in of.data.iter().enumerate().filter(|(_, v)| **v) {
-        let (x, y) = (i % w, i / w);
-        let inner = x > 0 && y > 0 && x + 1 < w && y + 1 < h;
-        let inner = inner && [i - 1, i + 1, i - w, i + w].iter().all(|&k| of.data[k]);
-        if inner {
-            mask.data[i] = false;
-            continue;
-        }
-        for [dx, dy] in &stamp {
-            let (u, v) = (x as isize + dx, y as isize + dy);
-            if (0..w as isize).contains(&u) && (0..h as isize).contains(&v) {
-                mask.data[v as usize * w + u as usize] = false;
-            }
-        }
-    }
-}
-
 /// Halve a plane so many times.
 pub(super) fn halved(plane: &Plane, times: u32) -> Plane {
     (0..times).fold(plane.clone(), |plane, _| halve(&plane))
@@ -207,13 +182,5 @@ mod tests {
         assert!(small.saturated.data[at(1, 1)] && !small.saturated.data[at(2, 0)]);
         assert_eq!(small.clipped[at(2, 0)], [true, false, false]);
         assert_eq!(small.to_saturated[at(1, 1)], 0.0);
-    }
-
-    #[test]
-    fn clearing_about_a_mask_is_its_dilation() {
-        let of = Mask { size: [23, 17], data: (0..23 * 17).map(|i| i * 31 % 97 < 7).collect() };
-        let mut mask = Mask::filled([23, 17], true);
-        clear_about(&mut mask, &of, 2.3);
-        assert_eq!(mask, of.dilate(2.3).complement());
     }
 }

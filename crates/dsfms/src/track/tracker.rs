@@ -165,6 +165,11 @@ impl<'a> Tracker<'a> {
 
     /// The next frame, prepared by [`preparation`](Self::preparation).
     pub fn solve(&mut self, prepared: &Prepared) -> Tracked {
+        // On a thread of the pool its many small parallel loops cost no hand-over.
+        rayon::scope(|_| self.solve_here(prepared))
+    }
+
+    fn solve_here(&mut self, prepared: &Prepared) -> Tracked {
         self.count += 1;
         let mut clock = Clock(vec![("prepare", prepared.seconds)]);
         let Some(view) = &prepared.view else {
