@@ -82,7 +82,7 @@ fn args() -> Result<Args, Box<dyn std::error::Error>> {
             "--rate" => args.rate = Some(value.parse()?),
             "--vertices" => args.vertices = value.parse()?,
             "--options" => {
-                args.options = TrackOptions::from_toml(&std::fs::read_to_string(value)?)?
+                args.options = args.options.with_toml(&std::fs::read_to_string(value)?)?
             }
             "--cold-every" => args.cold_every = value.parse()?,
             _ => return Err(format!("{arg} {value} is not understood").into()),

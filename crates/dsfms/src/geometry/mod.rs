@@ -2,11 +2,13 @@
 //! alignment, medians.
 
 pub mod alignment;
+pub mod neighbours;
 pub mod statistics;
 pub mod triangle;
 
 pub use alignment::{align_rigid, align_rigid_robust, align_similarity};
-pub use statistics::{centre_and_spread, median, nearest};
+pub use neighbours::Neighbours;
+pub use statistics::{centre_and_spread, median};
 pub use triangle::{area, area_normal, barycentric, normal, point_at};
 
 /// A point of 3-space; mm or template units, the frame named where it is used.

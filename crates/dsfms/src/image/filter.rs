@@ -37,7 +37,7 @@ pub fn blur_masked_all(planes: &[Plane], mask: &Mask, sigma: f64) -> (Vec<Plane>
     let soften = |p: Plane| if half_kernel(sigma).is_some() { blur(&p, sigma) } else { p };
     let inside = mask.data.iter().map(|&m| if m { 1.0 } else { 0.0 }).collect::<Vec<f32>>();
     let weight = soften(Plane { size: mask.size, data: inside });
-    let blurred = planes.iter().map(|plane| {
+    let blurred = planes.par_iter().map(|plane| {
         assert_eq!(plane.size, mask.size, "plane and mask differ in size");
         let inside = plane.data.iter().zip(&mask.data);
         let data = inside.map(|(&v, &m)| if m { v } else { 0.0 }).collect();

@@ -63,7 +63,9 @@ impl Coat {
             LightModel::Point(light) => Cosine::towards(&light.mean_position(), point, normal),
         };
         let [into, out] = [&lit, &seen].map(|c| transmission(self.refractive_index, c.value));
-        let whole = transmission(self.refractive_index, 1.0).0.powi(2);
+        // Face on: (1 − ((n − 1)/(n + 1))²)².
+        let mirrored = (self.refractive_index - 1.0) / (self.refractive_index + 1.0);
+        let whole = (1.0 - mirrored * mirrored).powi(2);
         let passed = into.0 * out.0 / whole;
         let (d_lit, d_seen) = (into.1 * out.0 / whole, into.0 * out.1 / whole);
         let light = bare.value + self.ambient;

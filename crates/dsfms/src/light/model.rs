@@ -71,7 +71,8 @@ impl Spot {
                 if cos <= 0.0 {
                     return (0.0, 0.0);
                 }
-                (cos.powf(exponent), -exponent * cos.powf(exponent - 1.0) * angle.sin())
+                let power = cos.powf(exponent - 1.0);
+                (power * cos, -exponent * power * angle.sin())
             }
         }
     }

@@ -28,7 +28,7 @@ fn shade_one(light: &PointLight, q: &Vector3, normal: &Vector3) -> Shade {
     if !(facing > 0.0 && r2 > 0.0) {
         return Shade::default();
     }
-    let rho = q.x.hypot(q.y);
+    let rho = (q.x * q.x + q.y * q.y).sqrt();
     let (spot, slope) = light.spot.profile(rho.atan2(q.z));
     let falloff = light.reference_distance.powi(2) / (r2 * r2.sqrt());
     let value = facing * falloff * spot;

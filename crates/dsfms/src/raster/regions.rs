@@ -2,6 +2,7 @@
 
 use super::Raster;
 use crate::image::Mask;
+use rayon::prelude::*;
 
 impl Raster {
     /// `true` at surface pixels on a predicted contour: next to (4-neighbourhood) a pixel without
@@ -14,16 +15,16 @@ impl Raster {
             a.is_finite() && (!b.is_finite() || (a - b).abs() > relative_jump * 0.5 * (a + b))
         };
         let mut mask = Mask::filled(self.size, false);
-        for y in 0..h {
-            for x in 0..w {
+        mask.data.par_chunks_mut(w.max(1)).enumerate().for_each(|(y, row)| {
+            for (x, here) in row.iter_mut().enumerate() {
                 let i = y * w + x;
                 let d = self.depth[i];
-                mask.data[i] = (x > 0 && breaks(d, self.depth[i - 1]))
+                *here = (x > 0 && breaks(d, self.depth[i - 1]))
                     || (x + 1 < w && breaks(d, self.depth[i + 1]))
                     || (y > 0 && breaks(d, self.depth[i - w]))
                     || (y + 1 < h && breaks(d, self.depth[i + w]));
             }
-        }
+        });
         mask
     }
 }

@@ -7,7 +7,7 @@
 use super::joint::JointOptions;
 use crate::camera::Camera;
 use crate::energy::Boundary;
-use crate::geometry::{Point3, Vector2, nearest};
+use crate::geometry::{Neighbours, Point3, Vector2};
 use crate::light::LightModel;
 use crate::register::objective::hold_depth;
 use crate::register::pose::rest_point;
@@ -47,17 +47,15 @@ fn shared_motions(scene: &Scene, matches: &[Match], posed: &[Point3]) -> Vec<f64
         let seen = scene.camera.project(&point)?.pixel;
         Some((m.pixel - seen) * (point.z / (0.5 * (fx + fy))))
     };
-    let places: Vec<(Point3, Vector2)> = matches
-        .iter()
-        .map(|m| (rest_point(scene.rest, m), offset(m).unwrap_or_default()))
-        .collect();
-    places.par_iter().enumerate().map(|(i, p)| shared_motion(i, p, &places)).collect()
+    let offsets: Vec<Vector2> = matches.iter().map(|m| offset(m).unwrap_or_default()).collect();
+    let places = matches.iter().map(|m| rest_point(scene.rest, m).coords.into()).collect();
+    let places = Neighbours::of(places);
+    (0..offsets.len()).into_par_iter().map(|i| shared_motion(i, &offsets, &places)).collect()
 }
 
-fn shared_motion(i: usize, (at, offset): &(Point3, Vector2), places: &[(Point3, Vector2)]) -> f64 {
-    let others = (0..places.len()).filter(|&j| j != i);
-    let near = nearest(NEIGHBOURS, others, |j| (places[j].0 - at).norm_squared());
-    let products: f64 = near.iter().map(|&j| places[j].1.dot(offset)).sum();
+fn shared_motion(i: usize, offsets: &[Vector2], places: &Neighbours<3>) -> f64 {
+    let near = places.nearest(i, NEIGHBOURS);
+    let products: f64 = near.iter().map(|&j| offsets[j].dot(&offsets[i])).sum();
     (products / near.len().max(1) as f64).max(0.0).sqrt()
 }
 
@@ -71,13 +69,15 @@ mod tests {
         let place = |i: usize| {
             let (x, y) = ((i % 10) as f64, (i / 10) as f64);
             let left = if x < 5.0 { Vector2::new(3.0, 4.0) } else { Vector2::zeros() };
-            (Point3::new(x, y, 0.0), if i == 57 { Vector2::new(50.0, 0.0) } else { left })
+            ([x, y, 0.0], if i == 57 { Vector2::new(50.0, 0.0) } else { left })
         };
-        let places: Vec<_> = (0..100).map(place).collect();
-        let at = |i: usize| shared_motion(i, &places[i], &places);
+        let (places, offsets): (Vec<[f64; 3]>, Vec<Vector2>) = (0..100).map(place).unzip();
+        let alone = shared_motion(0, &offsets[..1], &Neighbours::of(places[..1].to_vec()));
+        let places = Neighbours::of(places);
+        let at = |i: usize| shared_motion(i, &offsets, &places);
         assert!((at(52) - 5.0).abs() < 1e-12);
         assert_eq!((at(57), at(58)), (0.0, 0.0));
-        assert_eq!(shared_motion(0, &places[0], &places[..1]), 0.0);
+        assert_eq!(alone, 0.0);
         // On the seam: one of four neighbours stayed.
         assert!((at(54) - 75_f64.sqrt() / 2.0).abs() < 1e-12);
     }

@@ -11,6 +11,7 @@ use crate::light::Light;
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
 use crate::raster::{Raster, rasterize};
+use rayon::prelude::*;
 
 /// How a photograph is looked at; lengths in px.
 pub(super) struct LookOptions {
@@ -57,11 +58,11 @@ impl<'a> Look<'a> {
         let raster = rasterize(photo.camera, &rest.topology, shape);
         let normals = vertex_normals(&rest.topology, shape);
         let (texels, picture) = (photo.albedo, photo.picture);
-        let texel = raster.render((false, [0.0; 3]), |face, b| {
+        let albedo = raster.render([f32::NAN; 3], |face, b| {
             let texel = texels.index(face, b);
-            (texels.views[texel] > 0, texels.value[texel])
+            if texels.views[texel] > 0 { texels.value[texel] } else { [f32::NAN; 3] }
         });
-        let (known, albedo): (Vec<bool>, Vec<[f32; 3]>) = texel.into_iter().unzip();
+        let known: Vec<bool> = albedo.iter().map(|a| !a[0].is_nan()).collect();
         let albedo = ColorImage { size: raster.size, data: albedo };
         let at_contour = match options.contour {
             none if none <= 0.0 => Mask::filled(raster.size, false),
@@ -90,8 +91,9 @@ impl<'a> Look<'a> {
         let covered = if told { look.foreign(&counts) } else { look.possible_glare() };
         let data = counts.iter().zip(&covered.data).map(|(&counts, covered)| counts && !covered);
         let mask = Mask { size: look.raster.size, data: data.collect() };
-        let planes = [0, 1, 2].map(|c| picture.linear.channel(c)).into_iter();
-        let planes: Vec<Plane> = planes.chain([0, 1, 2].map(|c| look.albedo.channel(c))).collect();
+        let channels = [0, 1, 2].map(|c| (&picture.linear, c)).into_par_iter();
+        let channels = channels.chain([0, 1, 2].map(|c| (&look.albedo, c)));
+        let planes: Vec<Plane> = channels.map(|(of, c)| of.channel(c)).collect();
         let (blurred, support) = blur_masked_all(&planes, &mask, look.options.blur);
         look.image = ColorImage::of_channels([&blurred[0], &blurred[1], &blurred[2]]);
         look.albedo = ColorImage::of_channels([&blurred[3], &blurred[4], &blurred[5]]);

@@ -2,7 +2,7 @@
 
 use super::{Match, RegisterError, RegisterOptions};
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Point2, Point3, Vector2, median, nearest, point_at};
+use crate::geometry::{Neighbours, Point2, Point3, Vector2, median, point_at};
 use crate::image::{Frame, Mask};
 use crate::mesh::Mesh;
 use crate::sfm::matching::UnitDescriptors;
@@ -126,19 +126,19 @@ pub fn agreeing(
 ) -> Vec<usize> {
     let usable = |i: &usize| offsets[*i].is_some_and(|o| o.norm() < limit);
     let candidates: Vec<usize> = (0..pixels.len()).filter(usable).collect();
-    let agrees = |&i: &usize| {
-        let others = nearest(8, candidates.iter().copied().filter(|&j| j != i), |j| {
-            (pixels[i] - pixels[j]).norm_squared()
-        });
+    let places = Neighbours::of(candidates.iter().map(|&i| pixels[i].coords.into()).collect());
+    let agrees = |&at: &usize| {
+        let others = places.nearest(at, 8);
         let component = |axis: usize| {
-            let mut values: Vec<f64> =
-                others.iter().filter_map(|&j| offsets[j].map(|o| o[axis])).collect();
-            median(&mut values).unwrap_or(0.0)
+            let others = others.iter().filter_map(|&j| offsets[candidates[j]]);
+            median(&mut others.map(|o| o[axis]).collect::<Vec<f64>>()).unwrap_or(0.0)
         };
         let typical = Vector2::new(component(0), component(1));
-        offsets[i].is_some_and(|o| (o - typical).norm() < slack + typical.norm() / 3.0)
+        let own = offsets[candidates[at]];
+        own.is_some_and(|o| (o - typical).norm() < slack + typical.norm() / 3.0)
     };
-    candidates.par_iter().filter(|i| agrees(i)).copied().collect()
+    let all = (0..candidates.len()).into_par_iter();
+    all.filter(agrees).map(|at| candidates[at]).collect()
 }
 
 #[cfg(test)]

@@ -2,12 +2,11 @@
 
 use super::{Match, RegisterError, RegisterOptions};
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Isometry, Point2, Point3, Vector2, median, nearest, point_at};
+use crate::geometry::{Isometry, Neighbours, Point2, Point3, Vector2, median, point_at};
 use crate::mesh::Mesh;
 use crate::sfm::random::Random;
 use crate::sfm::resection::{refine_pose, resect};
 use crate::solver::Loss;
-use rayon::prelude::*;
 
 /// Matches a pose needs.
 pub const NEEDED: usize = 4;
@@ -125,13 +124,10 @@ fn settled(
 /// Root mean product of every point's offset with its nearest neighbour's; 0 where the mean is
 /// negative or no more than noise without any sharing would often give.
 fn shared_motion(offsets: &[(Point3, Vector2)]) -> f64 {
-    let neighbour = |i: usize| {
-        let others = (0..offsets.len()).filter(|&j| j != i);
-        nearest(1, others, |j| (offsets[j].0 - offsets[i].0).norm_squared()).first().copied()
-    };
+    let places = Neighbours::of(offsets.iter().map(|o| o.0.coords.into()).collect());
+    let neighbour = |i: usize| places.nearest(i, 1).first().copied();
     // Of very many matches every so-manieth tells as much.
     let products: Vec<f64> = (0..offsets.len())
-        .into_par_iter()
         .step_by(offsets.len() / MOST_SAMPLED + 1)
         .filter_map(|i| Some(offsets[i].1.dot(&offsets[neighbour(i)?].1)))
         .collect();

@@ -175,7 +175,9 @@ fn corners(plane: &Plane, known: &Mask) -> Vec<[usize; 2]> {
         let places = (y0..(y0 + CELL).min(h - margin))
             .step_by(STRIDE)
             .flat_map(|y| (x0..(x0 + CELL).min(w - margin)).step_by(STRIDE).map(move |x| [x, y]));
-        let inside = |&[x, y]: &[usize; 2]| whole(known, Point2::new(x as f64, y as f64));
+        const R: usize = RADIUS as usize;
+        let line = |x: usize, y: usize| [x - R, x, x + R].into_iter().all(|x| known.at(x, y));
+        let inside = |&[x, y]: &[usize; 2]| [y - R, y, y + R].into_iter().all(|y| line(x, y));
         let scored = places.filter(inside).map(|p| (texture(plane, p), p));
         scored.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)))
     };
@@ -189,11 +191,15 @@ fn corners(plane: &Plane, known: &Mask) -> Vec<[usize; 2]> {
 /// Smaller eigenvalue of the structure tensor over half a patch.
 fn texture(plane: &Plane, [x, y]: [usize; 2]) -> f32 {
     let reach = RADIUS as usize / 2;
+    let row = |y: usize, margin: usize| {
+        let side = 2 * (reach + margin) + 1;
+        &plane.data[y * plane.size[0] + x - reach - margin..][..side]
+    };
     let (mut a, mut b, mut c) = (0.0, 0.0, 0.0);
     for v in y - reach..=y + reach {
-        for u in x - reach..=x + reach {
-            let dx = plane.at(u + 1, v) - plane.at(u - 1, v);
-            let dy = plane.at(u, v + 1) - plane.at(u, v - 1);
+        let across = row(v, 1).windows(3).map(|w| w[2] - w[0]);
+        let down = row(v + 1, 0).iter().zip(row(v - 1, 0)).map(|(below, above)| below - above);
+        for (dx, dy) in across.zip(down) {
             (a, b, c) = (a + dx * dx, b + dx * dy, c + dy * dy);
         }
     }

@@ -70,6 +70,30 @@ impl TrackOptions {
     pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
         toml::from_str(text)
     }
+
+    /// These options with what a TOML text names.
+    ///
+    /// # Errors
+    /// As [`from_toml`](Self::from_toml).
+    pub fn with_toml(&self, text: &str) -> Result<Self, toml::de::Error> {
+        // By itself first: its errors tell the line.
+        Self::from_toml(text)?;
+        let mut all = toml::Table::try_from(self).map_err(serde::de::Error::custom)?;
+        lay_over(&mut all, toml::from_str(text)?);
+        all.try_into()
+    }
+}
+
+/// Replace what another table names, table by table.
+fn lay_over(under: &mut toml::Table, over: toml::Table) {
+    for (key, value) in over {
+        match (under.get_mut(&key), value) {
+            (Some(toml::Value::Table(under)), toml::Value::Table(over)) => lay_over(under, over),
+            (_, value) => {
+                under.insert(key, value);
+            }
+        }
+    }
 }
 
 /// What became of a frame.
@@ -180,4 +204,20 @@ pub enum TrackError {
         /// Size in the camera file.
         expected: [usize; 2],
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_changes_what_it_names_and_nothing_else() {
+        let base = TrackOptions::realtime();
+        let found = base.with_toml("patience = 3\n[video]\nsteps = 7").unwrap();
+        let video = VideoOptions { steps: 7, ..base.video.clone() };
+        assert_eq!(found, TrackOptions { patience: 3, video, ..base.clone() });
+        assert_eq!(base.with_toml("").unwrap(), base);
+        let error = base.with_toml("[video]\nstep = 7").unwrap_err().to_string();
+        assert!(error.contains("line 2") && error.contains("step"), "{error}");
+    }
 }

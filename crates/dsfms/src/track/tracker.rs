@@ -23,6 +23,9 @@ use std::time::Instant;
 /// working image.
 const STRAY_PX: f64 = 1.5;
 
+/// Where a place was last is another start than where it is expected, px of the working image.
+const APART_PX: f64 = 4.0;
+
 /// Features of a frame that are looked up at most; more tell little.
 const MOST_FEATURES: usize = 2000;
 
@@ -274,9 +277,10 @@ impl<'a> Tracker<'a> {
             // Mostly the last motion goes on; only where it does not must coarser levels tell.
             let (place, alike) =
                 settle(render, frame, a.pixel, start).and_then(alike).or_else(|| {
-                    let place = follow(render, frame, a.pixel, start)
-                        .or_else(|| follow(render, frame, a.pixel, a.pixel));
-                    place.and_then(alike)
+                    let elsewhere = (start - a.pixel).norm() > APART_PX;
+                    let place = follow(render, frame, a.pixel, start);
+                    let still = || follow(render, frame, a.pixel, a.pixel);
+                    place.or_else(|| if elsewhere { still() } else { None }).and_then(alike)
                 })?;
             let pixel = self.working.to_frame(place);
             let found = Match { face: a.face, barycentric: a.barycentric, pixel };

@@ -38,10 +38,10 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     prepare_folder(&args.output)?;
     let template = read_template(&args.template)?;
     let (camera, tone) = camera(args, global, &template)?;
+    let base = if args.realtime { TrackOptions::realtime() } else { TrackOptions::default() };
     let mut options = match &args.options {
-        Some(path) => inputs::options(path, TrackOptions::from_toml)?,
-        None if args.realtime => TrackOptions::realtime(),
-        None => TrackOptions::default(),
+        Some(path) => inputs::options(path, |text| base.with_toml(text))?,
+        None => base,
     };
     options.reconstruct.seed = global.seed;
     let method = match args.method {
