@@ -153,8 +153,9 @@ impl Map<'_> {
             }));
         }
         let mut bundle = Bundle {
-            camera: self.camera.clone(),
-            prior: self.prior.clone(),
+            cameras: vec![self.camera.clone()],
+            priors: vec![self.prior.clone()],
+            camera_of: vec![0; views.len()],
             poses: views.iter().filter_map(|&v| self.poses[v]).collect(),
             fixed: views.iter().map(|&v| fixed(v)).collect(),
             points: tracks.iter().filter_map(|&t| self.tracks[t].point).collect(),
@@ -164,7 +165,7 @@ impl Map<'_> {
         let summary = adjust(&mut bundle, &options)?;
         views.iter().zip(&bundle.poses).for_each(|(&v, pose)| self.poses[v] = Some(*pose));
         tracks.iter().zip(&bundle.points).for_each(|(&t, p)| self.tracks[t].point = Some(*p));
-        self.camera = bundle.camera;
+        self.camera = bundle.cameras.swap_remove(0);
         Ok(summary)
     }
 
