@@ -29,7 +29,7 @@ pub(super) struct Samples {
 
 impl Samples {
     /// Warp the offsets `x`, `y`. The window must [meet](meets) the view.
-    #[inline]
+    #[inline(always)]
     pub fn new(image: &Image, [base, du, dv]: &Warp, x: &Lanes, y: &Lanes) -> Self {
         let [w, h] = image.size;
         let (right, bottom) = ((w - 1) as f32, (h - 1) as f32);
@@ -58,42 +58,42 @@ impl Samples {
     }
 
     /// Bilinear value of sample `l`; NaN outside the view or next to an unusable pixel.
-    #[inline]
+    #[inline(always)]
     pub fn value(&self, l: usize) -> f32 {
         let (upper, lower) = self.rows(l);
         upper + self.fy[l] * (lower - upper)
     }
 
     /// Derivative of the value along x and y.
-    #[inline]
+    #[inline(always)]
     pub fn gradient(&self, l: usize) -> [f32; 2] {
         let [a, b, c, d] = &self.corners;
         let (upper, lower) = self.rows(l);
         [(b[l] - a[l]) + self.fy[l] * (d[l] - c[l] - b[l] + a[l]), lower - upper]
     }
 
-    #[inline]
+    #[inline(always)]
     fn rows(&self, l: usize) -> (f32, f32) {
         let [a, b, c, d] = &self.corners;
         (a[l] + self.fx[l] * (b[l] - a[l]), c[l] + self.fx[l] * (d[l] - c[l]))
     }
 }
 
-#[inline]
+#[inline(always)]
 fn between(v: f32, high: f32) -> f32 {
     let v = if v > 0.0 { v } else { 0.0 };
     if v < high { v } else { high }
 }
 
 /// Sum of the lanes, pairwise.
-#[inline]
+#[inline(always)]
 pub(super) fn total(v: Lanes) -> f32 {
     ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]))
 }
 
 /// Whether a warped window of half the side `reach` may meet the view: it lies before the camera and
 /// not beyond one side. A homography keeps the window within its four corners.
-#[inline]
+#[inline(always)]
 pub(super) fn meets([base, du, dv]: &Warp, reach: f32, size: [usize; 2]) -> bool {
     let (right, bottom) = ((size[0] - 1) as f32, (size[1] - 1) as f32);
     let mut beyond = [true; 4];

@@ -10,6 +10,7 @@ pub mod plane;
 mod polygon;
 pub mod tone;
 pub mod viewport;
+pub(crate) mod wide;
 
 pub use exposure::{halo, saturation};
 pub use mask::Mask;
