@@ -14,7 +14,6 @@ use super::lanes::{LANES, Lanes, Samples, Warp, meets, total};
 use super::options::DenseOptions;
 use super::plane::{Field, InversePlane};
 use super::score::{NONE, PairView, Pairs};
-use crate::image::wide::wide;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -221,7 +220,7 @@ impl Window {
         if !meets(&warp, REACH as f32, view.image.size) {
             return None;
         }
-        let sums = wide(|| self.moments(view, plane, &warp));
+        let sums = self.moments(view, plane, &warp);
         let enough = sums[0] >= 24.0 && sums[0] >= 0.6 * self.count as f32;
         enough.then(|| project(&sums, noise)).flatten()
     }

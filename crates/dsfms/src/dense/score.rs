@@ -4,7 +4,6 @@ use super::lanes::{LANES, Lanes, Samples, Warp, meets, total};
 use super::options::DenseOptions;
 use super::plane::InversePlane;
 use super::view::{Image, Pyramid};
-use crate::image::wide::wide;
 
 /// Half the side of the window, px of the level.
 const RADIUS: i32 = 3;
@@ -185,15 +184,13 @@ impl Patch {
         noise: f32,
         sources: u16,
     ) -> [f32; MAX_VIEWS] {
-        wide(|| {
-            let mut costs = [NONE; MAX_VIEWS];
-            for (j, (cost, view)) in costs.iter_mut().zip(&pairs.views).enumerate() {
-                if sources >> j & 1 == 1 {
-                    *cost = self.cost(view, plane, noise);
-                }
+        let mut costs = [NONE; MAX_VIEWS];
+        for (j, (cost, view)) in costs.iter_mut().zip(&pairs.views).enumerate() {
+            if sources >> j & 1 == 1 {
+                *cost = self.cost(view, plane, noise);
             }
-            costs
-        })
+        }
+        costs
     }
 
     /// Mean cost over the best few of the named sources, and a fine for each that is missing; [`NONE`],
@@ -209,20 +206,18 @@ impl Patch {
         let noise = (options.image_noise * options.image_noise) as f32;
         let (views, best) =
             (&pairs.views[..pairs.views.len().min(MAX_VIEWS)], options.best_sources);
-        wide(|| {
-            let mut costs = [NONE; MAX_VIEWS];
-            let costs = &mut costs[..views.len()];
-            let named = |j: usize| sources >> j & 1 == 1;
-            let mut left = (0..views.len()).filter(|&j| named(j)).count();
-            for j in (0..views.len()).filter(|&j| named(j)) {
-                costs[j] = self.cost(&views[j], plane, noise);
-                left -= 1;
-                if left > 0 && left < best && least(costs, j, sources, best) >= than {
-                    return NONE;
-                }
+        let mut costs = [NONE; MAX_VIEWS];
+        let costs = &mut costs[..views.len()];
+        let named = |j: usize| sources >> j & 1 == 1;
+        let mut left = (0..views.len()).filter(|&j| named(j)).count();
+        for j in (0..views.len()).filter(|&j| named(j)) {
+            costs[j] = self.cost(&views[j], plane, noise);
+            left -= 1;
+            if left > 0 && left < best && least(costs, j, sources, best) >= than {
+                return NONE;
             }
-            mean_of_smallest(costs, best)
-        })
+        }
+        mean_of_smallest(costs, best)
     }
 
     /// The sources that speak for a plane, at most `keep`, best first chosen; [`ALL`] where fewer

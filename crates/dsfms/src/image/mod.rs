@@ -10,7 +10,6 @@ pub mod plane;
 mod polygon;
 pub mod tone;
 pub mod viewport;
-pub(crate) mod wide;
 
 pub use exposure::{halo, saturation};
 pub use mask::Mask;

@@ -3,7 +3,7 @@
 //!
 //! Written for processors with wide registers: every pass over the image goes along rows, blurs and the
 //! search for extrema in strips, and only what a mask lets through is described. The same bits at any
-//! number of threads, and with and without those registers.
+//! number of threads.
 
 mod descriptor;
 mod extrema;
@@ -14,7 +14,6 @@ use crate::geometry::Point2;
 use crate::image::Plane;
 use extrema::Extremum;
 use rayon::prelude::*;
-use scale_space::Octave;
 
 /// Layers of an octave that are searched.
 const LAYERS: usize = 3;
@@ -32,8 +31,6 @@ pub(super) struct Keypoint {
     pub scale: f32,
     /// Dominant gradient direction, radians, clockwise from +x (y points down).
     pub angle: f32,
-    /// Contrast of the extremum.
-    pub response: f32,
     /// Histogram of 4 × 4 cells of 8 directions, 0 to 255.
     pub descriptor: [f32; 128],
 }
@@ -64,7 +61,6 @@ pub(super) fn sift(
         point: place(*o, e),
         scale: (0.5 * f64::from(1u32 << o)) as f32 * e.sigma,
         angle: *angle,
-        response: e.response,
         descriptor: descriptor::describe(&octaves[*o], e, *angle),
     };
     found.par_iter().with_min_len(64).map(describe).collect()
@@ -118,7 +114,6 @@ mod tests {
         assert!((k.point - Point2::new(30.3, 21.6)).norm() < 0.05, "{:?}", k.point);
         // The difference of Gaussians is largest at the blob's own deviation, less the assumed blur's.
         assert!((k.scale / 3.0 - 1.0).abs() < 0.2, "{}", k.scale);
-        assert!(found.windows(2).all(|w| w[0].response >= w[1].response));
         // Whatever is left out makes room for nothing else.
         let left = sift(&blobs(0.0), 0.01, 1000, &|p| p.x > 40.0);
         assert!(left.iter().all(|k| k.point.x > 40.0));

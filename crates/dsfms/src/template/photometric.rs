@@ -116,18 +116,22 @@ impl<'a> PreparedView<'a> {
         bounds: &ObservationBounds,
     ) -> Option<Observation> {
         let point = self.view.pose * point;
+        let normal = self.view.pose * normal;
+        // Most views see most of the surface from behind or not at all: the cheapest question first.
+        let seen = -normal.dot(&point.coords) / point.coords.norm();
+        if seen.is_nan() || seen < bounds.grazing_cos {
+            return None;
+        }
         let pixel = self.view.camera.project(&point)?.pixel;
         let at = nearest(&pixel, self.raster.size)?;
         let hidden = point.z > self.raster.depth[at] + OCCLUSION_TOLERANCE * point.z;
         if hidden || !self.usable[at] {
             return None;
         }
-        let normal = self.view.pose * normal;
         let lit = lit_cosine(light, &point, &normal);
-        let seen = -normal.dot(&point.coords) / point.coords.norm();
-        let cosine = lit.min(seen);
-        let specular = specular_angle(light, &point, &normal).to_degrees();
-        if cosine < bounds.grazing_cos || specular < bounds.specular_deg {
+        if lit.min(seen) < bounds.grazing_cos
+            || specular_angle(light, &point, &normal).to_degrees() < bounds.specular_deg
+        {
             return None;
         }
         let rgb = sample_rgb(self.view.image, &pixel)?;

@@ -3,7 +3,6 @@
 use super::extrema::Extremum;
 use super::orientation::{Gradients, ROW, bell};
 use super::scale_space::Octave;
-use crate::image::wide::wide;
 use std::f32::consts::TAU;
 
 /// Cells along a side, and directions in each.
@@ -21,7 +20,7 @@ type Histogram = [[[f32; DIRECTIONS]; CELLS + 2]; CELLS + 2];
 pub(super) fn describe(octave: &Octave, e: &Extremum, angle: f32) -> [f32; 128] {
     let cell = CELL * e.sigma;
     let reach = (cell * std::f32::consts::SQRT_2 * (CELLS as f32 + 1.0) * 0.5).round() as usize;
-    let histogram = wide(|| gather(octave, e, angle, cell, reach.min(ROW / 2 - 1)));
+    let histogram = gather(octave, e, angle, cell, reach.min(ROW / 2 - 1));
     let mut out = [0.0; 128];
     for (i, out) in out.chunks_exact_mut(DIRECTIONS).enumerate() {
         out.copy_from_slice(&histogram[1 + i / CELLS][1 + i % CELLS]);

@@ -2,7 +2,6 @@
 
 use super::scale_space::Octave;
 use super::{LAYERS, SIGMA};
-use crate::image::wide::wide;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -52,53 +51,50 @@ pub(super) fn find(octave: &Octave, contrast: f64) -> Vec<Extremum> {
 fn candidates(octave: &Octave, rows: &[usize], contrast: f64) -> Vec<[usize; 3]> {
     let w = octave.size[0];
     let threshold = (0.5 * contrast / LAYERS as f64) as f32;
-    wide(|| {
-        let row = |l: usize, y: usize| &octave.layers[l][y * w..][..w];
-        let mut differences = vec![[vec![0.0; w], vec![0.0; w], vec![0.0; w]]; LAYERS + 2];
-        let fill = |differences: &mut Vec<[Vec<f32>; 3]>, y: usize| {
-            for (l, rows) in differences.iter_mut().enumerate() {
-                let out = rows[y % 3].iter_mut();
-                out.zip(row(l + 1, y).iter().zip(row(l, y))).for_each(|(d, (b, a))| *d = b - a);
-            }
-        };
-        // Largest and smallest of three rows, for every layer, then of three layers.
-        let mut columns = vec![[vec![0.0; w], vec![0.0; w]]; LAYERS + 2];
-        let mut all = [vec![0.0; w], vec![0.0; w]];
-        let mut extreme = vec![false; w];
-        let mut found = Vec::new();
-        let Some(&first) = rows.first() else { return found };
-        fill(&mut differences, first - 1);
-        fill(&mut differences, first);
-        for &y in rows {
-            fill(&mut differences, y + 1);
-            for ([high, low], [a, b, c]) in columns.iter_mut().zip(&differences) {
-                for x in 0..w {
-                    high[x] = max(max(a[x], b[x]), c[x]);
-                    low[x] = min(min(a[x], b[x]), c[x]);
-                }
-            }
-            for l in 1..=LAYERS {
-                let [[h0, l0], [h1, l1], [h2, l2]] =
-                    [&columns[l - 1], &columns[l], &columns[l + 1]];
-                let [high, low] = &mut all;
-                for x in 0..w {
-                    high[x] = max(max(h0[x], h1[x]), h2[x]);
-                    low[x] = min(min(l0[x], l1[x]), l2[x]);
-                }
-                let value = &differences[l][y % 3][..w];
-                let (high, low, extreme) = (&high[..w], &low[..w], &mut extreme[..w]);
-                for x in 1..w - 1 {
-                    let top = max(max(high[x - 1], high[x]), high[x + 1]);
-                    let bottom = min(min(low[x - 1], low[x]), low[x + 1]);
-                    let v = value[x];
-                    extreme[x] = (v > threshold) & (v >= top) | (v < -threshold) & (v <= bottom);
-                }
-                let inner = (BORDER..w - BORDER).filter(|x| extreme[*x]);
-                found.extend(inner.map(|x| [x, y, l]));
+    let row = |l: usize, y: usize| &octave.layers[l][y * w..][..w];
+    let mut differences = vec![[vec![0.0; w], vec![0.0; w], vec![0.0; w]]; LAYERS + 2];
+    let fill = |differences: &mut Vec<[Vec<f32>; 3]>, y: usize| {
+        for (l, rows) in differences.iter_mut().enumerate() {
+            let out = rows[y % 3].iter_mut();
+            out.zip(row(l + 1, y).iter().zip(row(l, y))).for_each(|(d, (b, a))| *d = b - a);
+        }
+    };
+    // Largest and smallest of three rows, for every layer, then of three layers.
+    let mut columns = vec![[vec![0.0; w], vec![0.0; w]]; LAYERS + 2];
+    let mut all = [vec![0.0; w], vec![0.0; w]];
+    let mut extreme = vec![false; w];
+    let mut found = Vec::new();
+    let Some(&first) = rows.first() else { return found };
+    fill(&mut differences, first - 1);
+    fill(&mut differences, first);
+    for &y in rows {
+        fill(&mut differences, y + 1);
+        for ([high, low], [a, b, c]) in columns.iter_mut().zip(&differences) {
+            for x in 0..w {
+                high[x] = max(max(a[x], b[x]), c[x]);
+                low[x] = min(min(a[x], b[x]), c[x]);
             }
         }
-        found
-    })
+        for l in 1..=LAYERS {
+            let [[h0, l0], [h1, l1], [h2, l2]] = [&columns[l - 1], &columns[l], &columns[l + 1]];
+            let [high, low] = &mut all;
+            for x in 0..w {
+                high[x] = max(max(h0[x], h1[x]), h2[x]);
+                low[x] = min(min(l0[x], l1[x]), l2[x]);
+            }
+            let value = &differences[l][y % 3][..w];
+            let (high, low, extreme) = (&high[..w], &low[..w], &mut extreme[..w]);
+            for x in 1..w - 1 {
+                let top = max(max(high[x - 1], high[x]), high[x + 1]);
+                let bottom = min(min(low[x - 1], low[x]), low[x + 1]);
+                let v = value[x];
+                extreme[x] = (v > threshold) & (v >= top) | (v < -threshold) & (v <= bottom);
+            }
+            let inner = (BORDER..w - BORDER).filter(|x| extreme[*x]);
+            found.extend(inner.map(|x| [x, y, l]));
+        }
+    }
+    found
 }
 
 #[inline(always)]

@@ -2,7 +2,6 @@
 
 use super::extrema::Extremum;
 use super::scale_space::Octave;
-use crate::image::wide::wide;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 const BINS: usize = 36;
@@ -73,18 +72,17 @@ pub(super) fn dominant(octave: &Octave, e: &Extremum) -> Vec<f32> {
     let (left, right) = (cx.saturating_sub(reach).max(1), (cx + reach).min(w - 2));
     let (top, bottom) = (cy.saturating_sub(reach).max(1), (cy + reach).min(h - 2));
     let mut raw = [0.0f32; BINS];
-    wide(|| {
-        let mut gradients = Gradients::new();
-        for y in top..=bottom {
-            let count = (right + 1 - left).min(ROW);
-            gradients.fill(&octave.layers[layer], w, [left, y], count);
-            let across = bell[y + reach - cy];
-            for i in 0..count {
-                let bin = (gradients.angle[i] * (BINS as f32 / TAU) + BINS as f32 + 0.5) as usize;
-                raw[bin % BINS] += across * bell[left + i + reach - cx] * gradients.magnitude[i];
-            }
+    let mut gradients = Gradients::new();
+    for y in top..=bottom {
+        let count = (right + 1 - left).min(ROW);
+        gradients.fill(&octave.layers[layer], w, [left, y], count);
+        let across = bell[y + reach - cy];
+        for i in 0..count {
+            let bin = (gradients.angle[i] * (BINS as f32 / TAU) + BINS as f32 + 0.5) as usize;
+            raw[bin % BINS] += across * bell[left + i + reach - cx] * gradients.magnitude[i];
         }
-    });
+    }
+
     peaks(&smoothed(&raw))
 }
 

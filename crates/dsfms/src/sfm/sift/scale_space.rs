@@ -2,7 +2,6 @@
 
 use super::{CAMERA_BLUR, LAYERS, SIGMA};
 use crate::image::Plane;
-use crate::image::wide::wide;
 use rayon::prelude::*;
 
 /// Smallest side of an octave, px.
@@ -87,22 +86,19 @@ fn blur(image: &[f32], [w, h]: [usize; 2], kernel: &[f32]) -> Vec<f32> {
     let reach = kernel.len() - 1;
     let mut out = vec![0.0; w * h];
     out.par_chunks_mut(w * ROWS).enumerate().for_each(|(part, out)| {
-        wide(|| {
-            // A row blurred downwards, with its mirrored ends.
-            let mut padded = vec![0.0; w + 2 * reach];
-            for (i, out) in out.chunks_mut(w).enumerate() {
-                let y = ROWS * part + i;
-                let row = |d: isize| &image[mirror(y as isize + d, h) * w..][..w];
-                let pairs: Vec<[&[f32]; 2]> =
-                    (0..=reach as isize).map(|d| [row(d), row(-d)]).collect();
-                weigh(&mut padded[reach..][..w], kernel, |d| pairs[d]);
-                for d in 1..=reach {
-                    padded[reach - d] = padded[reach + mirror(-(d as isize), w)];
-                    padded[reach + w - 1 + d] = padded[reach + mirror((w - 1 + d) as isize, w)];
-                }
-                weigh(out, kernel, |d| [&padded[reach + d..][..w], &padded[reach - d..][..w]]);
+        // A row blurred downwards, with its mirrored ends.
+        let mut padded = vec![0.0; w + 2 * reach];
+        for (i, out) in out.chunks_mut(w).enumerate() {
+            let y = ROWS * part + i;
+            let row = |d: isize| &image[mirror(y as isize + d, h) * w..][..w];
+            let pairs: Vec<[&[f32]; 2]> = (0..=reach as isize).map(|d| [row(d), row(-d)]).collect();
+            weigh(&mut padded[reach..][..w], kernel, |d| pairs[d]);
+            for d in 1..=reach {
+                padded[reach - d] = padded[reach + mirror(-(d as isize), w)];
+                padded[reach + w - 1 + d] = padded[reach + mirror((w - 1 + d) as isize, w)];
             }
-        });
+            weigh(out, kernel, |d| [&padded[reach + d..][..w], &padded[reach - d..][..w]]);
+        }
     });
     out
 }
