@@ -44,6 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             loss: Loss::Squared,
             max_steps: 200,
             cost_tolerance: 1e-10,
+            prior_scale: f64::INFINITY,
         };
         let began = Instant::now();
         let summary = adjust(&mut bundle, &options)?;

@@ -35,17 +35,17 @@ impl Samples {
         let (right, bottom) = ((w - 1) as f32, (h - 1) as f32);
         let zero = [0.0; LANES];
         let mut s = Self { iz: zero, x: zero, y: zero, fx: zero, fy: zero, corners: [zero; 4] };
-        let mut index = [0i32; LANES];
+        let mut index = [0u32; LANES];
         for l in 0..LANES {
             let iz = 1.0 / (base[2] + x[l] * du[2] + y[l] * dv[2]);
             let px = (base[0] + x[l] * du[0] + y[l] * dv[0]) * iz;
             let py = (base[1] + x[l] * du[1] + y[l] * dv[1]) * iz;
-            let (column, row) = (between(px, right - 1.0) as i32, between(py, bottom - 1.0) as i32);
-            let inside = px >= 0.0 && py >= 0.0 && px <= right && py <= bottom;
-            s.fx[l] = if inside { px - column as f32 } else { f32::NAN };
-            s.fy[l] = py - row as f32;
+            let (column, row) = (floor(between(px, right - 1.0)), floor(between(py, bottom - 1.0)));
+            let inside = (px >= 0.0) & (py >= 0.0) & (px <= right) & (py <= bottom);
+            s.fx[l] = if inside { px - column } else { f32::NAN };
+            s.fy[l] = py - row;
             (s.iz[l], s.x[l], s.y[l]) = (iz, px, py);
-            index[l] = row * w as i32 + column;
+            index[l] = integer(row) * w as u32 + integer(column);
         }
         for (l, &at) in index.iter().enumerate() {
             let four = &image.grey[at as usize..][..w + 2];
@@ -85,6 +85,23 @@ fn between(v: f32, high: f32) -> f32 {
     if v < high { v } else { high }
 }
 
+/// From here on neighbouring numbers of single precision differ by one.
+const WHOLE: f32 = 8_388_608.0;
+
+/// The largest whole number not above `0 ≤ v < 2²²`. A cast to an integer, which has to look after every
+/// number there is, would be done lane by lane.
+#[inline(always)]
+fn floor(v: f32) -> f32 {
+    let nearest = (v + WHOLE) - WHOLE;
+    if nearest > v { nearest - 1.0 } else { nearest }
+}
+
+/// A whole number `0 ≤ v < 2²²` as an integer.
+#[inline(always)]
+fn integer(v: f32) -> u32 {
+    (v + WHOLE).to_bits() - WHOLE.to_bits()
+}
+
 /// Sum of the lanes, pairwise.
 #[inline(always)]
 pub(super) fn total(v: Lanes) -> f32 {
@@ -113,6 +130,14 @@ pub(super) fn meets([base, du, dv]: &Warp, reach: f32, size: [usize; 2]) -> bool
 mod tests {
     use super::*;
     use crate::dense::view::bilinear;
+
+    #[test]
+    fn whole_numbers_like_those_of_a_cast() {
+        for v in [0.0, 1e-30, 0.5, 0.999_999_94, 1.0, 1.5, 2.5, 1919.0, 1919.5, 4_194_303.5] {
+            assert_eq!(floor(v), v.floor());
+            assert_eq!(integer(v.floor()), v as u32);
+        }
+    }
 
     /// A wavy picture with a blind spot.
     fn picture() -> Image {

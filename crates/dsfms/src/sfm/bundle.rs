@@ -64,6 +64,8 @@ pub struct BundleOptions {
     pub cost_tolerance: f64,
     /// Intrinsics to refine.
     pub refine: RefineIntrinsics,
+    /// Factor on the standard deviations of their priors, positive; infinite = no priors.
+    pub prior_scale: f64,
 }
 
 impl Default for BundleOptions {
@@ -73,6 +75,7 @@ impl Default for BundleOptions {
             max_steps: 50,
             cost_tolerance: 1e-7,
             refine: RefineIntrinsics::default(),
+            prior_scale: 1.0,
         }
     }
 }
@@ -116,7 +119,9 @@ pub fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<Summary, B
         *camera = intrinsics::prepared(camera, &options.refine);
     }
     let per_view = bundle.observations.len() as f64 / bundle.poses.len().max(1) as f64;
-    let sigmas = |camera: &CameraModel| intrinsics::prior_sigmas(camera, per_view);
+    let sigmas = |camera: &CameraModel| {
+        intrinsics::prior_sigmas(camera, per_view).map(|sigma| sigma * options.prior_scale)
+    };
     let prior = Prior {
         sigmas: bundle.cameras.iter().map(sigmas).collect(),
         active: options.refine.active(),

@@ -79,25 +79,22 @@ mod tests {
 
     const SIZE: [usize; 2] = [96, 80];
 
-    /// Gaussian blobs (centre, standard deviation, height) over grey, turned by `turn` about the middle.
-    fn blobs(turn: f64) -> Plane {
-        let all = [
-            ([30.3, 21.6], 3.0, 0.4),
-            ([61.0, 40.2], 2.0, -0.3),
-            ([44.7, 55.1], 4.0, 0.3),
-            ([52.0, 30.0], 2.5, 0.3),
-        ];
+    /// Centre, standard deviation and height of a Gaussian.
+    type Blob = ([f64; 2], f64, f64);
+
+    const FEW: [Blob; 3] =
+        [([30.3, 21.6], 3.0, 0.4), ([61.0, 40.2], 2.0, -0.3), ([44.7, 55.1], 4.0, 0.3)];
+
+    /// Blobs over grey, turned by `turn` about the middle.
+    fn blobs(all: &[Blob], turn: f64) -> Plane {
         let value = |i: usize| {
             let (x, y) = ((i % SIZE[0]) as f64 - 47.5, (i / SIZE[0]) as f64 - 39.5);
             let (s, c) = turn.sin_cos();
             let (x, y) = (c * x + s * y + 47.5, -s * x + c * y + 39.5);
-            let sum: f64 = all
-                .iter()
-                .map(|([bx, by], s, h)| {
-                    h * (-((x - bx).powi(2) + (y - by).powi(2)) / (2.0 * s * s)).exp()
-                })
-                .sum();
-            (0.4 + sum) as f32
+            let bell = |([bx, by], s, h): &Blob| {
+                h * (-((x - bx).powi(2) + (y - by).powi(2)) / (2.0 * s * s)).exp()
+            };
+            (0.4 + all.iter().map(bell).sum::<f64>()) as f32
         };
         Plane { size: SIZE, data: (0..SIZE[0] * SIZE[1]).map(value).collect() }
     }
@@ -109,13 +106,13 @@ mod tests {
 
     #[test]
     fn blobs_are_found_where_they_are_at_their_scale() {
-        let found = sift(&blobs(0.0), 0.01, 1000, &|_| true);
+        let found = sift(&blobs(&FEW, 0.0), 0.01, 1000, &|_| true);
         let k = near(&found, 30.3, 21.6);
         assert!((k.point - Point2::new(30.3, 21.6)).norm() < 0.05, "{:?}", k.point);
         // The difference of Gaussians is largest at the blob's own deviation, less the assumed blur's.
         assert!((k.scale / 3.0 - 1.0).abs() < 0.2, "{}", k.scale);
         // Whatever is left out makes room for nothing else.
-        let left = sift(&blobs(0.0), 0.01, 1000, &|p| p.x > 40.0);
+        let left = sift(&blobs(&FEW, 0.0), 0.01, 1000, &|p| p.x > 40.0);
         assert!(left.iter().all(|k| k.point.x > 40.0));
         assert_eq!(left.len(), found.iter().filter(|k| k.point.x > 40.0).count());
     }
@@ -123,27 +120,45 @@ mod tests {
     #[test]
     fn a_turned_image_has_the_same_descriptors() {
         let turn = 0.6f64;
-        let (upright, turned) =
-            (sift(&blobs(0.0), 0.01, 1000, &|_| true), sift(&blobs(turn), 0.01, 1000, &|_| true));
-        let (x, y) = (61.0 - 47.5, 40.2 - 39.5);
-        let (s, c) = turn.sin_cos();
-        let a = near(&upright, 61.0, 40.2);
-        let b = near(&turned, c * x - s * y + 47.5, s * x + c * y + 39.5);
-        let around = (f64::from(b.angle - a.angle) - turn).rem_euclid(std::f64::consts::TAU);
-        assert!(around.min(std::f64::consts::TAU - around) < 0.05, "{} {}", a.angle, b.angle);
-        let distance = |d: &[f32; 128], e: &[f32; 128]| {
-            d.iter().zip(e).map(|(x, y)| (x - y).powi(2)).sum::<f32>().sqrt()
+        // Blobs of many sizes, strewn by the golden ratio.
+        let strewn: Vec<Blob> = (0..150)
+            .map(|i| {
+                let at = |n: f64| (f64::from(i) * n).fract() * 80.0 - 40.0;
+                let sigma = 1.2 + 0.1 * f64::from(i % 13);
+                (
+                    [47.5 + at(0.618_034), 39.5 + at(0.754_878)],
+                    sigma,
+                    if i % 3 == 0 { -0.2 } else { 0.15 },
+                )
+            })
+            .collect();
+        let [upright, turned] =
+            [0.0, turn].map(|turn| sift(&blobs(&strewn, turn), 0.01, 1000, &|_| true));
+        let away = |a: &Keypoint, b: &Keypoint| -> f32 {
+            a.descriptor.iter().zip(&b.descriptor).map(|(x, y)| (x - y).powi(2)).sum()
         };
-        let other = near(&upright, 30.3, 21.6);
-        let same = distance(&a.descriptor, &b.descriptor);
-        assert!(3.0 * same < distance(&a.descriptor, &other.descriptor), "{same}");
+        let (mut all, mut good) = (0, 0);
+        for a in upright.iter().filter(|k| (k.point - Point2::new(47.5, 39.5)).norm() < 22.0) {
+            let b = turned.iter().min_by(|b, c| away(a, b).total_cmp(&away(a, c))).unwrap();
+            let (x, y) = (a.point.x - 47.5, a.point.y - 39.5);
+            let (s, c) = turn.sin_cos();
+            let place = Point2::new(c * x - s * y + 47.5, s * x + c * y + 39.5);
+            let around = f64::from(b.angle - a.angle) - turn;
+            let same = (place - b.point).norm() < 0.5
+                && around.sin().abs() < 0.1
+                && around.cos() > 0.0
+                && (b.scale / a.scale - 1.0).abs() < 0.1;
+            all += 1;
+            good += usize::from(same);
+        }
+        assert!(all > 20 && 3 * good > 2 * all, "{good} of {all}");
     }
 
     #[test]
     fn the_same_bits_at_any_number_of_threads_and_nothing_from_nothing() {
         let run = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let found = pool.install(|| sift(&blobs(0.2), 0.005, 1000, &|_| true));
+            let found = pool.install(|| sift(&blobs(&FEW, 0.2), 0.005, 1000, &|_| true));
             found.iter().map(|k| (k.point, k.scale, k.angle, k.descriptor)).collect::<Vec<_>>()
         };
         assert_eq!(run(1), run(2));
