@@ -5,7 +5,7 @@
 //! it; never about what lies behind.
 
 use super::observe::{Evidence, View, average};
-use super::{DenseOptions, DepthMap, PosedFrame, fit};
+use super::{DenseOptions, DepthMap, PosedFrame, grid};
 use crate::geometry::{Point3, median};
 use rayon::prelude::*;
 
