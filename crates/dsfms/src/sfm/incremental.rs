@@ -11,8 +11,19 @@ use super::{SfmOptions, features::Features2d};
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point2, Point3};
 use crate::solver::Loss;
+use rayon::prelude::*;
 
-/// Grow a model from the best pair among the `allowed` views; `None` when no pair starts one.
+/// Pairs from which a model is grown, no view in two of them.
+const STARTS: usize = 4;
+/// Pairs that are tried for it.
+const TRIED: usize = 40;
+
+/// Grow models from the best pairs among the `allowed` views, and keep the one in which most sightings
+/// agree; `None` when no pair starts one.
+///
+/// Frames of narrow parallax leave two answers that differ little in error, one nearly the other with near
+/// and far exchanged. Which of them a single pair starts is chance; over all frames the right one explains
+/// more.
 pub(super) fn grow<'a>(
     camera: &CameraModel,
     features: &'a [Features2d],
@@ -29,10 +40,33 @@ pub(super) fn grow<'a>(
         poses: vec![None; features.len()],
         tracks: tracks.iter().cloned().map(MapTrack::new).collect(),
     };
-    let mut map = ranked_pairs(pairs, allowed, options)
-        .into_iter()
-        .take(10)
-        .find_map(|pair| start_from(&empty, pair, options))?;
+    let mut starts: Vec<Map> = Vec::new();
+    let started =
+        |map: &Map, pair: &VerifiedPair| map.poses[pair.a].is_some() || map.poses[pair.b].is_some();
+    let mut tries = 0;
+    for pair in ranked_pairs(pairs, allowed, options) {
+        if starts.len() == STARTS || tries == TRIED {
+            break;
+        }
+        if starts.iter().all(|map| !started(map, pair)) {
+            tries += 1;
+            starts.extend(start_from(&empty, pair, options));
+        }
+    }
+    let grown: Vec<Map> =
+        starts.into_par_iter().filter_map(|map| grown(map, allowed, options, progress)).collect();
+    // Of equals the first, that of the best pair.
+    let best = (0..grown.len()).rev().max_by_key(|&i| grown[i].sightings())?;
+    grown.into_iter().nth(best)
+}
+
+/// Register view after view.
+fn grown<'a>(
+    mut map: Map<'a>,
+    allowed: &[bool],
+    options: &SfmOptions,
+    progress: &(dyn Fn(usize) + Sync),
+) -> Option<Map<'a>> {
     let first = map.poses.iter().position(Option::is_some)?;
     // A growing model of narrow parallax would trade focal length for depth: the intrinsics are
     // refined when all frames are in.

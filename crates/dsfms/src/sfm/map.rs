@@ -49,6 +49,12 @@ impl Map<'_> {
         self.tracks.iter().filter(|t| t.point.is_some()).count()
     }
 
+    /// Number of sightings that agree with their point.
+    pub fn sightings(&self) -> usize {
+        let used = |t: &MapTrack| t.used.iter().filter(|used| **used).count();
+        self.tracks.iter().filter(|t| t.point.is_some()).map(used).sum()
+    }
+
     pub fn pixel(&self, m: Member) -> Point2 {
         self.features[m.view as usize].points[m.feature as usize]
     }
