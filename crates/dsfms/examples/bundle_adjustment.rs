@@ -3,8 +3,9 @@
 //!
 //!     cargo run --release --example bundle_adjustment -- PROBLEM.bin... BUNDLER.out...
 //!
-//! Of Bundler's models (`.out`) the tracks, poses and points are taken, with one shared camera, refined
-//! (focal length, centre, two distortions), where Bundler has one a view; its cost is that of the file.
+//! Of Bundler's models (`.out`) the tracks, poses and points are taken, and every view has a focal length
+//! and two distortions of its own, as Bundler has them; its cost is that of the file. `--shared`: one
+//! camera for all views, with its centre refined too.
 //!
 //! Prints the cost `½ Σ ‖Π(X) − x‖²` before and after, steps and seconds; a peer's costs of the same
 //! files come from `docs/peers/bundle_adjustment.py`.
@@ -22,10 +23,13 @@ use std::time::Instant;
 fn main() -> Result<(), Box<dyn Error>> {
     println!("| problem | cameras, points, sightings | cost before | after | rms px | steps | s |");
     println!("| --- | --- | --- | --- | --- | --- | --- |");
-    for path in std::env::args().skip(1) {
+    let (flags, paths): (Vec<_>, Vec<_>) =
+        std::env::args().skip(1).partition(|argument| argument.starts_with("--"));
+    let shared = flags.iter().any(|flag| flag == "--shared");
+    for path in paths {
         let bundler = path.ends_with(".out");
         let (mut bundle, reference) = if bundler {
-            let model = read_bundler(&std::fs::read_to_string(&path)?);
+            let model = read_bundler(&std::fs::read_to_string(&path)?, shared);
             model.map(|(bundle, cost)| (bundle, Some(cost))).ok_or("not a Bundler model")?
         } else {
             (read(&std::fs::read(&path)?).ok_or("the file ends too early")?, None)
@@ -33,13 +37,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         let options = BundleOptions {
             refine: RefineIntrinsics {
                 focal: bundler,
-                centre: bundler,
+                centre: bundler && shared,
                 distortion: bundler,
                 second_distortion: bundler,
             },
             loss: Loss::Squared,
             max_steps: 200,
             cost_tolerance: 1e-10,
+            prior_scale: f64::INFINITY,
         };
         let began = Instant::now();
         let summary = adjust(&mut bundle, &options)?;
@@ -96,13 +101,24 @@ fn read(bytes: &[u8]) -> Option<Bundle> {
             observations.push(BundleObservation { view, point, pixel, sigma_px: 1.0 });
         }
     }
+    Some(bundle(vec![camera], poses, points, observations))
+}
+
+/// One camera for all views, or one for each; the first view holds the frame.
+fn bundle(
+    cameras: Vec<CameraModel>,
+    poses: Vec<Isometry>,
+    points: Vec<Point3>,
+    observations: Vec<BundleObservation>,
+) -> Bundle {
+    let camera_of = (0..poses.len()).map(|v| v.min(cameras.len() - 1)).collect();
     let fixed = (0..poses.len()).map(|v| v == 0).collect();
-    Some(Bundle { prior: camera.clone(), camera, poses, fixed, points, observations })
+    Bundle { priors: cameras.clone(), cameras, camera_of, poses, fixed, points, observations }
 }
 
 /// Bundler 0.3: cameras look along −z with y up; pixels count from the middle of the image. The second
 /// value is the cost of the model as it is.
-fn read_bundler(text: &str) -> Option<(Bundle, f64)> {
+fn read_bundler(text: &str, shared: bool) -> Option<(Bundle, f64)> {
     let body = text.split_once('\n')?.1;
     let mut words = body.split_whitespace().map(|w| w.parse::<f64>().ok());
     let mut next = move || words.next().flatten();
@@ -125,7 +141,11 @@ fn read_bundler(text: &str) -> Option<(Bundle, f64)> {
         let lens = Lens::BrownConrady { k: [k1, k2, 0.0], p: [0.0; 2] };
         CameraModel { size: [20_000; 2], focal: [f; 2], centre, lens }
     };
-    let camera = of(mean(0), mean(1), mean(2));
+    let cameras = if shared {
+        vec![of(mean(0), mean(1), mean(2))]
+    } else {
+        own.iter().map(|c| of(c[0], c[1], c[2])).collect()
+    };
     let poses: Vec<Isometry> = own.iter().map(pose).collect();
     let (mut observations, mut positions, mut cost) = (Vec::new(), Vec::new(), 0.0);
     for point in 0..points {
@@ -141,7 +161,5 @@ fn read_bundler(text: &str) -> Option<(Bundle, f64)> {
         }
         positions.push(position);
     }
-    let fixed = (0..views).map(|v| v == 0).collect();
-    let prior = camera.clone();
-    Some((Bundle { camera, prior, poses, fixed, points: positions, observations }, cost))
+    Some((bundle(cameras, poses, positions, observations), cost))
 }

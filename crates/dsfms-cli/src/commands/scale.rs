@@ -33,6 +33,11 @@ pub struct ScaleArgs {
 }
 
 impl ScaleArgs {
+    /// Whether any reference names a place in a frame.
+    pub fn names_pixels(&self) -> bool {
+        !self.scale_reference.is_empty()
+    }
+
     /// The references in the order given, points first.
     pub fn references(&self) -> Result<Vec<ScaleReference>, Usage> {
         let length = |text: &String, option: &str| {

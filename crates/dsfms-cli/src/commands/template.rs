@@ -6,7 +6,6 @@ mod mesh;
 use super::scale::ScaleArgs;
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
-use crate::inputs;
 use crate::outputs::prepare_folder;
 use crate::pictures::template::{write_pictures, write_textures};
 use crate::progress::Reporter;
@@ -21,7 +20,7 @@ use dsfms::pipeline::{
 use dsfms::sfm::RefineIntrinsics;
 use dsfms::template::Template;
 use dsfms::template::flatten::FlattenMethod;
-use load::{Loaded, load, parse_click, parse_outline};
+use load::{Cameras, Loaded, load, parse_click, parse_outline};
 use mesh::{open_mesh, read_albedo, unit};
 use std::path::{Path, PathBuf};
 
@@ -61,7 +60,8 @@ pub struct TemplateArgs {
     #[arg(value_name = "FRAMES_DIR_OR_VIDEO")]
     frames: Vec<PathBuf>,
     /// Intrinsics: camera.json, OpenCV YAML or JSON, or COLMAP's cameras.txt, cameras.bin
-    /// or model folder.
+    /// or model folder; where the cameras of a model's images differ, frames are brought to
+    /// that of most.
     #[arg(long, value_name = "FILE")]
     camera: Option<PathBuf>,
     /// Masks of the frames, white = valid image content (no instrument, inside the viewport).
@@ -217,8 +217,9 @@ fn from_frames(
     let Some(camera_path) = &args.camera else {
         return Err(Usage("frames need --camera".into()).into());
     };
-    let camera = inputs::camera(camera_path, global)?;
-    let loaded = load(args, &camera, camera_path, reporter)?;
+    let cameras = Cameras::open(camera_path, args, global)?;
+    let loaded = load(args, &cameras, camera_path, reporter)?;
+    let camera = &cameras.common;
     let metric = args.scale_mesh.as_deref().map(|p| open_mesh(p, reporter)).transpose()?;
     let exploration = Exploration {
         frames: &loaded.frames,

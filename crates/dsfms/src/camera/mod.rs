@@ -49,5 +49,6 @@ pub mod kannala_brandt;
 pub mod model;
 pub mod pinhole;
 mod polynomial;
+pub mod resample;
 
 pub use model::{CameraError, CameraModel, Lens};

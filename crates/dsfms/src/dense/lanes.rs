@@ -29,23 +29,23 @@ pub(super) struct Samples {
 
 impl Samples {
     /// Warp the offsets `x`, `y`. The window must [meet](meets) the view.
-    #[inline]
+    #[inline(always)]
     pub fn new(image: &Image, [base, du, dv]: &Warp, x: &Lanes, y: &Lanes) -> Self {
         let [w, h] = image.size;
         let (right, bottom) = ((w - 1) as f32, (h - 1) as f32);
         let zero = [0.0; LANES];
         let mut s = Self { iz: zero, x: zero, y: zero, fx: zero, fy: zero, corners: [zero; 4] };
-        let mut index = [0i32; LANES];
+        let mut index = [0u32; LANES];
         for l in 0..LANES {
             let iz = 1.0 / (base[2] + x[l] * du[2] + y[l] * dv[2]);
             let px = (base[0] + x[l] * du[0] + y[l] * dv[0]) * iz;
             let py = (base[1] + x[l] * du[1] + y[l] * dv[1]) * iz;
-            let (column, row) = (between(px, right - 1.0) as i32, between(py, bottom - 1.0) as i32);
-            let inside = px >= 0.0 && py >= 0.0 && px <= right && py <= bottom;
-            s.fx[l] = if inside { px - column as f32 } else { f32::NAN };
-            s.fy[l] = py - row as f32;
+            let (column, row) = (floor(between(px, right - 1.0)), floor(between(py, bottom - 1.0)));
+            let inside = (px >= 0.0) & (py >= 0.0) & (px <= right) & (py <= bottom);
+            s.fx[l] = if inside { px - column } else { f32::NAN };
+            s.fy[l] = py - row;
             (s.iz[l], s.x[l], s.y[l]) = (iz, px, py);
-            index[l] = row * w as i32 + column;
+            index[l] = integer(row) * w as u32 + integer(column);
         }
         for (l, &at) in index.iter().enumerate() {
             let four = &image.grey[at as usize..][..w + 2];
@@ -58,42 +58,59 @@ impl Samples {
     }
 
     /// Bilinear value of sample `l`; NaN outside the view or next to an unusable pixel.
-    #[inline]
+    #[inline(always)]
     pub fn value(&self, l: usize) -> f32 {
         let (upper, lower) = self.rows(l);
         upper + self.fy[l] * (lower - upper)
     }
 
     /// Derivative of the value along x and y.
-    #[inline]
+    #[inline(always)]
     pub fn gradient(&self, l: usize) -> [f32; 2] {
         let [a, b, c, d] = &self.corners;
         let (upper, lower) = self.rows(l);
         [(b[l] - a[l]) + self.fy[l] * (d[l] - c[l] - b[l] + a[l]), lower - upper]
     }
 
-    #[inline]
+    #[inline(always)]
     fn rows(&self, l: usize) -> (f32, f32) {
         let [a, b, c, d] = &self.corners;
         (a[l] + self.fx[l] * (b[l] - a[l]), c[l] + self.fx[l] * (d[l] - c[l]))
     }
 }
 
-#[inline]
+#[inline(always)]
 fn between(v: f32, high: f32) -> f32 {
     let v = if v > 0.0 { v } else { 0.0 };
     if v < high { v } else { high }
 }
 
+/// From here on neighbouring numbers of single precision differ by one.
+const WHOLE: f32 = 8_388_608.0;
+
+/// The largest whole number not above `0 ≤ v < 2²²`. A cast to an integer, which has to look after every
+/// number there is, would be done lane by lane.
+#[inline(always)]
+fn floor(v: f32) -> f32 {
+    let nearest = (v + WHOLE) - WHOLE;
+    if nearest > v { nearest - 1.0 } else { nearest }
+}
+
+/// A whole number `0 ≤ v < 2²²` as an integer.
+#[inline(always)]
+fn integer(v: f32) -> u32 {
+    (v + WHOLE).to_bits() - WHOLE.to_bits()
+}
+
 /// Sum of the lanes, pairwise.
-#[inline]
+#[inline(always)]
 pub(super) fn total(v: Lanes) -> f32 {
     ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]))
 }
 
 /// Whether a warped window of half the side `reach` may meet the view: it lies before the camera and
 /// not beyond one side. A homography keeps the window within its four corners.
-#[inline]
+#[inline(always)]
 pub(super) fn meets([base, du, dv]: &Warp, reach: f32, size: [usize; 2]) -> bool {
     let (right, bottom) = ((size[0] - 1) as f32, (size[1] - 1) as f32);
     let mut beyond = [true; 4];
@@ -113,6 +130,14 @@ pub(super) fn meets([base, du, dv]: &Warp, reach: f32, size: [usize; 2]) -> bool
 mod tests {
     use super::*;
     use crate::dense::view::bilinear;
+
+    #[test]
+    fn whole_numbers_like_those_of_a_cast() {
+        for v in [0.0, 1e-30, 0.5, 0.999_999_94, 1.0, 1.5, 2.5, 1919.0, 1919.5, 4_194_303.5] {
+            assert_eq!(floor(v), v.floor());
+            assert_eq!(integer(v.floor()), v as u32);
+        }
+    }
 
     /// A wavy picture with a blind spot.
     fn picture() -> Image {

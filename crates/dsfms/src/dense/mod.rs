@@ -17,6 +17,7 @@ mod consistency;
 mod error;
 mod exchange;
 mod fit;
+mod grid;
 mod handles;
 mod holes;
 mod lanes;

@@ -195,3 +195,109 @@ fn robust_distance(seen: &mut Vec<Observation>) -> Option<(f64, f64)> {
         near.fold((0.0, 0.0), |(sum, weight), s| (sum + s.weight * s.distance, weight + s.weight));
     (weight > 0.0).then(|| (sum / weight, weight))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{CameraModel, Lens};
+    use crate::geometry::Isometry;
+    use crate::image::{Frame, Mask};
+
+    const SIZE: [usize; 2] = [40, 30];
+    /// Truncation distance.
+    const T: f64 = 2.0;
+
+    fn camera() -> CameraModel {
+        CameraModel { size: SIZE, focal: [50.0; 2], centre: [19.5, 14.5], lens: Lens::Pinhole }
+    }
+
+    fn frame() -> Frame {
+        Frame { name: "f".into(), size: SIZE, rgb: vec![[90; 3]; SIZE[0] * SIZE[1]] }
+    }
+
+    /// A wall across the view at this depth, trusted by half.
+    fn wall(depth: f32) -> DepthMap {
+        let n = SIZE[0] * SIZE[1];
+        DepthMap {
+            camera: camera(),
+            pose: Isometry::identity(),
+            depth: vec![depth; n],
+            normal: vec![[0.0, 0.0, -1.0]; n],
+            sigma: vec![0.1; n],
+            confidence: vec![0.5; n],
+        }
+    }
+
+    /// What walls at these depths say of a point, inside an outline if there is one.
+    fn said(depths: &[f32], organ: Option<&Mask>, point: Point3) -> (Evidence, f32) {
+        let (frame, camera) = (frame(), camera());
+        let posed = PosedFrame {
+            frame: &frame,
+            camera: &camera,
+            pose: Isometry::identity(),
+            valid: None,
+            organ,
+        };
+        let maps: Vec<DepthMap> = depths.iter().map(|&d| wall(d)).collect();
+        let views: Vec<View> = maps.iter().map(|map| View::new(&posed, map)).collect();
+        average(&views, &point, T, &mut Vec::new())
+    }
+
+    #[test]
+    fn a_wall_is_measured_before_and_behind() {
+        for (z, distance) in [(49.0, 0.5), (50.0, 0.0), (51.5, -0.75)] {
+            let (found, support) = said(&[50.0], None, Point3::new(3.0, -2.0, z));
+            assert!((f64::from(found.distance) - distance).abs() < 1e-5, "{found:?}");
+            assert!(!found.bound && (support - 0.5).abs() < 1e-6);
+        }
+        let (free, support) = said(&[50.0], None, Point3::new(0.0, 0.0, 30.0));
+        assert!(free.bound && free.distance == 1.0 && free.weight > 0.0 && support == 0.0);
+        // Hidden, beside the picture, behind the camera: nothing is said.
+        for point in [[0.0, 0.0, 53.0], [60.0, 0.0, 50.0], [0.0, 0.0, -50.0]] {
+            let (nothing, _) = said(&[50.0], None, Point3::from(point));
+            assert_eq!((nothing.distance, nothing.weight), (1.0, 0.0), "{point:?}");
+        }
+    }
+
+    #[test]
+    fn a_depth_map_that_is_wrong_does_not_shift_the_others() {
+        let (found, _) = said(&[50.0, 50.2, 51.9], None, Point3::new(0.0, 0.0, 50.0));
+        // (0 + 0.1) / 2: the third lies nearly a truncation distance off.
+        assert!((found.distance - 0.05).abs() < 1e-5, "{found:?}");
+    }
+
+    #[test]
+    fn an_outline_bounds_what_lies_outside() {
+        let mut organ = Mask::filled(SIZE, false);
+        for y in 0..SIZE[1] {
+            (0..20).for_each(|x| organ.data[y * SIZE[0] + x] = true);
+        }
+        // Column 27 is 8 px from the organ's last, less one px of doubt, at 30 units: 4.2 units.
+        let off = Point3::new(7.5 / 50.0 * 30.0, 0.0, 30.0);
+        let (found, support) = said(&[], Some(&organ), off);
+        assert_eq!((found.weight, support), (0.0, 0.0), "no view, no outline");
+        let (found, support) = said(&[0.0], Some(&organ), off);
+        assert!(found.bound && found.distance == 1.0 && support == 0.0, "{found:?}");
+        let near = Point3::new(2.5 / 50.0 * 30.0, 0.0, 30.0);
+        let (found, _) = said(&[0.0], Some(&organ), near);
+        // Column 22: 3 px less one, 1.2 units.
+        assert!(found.bound && (found.distance - 0.6).abs() < 1e-4, "{found:?}");
+        let (inside, _) = said(&[0.0], Some(&organ), Point3::new(-5.0, 0.0, 30.0));
+        assert_eq!(inside.weight, 0.0);
+        // Of five outlines one may be wrong.
+        let frame = frame();
+        let camera = camera();
+        let whole = Mask::filled(SIZE, true);
+        let posed = |organ| PosedFrame {
+            frame: &frame,
+            camera: &camera,
+            pose: Isometry::identity(),
+            valid: None,
+            organ: Some(organ),
+        };
+        let (one, map) = ([posed(&organ), posed(&whole)], wall(0.0));
+        let views: Vec<View> = (0..5).map(|i| View::new(&one[usize::from(i > 0)], &map)).collect();
+        assert_eq!(outside(&views, &near), 0.0);
+        assert!((outside(&views[..4], &near) - 1.2).abs() < 1e-4);
+    }
+}

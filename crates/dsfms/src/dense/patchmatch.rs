@@ -109,7 +109,7 @@ impl Search<'_> {
         let (planes, sources) = (&field.planes, &field.sources);
         field.cost.par_iter_mut().enumerate().for_each(|(i, cost)| {
             *cost = Patch::new(self.pairs.reference, i % w, i / w)
-                .map_or(NONE, |p| p.score(self.pairs, &planes[i], sources[i], self.options));
+                .map_or(NONE, |p| p.score(self.pairs, &planes[i], sources[i], self.options, NONE));
         });
     }
 
@@ -178,7 +178,8 @@ impl Search<'_> {
         cost: &mut f32,
     ) {
         if self.feasible(&candidate, window.at) {
-            let score = window.patch.score(self.pairs, &candidate, window.sources, self.options);
+            let sources = window.sources;
+            let score = window.patch.score(self.pairs, &candidate, sources, self.options, *cost);
             if score < *cost {
                 (*plane, *cost) = (candidate, score);
             }

@@ -10,7 +10,7 @@
 //! an occlusion or a highlight counts little, and the inverse of the normal matrix is a variance.
 //! The change of gain and offset along the window is neglected.
 
-use super::lanes::{LANES, Lanes, Samples, meets, total};
+use super::lanes::{LANES, Lanes, Samples, Warp, meets, total};
 use super::options::DenseOptions;
 use super::plane::{Field, InversePlane};
 use super::score::{NONE, PairView, Pairs};
@@ -220,9 +220,17 @@ impl Window {
         if !meets(&warp, REACH as f32, view.image.size) {
             return None;
         }
+        let sums = self.moments(view, plane, &warp);
+        let enough = sums[0] >= 24.0 && sums[0] >= 0.6 * self.count as f32;
+        enough.then(|| project(&sums, noise)).flatten()
+    }
+
+    /// What [`project`] needs, summed over the window.
+    #[inline(always)]
+    fn moments(&self, view: &PairView, plane: &InversePlane, warp: &Warp) -> [f32; SUMS] {
         let mut sums = [[0.0; LANES]; SUMS];
         for g in 0..self.count.div_ceil(LANES) {
-            let samples = Samples::new(view.image, &warp, &self.x[g], &self.y[g]);
+            let samples = Samples::new(view.image, warp, &self.x[g], &self.y[g]);
             #[allow(clippy::needless_range_loop)] // One lane of every array.
             for l in 0..LANES {
                 let usable = !samples.value(l).is_nan();
@@ -264,9 +272,7 @@ impl Window {
                 (0..SUMS).for_each(|k| sums[k][l] += terms[k]);
             }
         }
-        let sums = sums.map(total);
-        let enough = sums[0] >= 24.0 && sums[0] >= 0.6 * self.count as f32;
-        enough.then(|| project(&sums, noise)).flatten()
+        sums.map(total)
     }
 }
 

@@ -62,7 +62,7 @@ impl<'a> PairView<'a> {
 
     /// The homography of a plane about pixel `(u, v)`: homogeneous image of the centre and its
     /// change per px along u and v.
-    #[inline]
+    #[inline(always)]
     pub fn warp(&self, plane: &InversePlane, u: f32, v: f32) -> Warp {
         let (h, t) = (&self.h, &self.t);
         let base =
@@ -131,6 +131,7 @@ impl Patch {
 
     /// `1 - correlation` in one view, in `[0, 2]`; the noise added to both variances draws windows
     /// without texture towards 1, "no idea".
+    #[inline(always)]
     pub fn cost(&self, view: &PairView, plane: &InversePlane, noise_variance: f32) -> f32 {
         let warp = view.warp(plane, self.u, self.v);
         if !meets(&warp, RADIUS as f32, view.image.size) {
@@ -151,7 +152,7 @@ impl Patch {
 
     /// Sums over the samples that fall on usable pixels of the other view: their number, reference,
     /// source, and the products.
-    #[inline]
+    #[inline(always)]
     fn sums(&self, image: &Image, warp: &Warp) -> [f32; 6] {
         let mut sums = [[0.0f32; LANES]; 6];
         for g in 0..self.count.div_ceil(LANES) {
@@ -192,17 +193,31 @@ impl Patch {
         costs
     }
 
-    /// Mean cost over the best few of the named sources, and a fine for each that is missing.
+    /// Mean cost over the best few of the named sources, and a fine for each that is missing; [`NONE`],
+    /// without looking at the last sources, where they cannot bring it below `than`.
     pub fn score(
         &self,
         pairs: &Pairs,
         plane: &InversePlane,
         sources: u16,
         options: &DenseOptions,
+        than: f32,
     ) -> f32 {
         let noise = (options.image_noise * options.image_noise) as f32;
-        let mut costs = self.costs(pairs, plane, noise, sources);
-        mean_of_smallest(&mut costs[..pairs.views.len().min(MAX_VIEWS)], options.best_sources)
+        let (views, best) =
+            (&pairs.views[..pairs.views.len().min(MAX_VIEWS)], options.best_sources);
+        let mut costs = [NONE; MAX_VIEWS];
+        let costs = &mut costs[..views.len()];
+        let named = |j: usize| sources >> j & 1 == 1;
+        let mut left = (0..views.len()).filter(|&j| named(j)).count();
+        for j in (0..views.len()).filter(|&j| named(j)) {
+            costs[j] = self.cost(&views[j], plane, noise);
+            left -= 1;
+            if left > 0 && left < best && least(costs, j, sources, best) >= than {
+                return NONE;
+            }
+        }
+        mean_of_smallest(costs, best)
     }
 
     /// The sources that speak for a plane, at most `keep`, best first chosen; [`ALL`] where fewer
@@ -222,6 +237,15 @@ impl Patch {
         let chosen = order.iter().take(keep).fold(0, |bits, j| bits | 1 << j);
         if order.len() < 2 { ALL } else { chosen }
     }
+}
+
+/// What the mean can still become when the sources after the `last` fit perfectly.
+fn least(costs: &[f32], last: usize, sources: u16, best: usize) -> f32 {
+    let mut hoped = [NONE; MAX_VIEWS];
+    for (j, (hoped, cost)) in hoped.iter_mut().zip(costs).enumerate() {
+        *hoped = if j > last && sources >> j & 1 == 1 { 0.0 } else { *cost };
+    }
+    mean_of_smallest(&mut hoped[..costs.len()], best)
 }
 
 /// Mean of the `k` smallest values that can be compared, and [`LONELY`] for each that cannot;
@@ -246,6 +270,24 @@ fn mean_of_smallest(values: &mut [f32], k: usize) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_least_that_can_come_is_never_above_what_comes() {
+        let all = [0.9, NONE, 0.3, 0.7, 0.05, 1.4];
+        for sources in [0b111111u16, 0b101101, 0b011110] {
+            let named = |j: usize| sources >> j & 1 == 1;
+            let costs: Vec<f32> = (0..6).map(|j| if named(j) { all[j] } else { NONE }).collect();
+            let comes = mean_of_smallest(&mut costs.clone(), 3);
+            for last in 0..6 {
+                let mut so_far = costs.clone();
+                so_far[last + 1..].fill(NONE);
+                assert!(least(&so_far, last, sources, 3) <= comes);
+            }
+            assert_eq!(least(&costs, 5, sources, 3), comes);
+        }
+        // By hand: one still to come, two known.
+        assert!((least(&[0.6, 0.9, NONE], 1, 0b111, 3) - 0.5).abs() < 1e-6);
+    }
 
     #[test]
     fn smallest_by_hand() {

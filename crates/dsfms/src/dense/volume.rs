@@ -5,7 +5,7 @@
 //! it; never about what lies behind.
 
 use super::observe::{Evidence, View, average};
-use super::{DenseOptions, DepthMap, PosedFrame, fit};
+use super::{DenseOptions, DepthMap, PosedFrame, grid};
 use crate::geometry::{Point3, median};
 use rayon::prelude::*;
 
@@ -66,7 +66,7 @@ impl Volume {
     pub fn spread_support(&mut self, least: f32, reach: usize) {
         /// Of the truncation distance.
         const NEAR: f32 = 0.67;
-        let around = fit::neighbours(&self.blocks);
+        let around = grid::neighbours(&self.blocks);
         let mut front: Vec<u32> = (0..self.support.len())
             .filter(|&i| self.support[i] >= least && self.distance[i].abs() < NEAR)
             .map(|i| i as u32)
@@ -76,7 +76,7 @@ impl Volume {
         for _ in 0..reach {
             let mut next = Vec::new();
             for &n in front.iter().flat_map(|&i| &around[i as usize]) {
-                if n != fit::NONE && !std::mem::replace(&mut known[n as usize], true) {
+                if n != grid::NONE && !std::mem::replace(&mut known[n as usize], true) {
                     self.support[n as usize] = self.support[n as usize].max(least);
                     next.push(n);
                 }

@@ -72,15 +72,22 @@ pub fn match_poses(poses: &[NamedPose], frames: &[&str]) -> Vec<Option<Isometry>
 }
 
 fn pose_of(poses: &[NamedPose], frame: &str) -> Option<Isometry> {
+    let names: Vec<&str> = poses.iter().map(|pose| pose.name.as_str()).collect();
+    position_of(&names, frame).map(|i| poses[i].camera_from_world)
+}
+
+/// Index of the name that belongs to a frame, as in [`match_poses`].
+pub(super) fn position_of(names: &[&str], frame: &str) -> Option<usize> {
     let (file, stem) = (file_name(frame), stem(frame));
-    let exact = poses.iter().find(|pose| file_name(&pose.name) == file);
-    let same_stem = || poses.iter().find(|pose| self::stem(&pose.name) == stem);
+    let exact = names.iter().position(|name| file_name(name) == file);
+    let same_stem = || names.iter().position(|name| self::stem(name) == stem);
     let same_number = || {
         let number = frame_number(stem)?;
-        let mut with = poses.iter().filter(|p| frame_number(self::stem(&p.name)) == Some(number));
+        let mut with =
+            (0..names.len()).filter(|&i| frame_number(self::stem(names[i])) == Some(number));
         with.next().filter(|_| with.next().is_none())
     };
-    exact.or_else(same_stem).or_else(same_number).map(|pose| pose.camera_from_world)
+    exact.or_else(same_stem).or_else(same_number)
 }
 
 fn file_name(name: &str) -> &str {

@@ -1,8 +1,8 @@
-//! Bundle adjustment (paper §4) in double precision: poses, points and, under priors, the shared
-//! intrinsics, from reprojection errors under a robust loss.
+//! Bundle adjustment (paper §4) in double precision: poses, points and, under priors, intrinsics
+//! that all views share, some, or none, from reprojection errors under a robust loss.
 //!
 //! ```text
-//! min Σ ρ(‖(Π(T_v X_p) − x_vp)/σ_vp‖²) + Σ ((θ − θ₀)/σ_θ)²
+//! min Σ ρ(‖(Π_c(v)(T_v X_p) − x_vp)/σ_vp‖²) + Σ_c Σ ((θ_c − θ₀_c)/σ_θ)²
 //! ```
 //!
 //! Levenberg–Marquardt; points or poses, whichever leaves the smaller system, are eliminated (Schur
@@ -36,11 +36,13 @@ pub struct BundleObservation {
 /// The unknowns and what was seen; [`adjust`] changes the unknowns in place.
 #[derive(Clone, Debug)]
 pub struct Bundle {
-    /// Shared camera.
-    pub camera: CameraModel,
-    /// About what the priors on the intrinsics are centred: the camera as it was given, not as
-    /// an earlier adjustment left it, else repeated adjustments could drift away.
-    pub prior: CameraModel,
+    /// Cameras, each of one view or of several.
+    pub cameras: Vec<CameraModel>,
+    /// About what the priors on the intrinsics of each camera are centred: the camera as it was
+    /// given, not as an earlier adjustment left it, else repeated adjustments could drift away.
+    pub priors: Vec<CameraModel>,
+    /// Index of the camera of every view.
+    pub camera_of: Vec<usize>,
     /// `camera_from_world` of every view.
     pub poses: Vec<Isometry>,
     /// Views whose pose is not changed.
@@ -62,6 +64,8 @@ pub struct BundleOptions {
     pub cost_tolerance: f64,
     /// Intrinsics to refine.
     pub refine: RefineIntrinsics,
+    /// Factor on the standard deviations of their priors, positive; infinite = no priors.
+    pub prior_scale: f64,
 }
 
 impl Default for BundleOptions {
@@ -71,6 +75,7 @@ impl Default for BundleOptions {
             max_steps: 50,
             cost_tolerance: 1e-7,
             refine: RefineIntrinsics::default(),
+            prior_scale: 1.0,
         }
     }
 }
@@ -79,6 +84,20 @@ impl Default for BundleOptions {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BundleError {
+    /// A view has no camera, or a camera no prior.
+    #[error(
+        "every view needs a camera and every camera a prior: {views} views name {named} of {cameras} cameras with {priors} priors"
+    )]
+    Cameras {
+        /// Number of poses.
+        views: usize,
+        /// Cameras of views that exist.
+        named: usize,
+        /// Number of cameras.
+        cameras: usize,
+        /// Number of priors.
+        priors: usize,
+    },
     /// An index of an observation is out of range.
     #[error("observation {0} names view {1} and point {2}, which do not both exist")]
     Index(usize, usize, usize),
@@ -93,15 +112,22 @@ pub enum BundleError {
 /// Minimise the bundle's cost in place; never returns a state that costs more than the start.
 pub fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<Summary, BundleError> {
     let began = Instant::now();
+    check_cameras(bundle)?;
     let layout = Layout::new(bundle, &options.refine.active());
     sort(bundle, layout.eliminate)?;
-    bundle.camera = intrinsics::prepared(&bundle.camera, &options.refine);
+    for camera in &mut bundle.cameras {
+        *camera = intrinsics::prepared(camera, &options.refine);
+    }
     let per_view = bundle.observations.len() as f64 / bundle.poses.len().max(1) as f64;
+    let sigmas = |camera: &CameraModel| {
+        intrinsics::prior_sigmas(camera, per_view).map(|sigma| sigma * options.prior_scale)
+    };
     let prior = Prior {
-        sigmas: intrinsics::prior_sigmas(&bundle.camera, per_view),
+        sigmas: bundle.cameras.iter().map(sigmas).collect(),
         active: options.refine.active(),
     };
-    let mut offset = intrinsics::difference(&bundle.camera, &bundle.prior);
+    let both = bundle.cameras.iter().zip(&bundle.priors);
+    let mut offset: Vec<_> = both.map(|(c, prior)| intrinsics::difference(c, prior)).collect();
     let prior_before = prior.cost(&offset);
     let mut cost = reprojection_cost(bundle, options.loss)
         .ok_or_else(|| BundleError::Infeasible(count_infeasible(bundle)))?;
@@ -158,22 +184,34 @@ pub fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<Summary, B
     })
 }
 
-/// Gaussian prior on the refined intrinsics about their starting values.
+/// Gaussian prior on the refined intrinsics of every camera about their starting values.
 struct Prior {
-    sigmas: [f64; COUNT],
+    sigmas: Vec<[f64; COUNT]>,
     active: Vec<usize>,
 }
 
 impl Prior {
-    fn cost(&self, offset: &[f64; COUNT]) -> f64 {
-        self.active.iter().map(|&k| (offset[k] / self.sigmas[k]).powi(2)).sum()
+    /// Offset and deviation of every active parameter, camera by camera.
+    fn pairs(&self, offset: &[[f64; COUNT]]) -> impl Iterator<Item = (f64, f64)> {
+        let cameras = offset.iter().zip(&self.sigmas);
+        cameras.flat_map(|(offset, sigmas)| self.active.iter().map(|&k| (offset[k], sigmas[k])))
+    }
+
+    fn cost(&self, offset: &[[f64; COUNT]]) -> f64 {
+        self.pairs(offset).map(|(offset, sigma)| (offset / sigma).powi(2)).sum()
     }
 
     /// Second derivative and gradient (halved) for each active parameter.
-    fn normal(&self, offset: &[f64; COUNT]) -> Vec<(f64, f64)> {
-        let weight = |k: &usize| self.sigmas[*k].powi(-2);
-        self.active.iter().map(|k| (weight(k), weight(k) * offset[*k])).collect()
+    fn normal(&self, offset: &[[f64; COUNT]]) -> Vec<(f64, f64)> {
+        self.pairs(offset).map(|(offset, s)| (s.powi(-2), s.powi(-2) * offset)).collect()
     }
+}
+
+fn check_cameras(bundle: &Bundle) -> Result<(), BundleError> {
+    let [views, cameras, priors] = [bundle.poses.len(), bundle.cameras.len(), bundle.priors.len()];
+    let named = bundle.camera_of.iter().filter(|c| **c < cameras).count();
+    let good = named == views && bundle.camera_of.len() == views && priors == cameras;
+    if good { Ok(()) } else { Err(BundleError::Cameras { views, named, cameras, priors }) }
 }
 
 fn sort(bundle: &mut Bundle, by: Eliminate) -> Result<(), BundleError> {
@@ -194,7 +232,8 @@ fn sort(bundle: &mut Bundle, by: Eliminate) -> Result<(), BundleError> {
 
 /// Squared error in units of σ; `None` behind the camera.
 fn squared_error(bundle: &Bundle, o: &BundleObservation) -> Option<f64> {
-    let seen = bundle.camera.project(&(bundle.poses[o.view] * bundle.points[o.point]))?;
+    let camera = &bundle.cameras[bundle.camera_of[o.view]];
+    let seen = camera.project(&(bundle.poses[o.view] * bundle.points[o.point]))?;
     Some((seen.pixel - o.pixel).norm_squared() / (o.sigma_px * o.sigma_px))
 }
 
@@ -215,18 +254,21 @@ fn count_infeasible(bundle: &Bundle) -> usize {
 fn linearise(bundle: &Bundle, loss: Loss) -> Vec<Row> {
     let row = |o: &BundleObservation| -> Option<Row> {
         let pose = &bundle.poses[o.view];
+        let camera = bundle.camera_of[o.view];
         let local = pose * bundle.points[o.point];
-        let seen = bundle.camera.project(&local)?;
+        let seen = bundle.cameras[camera].project(&local)?;
         let residual = seen.pixel - o.pixel;
         let weight = loss.evaluate(residual.norm_squared() / (o.sigma_px * o.sigma_px)).1;
         let scale = weight.sqrt() / o.sigma_px;
         Some(Row {
             view: o.view,
             point: o.point,
+            camera,
             residual: residual * scale,
             by_pose: pose_jacobian(&seen.jacobian, &local) * scale,
             by_point: seen.jacobian * pose.rotation.to_rotation_matrix().matrix() * scale,
-            by_intrinsics: intrinsics::jacobian(&bundle.camera, &local, &seen.pixel) * scale,
+            by_intrinsics: intrinsics::jacobian(&bundle.cameras[camera], &local, &seen.pixel)
+                * scale,
         })
     };
     bundle.observations.par_iter().with_min_len(512).filter_map(row).collect()
@@ -236,9 +278,9 @@ fn linearise(bundle: &Bundle, loss: Loss) -> Vec<Row> {
 fn apply(
     bundle: &Bundle,
     layout: &Layout,
-    offset: &[f64; COUNT],
+    offset: &[[f64; COUNT]],
     step: &Step,
-) -> (Bundle, [f64; COUNT]) {
+) -> (Bundle, Vec<[f64; COUNT]>) {
     let mut moved = bundle.clone();
     for ((pose, d), fixed) in moved.poses.iter_mut().zip(&step.poses).zip(&bundle.fixed) {
         if !fixed {
@@ -248,150 +290,18 @@ fn apply(
     for (point, d) in moved.points.iter_mut().zip(&step.points) {
         *point += d;
     }
-    let mut change = [0.0; COUNT];
-    for (&k, d) in layout.intrinsics.iter().zip(&step.intrinsics) {
-        change[k] = *d;
+    let active = &layout.intrinsics;
+    let mut offset = offset.to_vec();
+    for (c, camera) in moved.cameras.iter_mut().enumerate() {
+        let mut change = [0.0; COUNT];
+        for (&k, d) in active.iter().zip(&step.intrinsics[c * active.len()..]) {
+            change[k] = *d;
+        }
+        *camera = intrinsics::retract(camera, &change);
+        offset[c] = std::array::from_fn(|k| offset[c][k] + change[k]);
     }
-    moved.camera = intrinsics::retract(&bundle.camera, &change);
-    (moved, std::array::from_fn(|k| offset[k] + change[k]))
+    (moved, offset)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::camera::Lens;
-    use crate::geometry::{Vector3, align_similarity};
-    use crate::sfm::random::Random;
-    use crate::sfm::triangulation::centre_of;
-
-    /// Eight cameras on an arc about 80 points, seen without noise.
-    fn scene() -> Bundle {
-        let camera = CameraModel {
-            size: [640, 480],
-            focal: [548.0, 549.0],
-            centre: [316.4, 243.2],
-            lens: Lens::Pinhole,
-        };
-        let mut random = Random::new(1, 0);
-        let mut unit = || random.below(1_000_000) as f64 / 1e6 - 0.5;
-        let points: Vec<_> =
-            (0..80).map(|_| Point3::new(30.0 * unit(), 30.0 * unit(), 20.0 * unit())).collect();
-        let poses: Vec<_> = (0..8)
-            .map(|i| {
-                let turn = Vector3::new(0.1 * unit(), 0.12 * (i as f64 - 3.5), 0.1 * unit());
-                Isometry::new(Vector3::new(unit(), unit(), 60.0 + 6.0 * unit()), turn)
-            })
-            .collect();
-        let mut observations = Vec::new();
-        for (view, pose) in poses.iter().enumerate() {
-            for (point, p) in points.iter().enumerate() {
-                let pixel = camera.project(&(pose * p)).unwrap().pixel;
-                observations.push(BundleObservation { view, point, pixel, sigma_px: 1.0 });
-            }
-        }
-        let mut fixed = vec![false; 8];
-        fixed[0] = true;
-        Bundle { prior: camera.clone(), camera, poses, fixed, points, observations }
-    }
-
-    fn disturbed(truth: &Bundle) -> Bundle {
-        let mut bundle = truth.clone();
-        let mut random = Random::new(2, 0);
-        let mut unit = || random.below(1_000_000) as f64 / 1e6 - 0.5;
-        for pose in &mut bundle.poses[1..] {
-            let step = nalgebra::Vector6::from_fn(|i, _| unit() * if i < 3 { 0.02 } else { 1.0 });
-            *pose = retract(pose, &step);
-        }
-        bundle.points.iter_mut().for_each(|p| *p += Vector3::new(unit(), unit(), unit()));
-        bundle
-    }
-
-    fn centre_error(a: &Bundle, b: &Bundle) -> f64 {
-        let centres = |s: &Bundle| s.poses.iter().map(centre_of).collect::<Vec<_>>();
-        let (from, to) = (centres(a), centres(b));
-        let fit = align_similarity(&from, &to).unwrap();
-        from.iter().zip(&to).map(|(f, t)| (fit * f - t).norm()).fold(0.0, f64::max)
-    }
-
-    #[test]
-    fn converges_to_the_truth() {
-        let truth = scene();
-        let mut bundle = disturbed(&truth);
-        let summary = adjust(&mut bundle, &BundleOptions::default()).unwrap();
-        assert!(summary.cost().1 < 1e-12 * summary.cost().0, "{summary:?}");
-        assert!(centre_error(&bundle, &truth) < 1e-6);
-        assert_eq!(bundle.poses[0], truth.poses[0]);
-    }
-
-    #[test]
-    fn outliers_are_outvoted_by_the_robust_loss() {
-        let truth = scene();
-        let mut bundle = disturbed(&truth);
-        bundle.observations.iter_mut().step_by(29).for_each(|o| o.pixel.x += 25.0);
-        let options = BundleOptions { loss: Loss::GemanMcClure(2.0), ..Default::default() };
-        adjust(&mut bundle, &BundleOptions::default()).unwrap();
-        adjust(&mut bundle, &options).unwrap();
-        assert!(centre_error(&bundle, &truth) < 0.02, "{}", centre_error(&bundle, &truth));
-    }
-
-    #[test]
-    fn a_wrong_focal_length_is_recovered() {
-        let truth = scene();
-        let mut bundle = disturbed(&truth);
-        bundle.camera.focal = bundle.camera.focal.map(|f| 1.04 * f);
-        let refine = RefineIntrinsics { focal: true, ..Default::default() };
-        let options = BundleOptions { refine, cost_tolerance: 1e-12, ..Default::default() };
-        adjust(&mut bundle, &options).unwrap();
-        assert!((bundle.camera.focal[0] / 548.0 - 1.0).abs() < 5e-3, "{:?}", bundle.camera.focal);
-    }
-
-    #[test]
-    fn either_elimination_gives_the_same_step() {
-        let mut bundle = disturbed(&scene());
-        bundle.camera.focal = bundle.camera.focal.map(|f| 1.01 * f);
-        // Not every view sees every point.
-        bundle.observations.retain(|o| (o.view + 3 * o.point) % 5 != 0);
-        let mut layout = Layout::new(&bundle, &[0, 1]);
-        assert_eq!(layout.eliminate, Eliminate::Points);
-        let mut steps = Vec::new();
-        for eliminate in [Eliminate::Points, Eliminate::Poses] {
-            layout.eliminate = eliminate;
-            sort(&mut bundle, eliminate).unwrap();
-            let rows = linearise(&bundle, Loss::Huber(1.0));
-            steps.push(solve(&rows, &layout, &[(3.0, 0.5), (2.0, -1.0)], 1e-3).unwrap());
-        }
-        let [a, b] = [&steps[0], &steps[1]];
-        let near = |x: &[f64], y: &[f64]| x.iter().zip(y).all(|(x, y)| (x - y).abs() < 1e-7);
-        assert!(a.poses.iter().zip(&b.poses).all(|(x, y)| near(x.as_slice(), y.as_slice())));
-        assert!(a.points.iter().zip(&b.points).all(|(x, y)| near(x.as_slice(), y.as_slice())));
-        assert!(near(&a.intrinsics, &b.intrinsics) && a.intrinsics[0].abs() > 1e-4);
-        assert!((a.promise / b.promise - 1.0).abs() < 1e-9);
-        assert_eq!(a.poses[0].norm(), 0.0);
-    }
-
-    #[test]
-    fn many_views_of_few_points_converge_too() {
-        let mut truth = scene();
-        truth.points.truncate(12);
-        truth.observations.retain(|o| o.point < 12);
-        let mut bundle = disturbed(&truth);
-        assert_eq!(Layout::new(&bundle, &[]).eliminate, Eliminate::Poses);
-        let summary = adjust(&mut bundle, &BundleOptions::default()).unwrap();
-        assert!(summary.cost().1 < 1e-12 * summary.cost().0, "{summary:?}");
-        assert!(centre_error(&bundle, &truth) < 1e-6);
-    }
-
-    #[test]
-    fn bad_input_is_refused() {
-        let mut bundle = scene();
-        bundle.observations[3].view = 99;
-        assert!(matches!(
-            adjust(&mut bundle, &BundleOptions::default()),
-            Err(BundleError::Index(3, 99, 3))
-        ));
-        let mut bundle = scene();
-        bundle.points[0].z = -1000.0;
-        let result = adjust(&mut bundle, &BundleOptions::default());
-        assert_eq!(result.unwrap_err(), BundleError::Infeasible(8));
-    }
-}
+mod tests;

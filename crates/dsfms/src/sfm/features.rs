@@ -1,5 +1,6 @@
 //! Keypoints made for tissue: contrast equalised, low threshold, nothing on highlights or masks.
 
+use super::sift::sift;
 use super::{LocalContrast, SfmOptions, kornia};
 use crate::geometry::Point2;
 use crate::image::exposure::saturation;
@@ -31,10 +32,6 @@ impl Features2d {
     }
 }
 
-/// Strongest keypoints described before masks are looked at, over those that are kept, where the masks
-/// leave all.
-const PLENTY: f64 = 1.5;
-
 /// Detect and describe the keypoints of a frame, strongest first, at most `max_features`.
 ///
 /// `mask`: `true` = valid; keypoints outside are dropped. Saturated pixels and their
@@ -47,25 +44,10 @@ pub fn detect(frame: &Frame, mask: Option<&Mask>, options: &SfmOptions) -> Featu
     };
     let blocked =
         (!options.keep_saturated).then(|| saturation(frame).dilate(options.saturation_margin_px));
-    let usable = |k: &kornia::Keypoint| {
-        mask.is_none_or(|m| m.at_pixel(&k.point))
-            && blocked.as_ref().is_none_or(|m| !m.at_pixel(&k.point))
+    let usable = |p: &Point2| {
+        mask.is_none_or(|m| m.at_pixel(p)) && blocked.as_ref().is_none_or(|m| !m.at_pixel(p))
     };
-    let strongest = |most: usize| {
-        let found = kornia::sift(&equalised, options.contrast_threshold, most);
-        let all = found.len() < most;
-        (found.into_iter().filter(usable).collect::<Vec<_>>(), all)
-    };
-    // Describing costs as much as detecting: only where the masks leave too few are the others.
-    let coverage = mask.map_or(1.0, Mask::coverage).max(0.01);
-    let plenty = (PLENTY * options.max_features as f64 / coverage) as usize;
-    let (mut keypoints, all) = strongest(plenty);
-    if keypoints.len() < options.max_features && !all {
-        keypoints = strongest(usize::MAX).0;
-    }
-    // Stable: equal responses keep the detector's order.
-    keypoints.sort_by(|a, b| b.response.total_cmp(&a.response));
-    keypoints.truncate(options.max_features);
+    let keypoints = sift(&equalised, options.contrast_threshold, options.max_features, &usable);
     Features2d {
         points: keypoints.iter().map(|k| k.point).collect(),
         scale: keypoints.iter().map(|k| k.scale).collect(),

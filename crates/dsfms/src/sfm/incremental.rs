@@ -11,8 +11,19 @@ use super::{SfmOptions, features::Features2d};
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point2, Point3};
 use crate::solver::Loss;
+use rayon::prelude::*;
 
-/// Grow a model from the best pair among the `allowed` views; `None` when no pair starts one.
+/// Pairs from which a model is grown, no view in two of them.
+const STARTS: usize = 4;
+/// Pairs that are tried for it.
+const TRIED: usize = 40;
+
+/// Grow models from the best pairs among the `allowed` views, and keep the one in which most sightings
+/// agree; `None` when no pair starts one.
+///
+/// Frames of narrow parallax leave two answers that differ little in error, one nearly the other with near
+/// and far exchanged. Which of them a single pair starts is chance; over all frames the right one explains
+/// more.
 pub(super) fn grow<'a>(
     camera: &CameraModel,
     features: &'a [Features2d],
@@ -29,10 +40,33 @@ pub(super) fn grow<'a>(
         poses: vec![None; features.len()],
         tracks: tracks.iter().cloned().map(MapTrack::new).collect(),
     };
-    let mut map = ranked_pairs(pairs, allowed, options)
-        .into_iter()
-        .take(10)
-        .find_map(|pair| start_from(&empty, pair, options))?;
+    let mut starts: Vec<Map> = Vec::new();
+    let started =
+        |map: &Map, pair: &VerifiedPair| map.poses[pair.a].is_some() || map.poses[pair.b].is_some();
+    let mut tries = 0;
+    for pair in ranked_pairs(pairs, allowed, options) {
+        if starts.len() == STARTS || tries == TRIED {
+            break;
+        }
+        if starts.iter().all(|map| !started(map, pair)) {
+            tries += 1;
+            starts.extend(start_from(&empty, pair, options));
+        }
+    }
+    let grown: Vec<Map> =
+        starts.into_par_iter().filter_map(|map| grown(map, allowed, options, progress)).collect();
+    // Of equals the first, that of the best pair.
+    let best = (0..grown.len()).rev().max_by_key(|&i| grown[i].sightings())?;
+    grown.into_iter().nth(best)
+}
+
+/// Register view after view.
+fn grown<'a>(
+    mut map: Map<'a>,
+    allowed: &[bool],
+    options: &SfmOptions,
+    progress: &(dyn Fn(usize) + Sync),
+) -> Option<Map<'a>> {
     let first = map.poses.iter().position(Option::is_some)?;
     // A growing model of narrow parallax would trade focal length for depth: the intrinsics are
     // refined when all frames are in.
@@ -142,5 +176,80 @@ pub(super) fn settle(
         let _ = map.adjust(&|v| v == first, Loss::Huber(1.0), refine, max_steps);
         map.filter(&options.limits());
         map.triangulate(&options.limits());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Camera, Lens};
+    use crate::geometry::Vector3;
+    use crate::sfm::matching::DescriptorMatch;
+    use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+
+    const POINTS: usize = 60;
+
+    /// From 60 units away, turned by 3 degrees from view to view.
+    fn pose(view: usize) -> Isometry {
+        let turn = Vector3::new(0.03 * (view % 2) as f64, 0.0524 * (view as f64 - 2.5), 0.0);
+        Isometry::new(Vector3::new(0.0, 0.0, 60.0), turn)
+    }
+
+    fn points() -> Vec<Point3> {
+        let mut random = Random::new(5, 0);
+        let mut unit = || random.below(1_000_000) as f64 / 1e6 - 0.5;
+        (0..POINTS).map(|_| Point3::new(24.0 * unit(), 24.0 * unit(), 10.0 * unit())).collect()
+    }
+
+    /// The motion that exchanges near and far: of a scene of little depth it explains two views nearly
+    /// as well as the true one.
+    fn reversed(motion: &Isometry) -> Isometry {
+        let flip = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0));
+        let turned = flip * motion.rotation.to_rotation_matrix().matrix() * flip;
+        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&turned));
+        let middle = Vector3::new(0.0, 0.0, 60.0);
+        Isometry::from_parts((motion * Point3::from(middle) - rotation * middle).into(), rotation)
+    }
+
+    #[test]
+    fn a_first_pair_with_near_and_far_exchanged_does_not_decide() {
+        let camera = CameraModel {
+            size: [640, 480],
+            focal: [800.0; 2],
+            centre: [320.0, 240.0],
+            lens: Lens::Pinhole,
+        };
+        let seen = |view: usize| Features2d {
+            points: points()
+                .iter()
+                .map(|p| camera.project(&(pose(view) * p)).unwrap().pixel)
+                .collect(),
+            scale: vec![1.6; POINTS],
+            ..Default::default()
+        };
+        let features: Vec<Features2d> = (0..6).map(seen).collect();
+        let member =
+            |view: usize, point: usize| Member { view: view as u32, feature: point as u32 };
+        let tracks: Vec<Vec<Member>> =
+            (0..POINTS).map(|p| (0..6).map(|v| member(v, p)).collect()).collect();
+        let pair = |a: usize, b: usize, parallax_deg: f64| {
+            let motion = pose(b) * pose(a).inverse();
+            let same = |i| DescriptorMatch { a: i, b: i, distance: 0.1 };
+            VerifiedPair {
+                a,
+                b,
+                b_from_a: if a == 0 { reversed(&motion) } else { motion },
+                parallax_deg,
+                matches: (0..POINTS as u32).map(same).collect(),
+            }
+        };
+        let pairs = [pair(0, 1, 8.0), pair(2, 3, 3.0), pair(4, 5, 3.0)];
+        let map =
+            grow(&camera, &features, &tracks, &pairs, &[true; 6], &SfmOptions::default(), &|_| ())
+                .unwrap();
+        assert_eq!((map.registered(), map.sightings()), (6, 6 * POINTS));
+        let turn = |a: &Isometry, b: &Isometry| b.rotation * a.rotation.inverse();
+        let found = turn(&map.poses[0].unwrap(), &map.poses[5].unwrap());
+        assert!(found.angle_to(&turn(&pose(0), &pose(5))) < 1e-3);
     }
 }

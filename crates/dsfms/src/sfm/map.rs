@@ -49,6 +49,12 @@ impl Map<'_> {
         self.tracks.iter().filter(|t| t.point.is_some()).count()
     }
 
+    /// Number of sightings that agree with their point.
+    pub fn sightings(&self) -> usize {
+        let used = |t: &MapTrack| t.used.iter().filter(|used| **used).count();
+        self.tracks.iter().filter(|t| t.point.is_some()).map(used).sum()
+    }
+
     pub fn pixel(&self, m: Member) -> Point2 {
         self.features[m.view as usize].points[m.feature as usize]
     }
@@ -153,8 +159,9 @@ impl Map<'_> {
             }));
         }
         let mut bundle = Bundle {
-            camera: self.camera.clone(),
-            prior: self.prior.clone(),
+            cameras: vec![self.camera.clone()],
+            priors: vec![self.prior.clone()],
+            camera_of: vec![0; views.len()],
             poses: views.iter().filter_map(|&v| self.poses[v]).collect(),
             fixed: views.iter().map(|&v| fixed(v)).collect(),
             points: tracks.iter().filter_map(|&t| self.tracks[t].point).collect(),
@@ -164,7 +171,7 @@ impl Map<'_> {
         let summary = adjust(&mut bundle, &options)?;
         views.iter().zip(&bundle.poses).for_each(|(&v, pose)| self.poses[v] = Some(*pose));
         tracks.iter().zip(&bundle.points).for_each(|(&t, p)| self.tracks[t].point = Some(*p));
-        self.camera = bundle.camera;
+        self.camera = bundle.cameras.swap_remove(0);
         Ok(summary)
     }
 

@@ -80,6 +80,9 @@ impl TwoBest {
     /// Of equal products the first stays the largest, and the other is the second largest.
     #[inline]
     fn offer(&mut self, index: u32, values: &[f32; LANES]) {
+        if !(0..LANES).fold(false, |any, l| any | (values[l] > self.second[l])) {
+            return;
+        }
         #[allow(clippy::needless_range_loop)] // One lane of every array.
         for l in 0..LANES {
             let (v, best) = (values[l], self.best[l]);
@@ -95,25 +98,22 @@ impl TwoBest {
     }
 }
 
-/// Nearest and second nearest column of one row: `(index, product)` and the second's product.
+/// Nearest and second nearest column of one row: `(index, product)` and the second's product. Of equal
+/// products the first is the nearest.
 fn two_best(row: &[f32]) -> (usize, f32, f32) {
-    let (blocks, rest) = row.as_chunks::<LANES>();
-    let mut lanes = TwoBest::EMPTY;
-    (0..).zip(blocks).for_each(|(block, values)| lanes.offer(block, values));
     let (mut index, mut best, mut second) = (usize::MAX, f32::MIN, f32::MIN);
-    let mut join = |i: usize, v: f32, next: f32| {
-        if v > best || v == best && i < index {
-            second = best.max(next);
-            (index, best) = (i, v);
-        } else {
-            second = second.max(v);
+    for (block, values) in row.chunks(LANES).enumerate() {
+        // Hardly any block holds one of the two.
+        if values.iter().fold(false, |any, &v| any | (v > second)) {
+            for (l, &v) in values.iter().enumerate() {
+                if v > best {
+                    (index, best, second) = (block * LANES + l, v, best);
+                } else if v > second {
+                    second = v;
+                }
+            }
         }
-    };
-    for l in 0..LANES.min(row.len()) {
-        let (block, v, next) = lanes.at(l);
-        join(block * LANES + l, v, next);
     }
-    rest.iter().enumerate().for_each(|(l, &v)| join(blocks.len() * LANES + l, v, f32::MIN));
     (index, best, second)
 }
 
@@ -196,6 +196,21 @@ mod tests {
         let found = match_descriptors(&a, &b, 0.8, 0.7);
         assert_eq!(found.len(), 300);
         assert!(found.iter().all(|m| m.a + m.b == 299 && m.distance < 0.05));
+    }
+
+    #[test]
+    fn the_two_best_by_hand() {
+        let mut row: Vec<f32> = (0..50).map(|i| (i % 7) as f32).collect();
+        assert_eq!(two_best(&row), (6, 6.0, 6.0));
+        row[49] = 8.0;
+        assert_eq!(two_best(&row), (49, 8.0, 6.0));
+        row[3] = 9.0;
+        assert_eq!(two_best(&row), (3, 9.0, 8.0));
+        let mut lanes = TwoBest::EMPTY;
+        for (index, v) in [3.0, 5.0, 4.0, 5.0, 1.0].into_iter().enumerate() {
+            lanes.offer(index as u32, &[v; LANES]);
+        }
+        assert_eq!(lanes.at(7), (1, 5.0, 5.0));
     }
 
     #[test]

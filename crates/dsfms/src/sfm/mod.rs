@@ -29,6 +29,7 @@ pub mod reconstruction;
 mod rematch;
 pub mod resection;
 mod schur;
+mod sift;
 pub mod tracks;
 pub mod triangulation;
 pub mod two_view;

@@ -15,6 +15,7 @@ use std::ops::Range;
 pub(super) struct Row {
     pub view: usize,
     pub point: usize,
+    pub camera: usize,
     pub residual: Vector2<f64>,
     pub by_pose: Matrix2x6<f64>,
     pub by_point: Matrix2x3<f64>,
@@ -34,7 +35,8 @@ pub(super) struct Layout {
     /// Which poses are unknown.
     free: Vec<bool>,
     points: usize,
-    /// Active intrinsic parameters.
+    cameras: usize,
+    /// Active intrinsic parameters of every camera.
     pub intrinsics: Vec<usize>,
 }
 
@@ -45,7 +47,8 @@ impl Layout {
         let points = bundle.points.len();
         let poses = free.iter().filter(|free| **free).count();
         let eliminate = if 6 * poses > 3 * points { Eliminate::Poses } else { Eliminate::Points };
-        Self { eliminate, free, points, intrinsics: active.to_vec() }
+        let cameras = bundle.cameras.len();
+        Self { eliminate, free, points, cameras, intrinsics: active.to_vec() }
     }
 }
 
@@ -54,7 +57,7 @@ pub(super) struct Step {
     /// Zero for fixed poses.
     pub poses: Vec<SVector<f64, 6>>,
     pub points: Vec<SVector<f64, 3>>,
-    /// In the order of [`Layout::intrinsics`].
+    /// Camera by camera, each in the order of [`Layout::intrinsics`].
     pub intrinsics: Vec<f64>,
     pub promise: f64,
 }
@@ -92,8 +95,9 @@ struct System<'a, const K: usize, const E: usize, Kept, Gone> {
     at: Vec<Option<usize>>,
     /// Which eliminated blocks are unknown.
     free: &'a [bool],
-    /// Active intrinsics, and the row of the first of them.
+    /// Active intrinsics of each camera, the number of cameras, and the row of the first of all.
     intrinsics: &'a [usize],
+    cameras: usize,
     intrinsics_at: usize,
     damping: f64,
     kept: Kept,
@@ -155,12 +159,17 @@ where
             })
         };
         let at = kept_free.iter().map(place).collect();
-        let intrinsics = &layout.intrinsics;
-        Self { at, free, intrinsics, intrinsics_at: next, damping, kept, gone }
+        let (intrinsics, cameras) = (&layout.intrinsics, layout.cameras);
+        Self { at, free, intrinsics, cameras, intrinsics_at: next, damping, kept, gone }
     }
 
     fn size(&self) -> usize {
-        self.intrinsics_at + self.intrinsics.len()
+        self.camera_at(self.cameras)
+    }
+
+    /// Row of the first intrinsic of a camera.
+    fn camera_at(&self, camera: usize) -> usize {
+        self.intrinsics_at + camera * self.intrinsics.len()
     }
 
     fn solve(&self, rows: &[Row], prior: &[(f64, f64)]) -> Option<Solution<K, E>> {
@@ -239,10 +248,10 @@ where
         let mut partial = Partial::zero(self.size());
         for span in spans {
             let rows = &rows[span.clone()];
-            let mut coupling = vec![SVector::<f64, E>::zeros(); self.intrinsics.len()];
+            let mut of_intrinsics = self.no_couplings(rows);
             let mut couplings = Vec::with_capacity(rows.len());
             for row in rows {
-                self.add_intrinsics(&mut partial, row, &mut coupling);
+                self.add_intrinsics(&mut partial, row, &mut of_intrinsics);
                 let (block, by_kept) = (self.kept)(row);
                 if let Some(at) = self.at[block] {
                     add_kept(&mut partial, &by_kept, &row.residual, at);
@@ -250,10 +259,20 @@ where
                 }
             }
             if self.free[(self.gone)(&rows[0]).0] {
-                self.subtract(&mut partial, rows, &couplings, &coupling)?;
+                self.subtract(&mut partial, rows, &couplings, &of_intrinsics)?;
             }
         }
         Some(partial)
+    }
+
+    /// Row and coupling, still zero, of the intrinsics of every camera that sees one eliminated
+    /// block; ascending.
+    fn no_couplings(&self, rows: &[Row]) -> Vec<(usize, SVector<f64, E>)> {
+        let mut cameras: Vec<usize> = rows.iter().map(|row| row.camera).collect();
+        cameras.sort_unstable();
+        cameras.dedup();
+        let of = |camera| self.camera_at(camera)..self.camera_at(camera + 1);
+        cameras.into_iter().flat_map(of).map(|at| (at, SVector::zeros())).collect()
     }
 
     /// `− W V⁻¹ Wᵀ` and `− W V⁻¹ g_e` of one eliminated block.
@@ -262,7 +281,7 @@ where
         partial: &mut Partial,
         rows: &[Row],
         couplings: &[(usize, SMatrix<f64, K, E>)],
-        of_intrinsics: &[SVector<f64, E>],
+        of_intrinsics: &[(usize, SVector<f64, E>)],
     ) -> Option<()> {
         let (v, _, gradient) = self.own_block(rows);
         let inverse = v.cholesky()?.inverse();
@@ -275,29 +294,36 @@ where
                 let mut block = partial.matrix.fixed_view_mut::<K, K>(*at, *other);
                 block -= y * w.transpose();
             }
-            for (k, z) in of_intrinsics.iter().enumerate() {
-                let mut block = partial.matrix.fixed_view_mut::<1, K>(self.intrinsics_at + k, *at);
+            for (row, z) in of_intrinsics {
+                let mut block = partial.matrix.fixed_view_mut::<1, K>(*row, *at);
                 block -= (y * z).transpose();
             }
         }
-        for (k, z) in of_intrinsics.iter().enumerate() {
+        for (k, (row, z)) in of_intrinsics.iter().enumerate() {
             let y = inverse * z;
-            partial.right[self.intrinsics_at + k] -= y.dot(&gradient);
-            for (l, other) in of_intrinsics[..=k].iter().enumerate() {
-                partial.matrix[(self.intrinsics_at + k, self.intrinsics_at + l)] -= y.dot(other);
+            partial.right[*row] -= y.dot(&gradient);
+            for (column, other) in &of_intrinsics[..=k] {
+                partial.matrix[(*row, *column)] -= y.dot(other);
             }
         }
         Some(())
     }
 
-    fn add_intrinsics(&self, partial: &mut Partial, row: &Row, coupling: &mut [SVector<f64, E>]) {
+    fn add_intrinsics(
+        &self,
+        partial: &mut Partial,
+        row: &Row,
+        couplings: &mut [(usize, SVector<f64, E>)],
+    ) {
+        let first = self.camera_at(row.camera);
+        let own = couplings.iter().position(|(at, _)| *at == first).unwrap_or(0);
         let column = |k: usize| row.by_intrinsics.column(k);
         let (block, by_kept) = (self.kept)(row);
         let (_, by_own) = (self.gone)(row);
         for (i, &k) in self.intrinsics.iter().enumerate() {
-            let at = self.intrinsics_at + i;
+            let at = first + i;
             for (j, &l) in self.intrinsics[..=i].iter().enumerate() {
-                partial.matrix[(at, self.intrinsics_at + j)] += column(k).dot(&column(l));
+                partial.matrix[(at, first + j)] += column(k).dot(&column(l));
             }
             partial.diagonal[at] += column(k).norm_squared();
             partial.right[at] += column(k).dot(&row.residual);
@@ -306,7 +332,7 @@ where
                 let mut block = partial.matrix.fixed_view_mut::<1, K>(at, kept_at);
                 block += column(k).transpose() * by_kept;
             }
-            coupling[i] += by_own.transpose() * column(k);
+            couplings[own + i].1 += by_own.transpose() * column(k);
         }
     }
 
@@ -328,7 +354,7 @@ where
                 moved += by_kept * change.fixed_rows::<K>(at);
             }
             for (i, &k) in self.intrinsics.iter().enumerate() {
-                moved += row.by_intrinsics.column(k) * change[self.intrinsics_at + i];
+                moved += row.by_intrinsics.column(k) * change[self.camera_at(row.camera) + i];
             }
             right += (self.gone)(row).1.transpose() * moved;
         }

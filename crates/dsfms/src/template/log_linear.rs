@@ -183,7 +183,7 @@ impl<M: ShadingModel> LogLinear<'_, M> {
         }
         let around = self.around(&x[..self.parameters()]);
         for rows in self.per_spot(|spot| self.rows(spot, &around, x, scale)) {
-            accumulate(&rows, &mut h, &mut g);
+            rows.accumulate(&mut h, &mut g);
         }
         (h, g)
     }
@@ -201,18 +201,18 @@ impl<M: ShadingModel> LogLinear<'_, M> {
         Around { centre: self.model.at(theta), sides }
     }
 
-    /// Rows of one spot, centred by its albedo (the Schur complement).
+    /// Rows of one spot.
     fn rows(
         &self,
         spot: &[Observation],
         around: &Around<M::At>,
         x: &[f64],
         scale: f64,
-    ) -> Vec<Row> {
+    ) -> SpotRows {
         let k = self.parameters();
         let residuals = self.residuals(spot, &around.centre, &x[k..], scale);
         let log = |o, at| self.model.log_shading(o, at);
-        let mut rows: Vec<Row> = spot
+        let rows = spot
             .iter()
             .zip(&residuals)
             .map(|(o, &r)| {
@@ -224,8 +224,7 @@ impl<M: ShadingModel> LogLinear<'_, M> {
                 Row { entries, residual: r, weight }
             })
             .collect();
-        centre(&mut rows);
-        rows
+        SpotRows::new(rows)
     }
 }
 
@@ -242,32 +241,79 @@ struct Row {
     weight: f64,
 }
 
-/// Subtract the weighted mean row, which is what eliminating the spot's own albedo amounts to.
-fn centre(rows: &mut [Row]) {
-    let total: f64 = rows.iter().map(|r| r.weight).sum();
-    if total <= 0.0 {
-        return;
-    }
-    let mut mean = std::collections::BTreeMap::new();
-    for row in rows.iter() {
-        for &(i, v) in &row.entries {
-            *mean.entry(i).or_insert(0.0) += v * row.weight / total;
+/// The rows of one spot and their weighted mean, which its own albedo takes away.
+struct SpotRows {
+    rows: Vec<Row>,
+    mean: Vec<(usize, f64)>,
+    weight: f64,
+}
+
+impl SpotRows {
+    fn new(rows: Vec<Row>) -> Self {
+        let weight: f64 = rows.iter().map(|r| r.weight).sum();
+        let mut mean: Vec<(usize, f64)> = Vec::new();
+        if weight > 0.0 {
+            let shares = |r: &Row| r.weight / weight;
+            let all = rows.iter().flat_map(|r| r.entries.iter().map(|(i, v)| (*i, v * shares(r))));
+            mean = all.collect();
+            mean.sort_by_key(|entry| entry.0);
+            mean.dedup_by(|next, kept| {
+                let same = next.0 == kept.0;
+                kept.1 += if same { next.1 } else { 0.0 };
+                same
+            });
         }
+        Self { rows, mean, weight }
     }
-    for row in rows.iter_mut() {
-        let own = std::mem::take(&mut row.entries);
-        let at = |i| own.iter().find(|e| e.0 == i).map_or(0.0, |e| e.1);
-        row.entries = mean.iter().map(|(&i, m)| (i, at(i) - m)).collect();
+
+    /// `Σ w (e − m)(e − m)ᵀ = Σ w e eᵀ − (Σ w) m mᵀ`: the rows stay as sparse as they are.
+    fn accumulate(&self, h: &mut DMatrix<f64>, g: &mut DVector<f64>) {
+        let mut outer = |entries: &[(usize, f64)], weight: f64, residual: f64| {
+            for &(i, vi) in entries {
+                g[i] += vi * residual;
+                for &(j, vj) in entries {
+                    h[(i, j)] += weight * vi * vj;
+                }
+            }
+        };
+        for row in &self.rows {
+            outer(&row.entries, row.weight, row.weight * row.residual);
+        }
+        let residual: f64 = self.rows.iter().map(|row| row.weight * row.residual).sum();
+        outer(&self.mean, -self.weight, -residual);
     }
 }
 
-fn accumulate(rows: &[Row], h: &mut DMatrix<f64>, g: &mut DVector<f64>) {
-    for row in rows {
-        for &(i, vi) in &row.entries {
-            g[i] += row.weight * vi * row.residual;
-            for &(j, vj) in &row.entries {
-                h[(i, j)] += row.weight * vi * vj;
-            }
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_spot_takes_its_mean_away_by_hand() {
+        let row = |entries: &[(usize, f64)], residual, weight| Row {
+            entries: entries.to_vec(),
+            residual,
+            weight,
+        };
+        let rows = vec![
+            row(&[(0, 2.0), (1, 1.0)], 0.3, 1.0),
+            row(&[(0, -1.0), (2, 1.0)], -0.1, 3.0),
+            row(&[(0, 0.5), (3, 1.0)], 0.2, 2.0),
+        ];
+        let dense = |r: &Row| {
+            let mut v = DVector::zeros(4);
+            r.entries.iter().for_each(|&(i, e)| v[i] = e);
+            v
+        };
+        let mean = rows.iter().map(|r| r.weight * dense(r)).sum::<DVector<f64>>() / 6.0;
+        let (mut h, mut g) = (DMatrix::zeros(4, 4), DVector::zeros(4));
+        for r in &rows {
+            let e = dense(r) - &mean;
+            h += r.weight * &e * e.transpose();
+            g += r.weight * r.residual * e;
         }
+        let (mut found, mut right) = (DMatrix::zeros(4, 4), DVector::zeros(4));
+        SpotRows::new(rows).accumulate(&mut found, &mut right);
+        assert!((found - h).amax() < 1e-12 && (right - g).amax() < 1e-12);
     }
 }

@@ -5,7 +5,7 @@
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3, Vector3};
 use crate::image::{ColorImage, Mask, distance::distance_to};
-use crate::light::{Light, LightModel, specular_angle};
+use crate::light::{Light, LightModel};
 use crate::mesh::Mesh;
 use crate::raster::{Raster, rasterize};
 use serde::{Deserialize, Serialize};
@@ -116,18 +116,21 @@ impl<'a> PreparedView<'a> {
         bounds: &ObservationBounds,
     ) -> Option<Observation> {
         let point = self.view.pose * point;
+        let normal = self.view.pose * normal;
+        // Most views see most of the surface from behind or not at all: the cheapest question first.
+        let seen = -normal.dot(&point.coords) / point.coords.norm();
+        if seen.is_nan() || seen < bounds.grazing_cos {
+            return None;
+        }
         let pixel = self.view.camera.project(&point)?.pixel;
         let at = nearest(&pixel, self.raster.size)?;
         let hidden = point.z > self.raster.depth[at] + OCCLUSION_TOLERANCE * point.z;
         if hidden || !self.usable[at] {
             return None;
         }
-        let normal = self.view.pose * normal;
-        let lit = lit_cosine(light, &point, &normal);
-        let seen = -normal.dot(&point.coords) / point.coords.norm();
-        let cosine = lit.min(seen);
-        let specular = specular_angle(light, &point, &normal).to_degrees();
-        if cosine < bounds.grazing_cos || specular < bounds.specular_deg {
+        let half = light.mirror_normal(&point);
+        let lit = normal.dot(&towards_light(&half, &point));
+        if lit < bounds.grazing_cos || half.dot(&normal) > bounds.specular_deg.to_radians().cos() {
             return None;
         }
         let rgb = sample_rgb(self.view.image, &pixel)?;
@@ -140,13 +143,10 @@ impl<'a> PreparedView<'a> {
     }
 }
 
-/// Cosine between the normal and the direction to the light.
-pub(super) fn lit_cosine(light: &LightModel, point: &Point3, normal: &Vector3) -> f64 {
-    // The mirror normal halves the angle between the directions to camera and light.
+/// Direction to the light: the mirror normal halves the angle between it and that to the camera.
+fn towards_light(half: &Vector3, point: &Point3) -> Vector3 {
     let to_camera = -point.coords.normalize();
-    let half = light.mirror_normal(point);
-    let to_light = half * (2.0 * half.dot(&to_camera)) - to_camera;
-    normal.dot(&to_light)
+    half * (2.0 * half.dot(&to_camera)) - to_camera
 }
 
 fn usable_pixels(view: &AlbedoView, raster: &Raster, bounds: &ObservationBounds) -> Vec<bool> {
@@ -193,7 +193,7 @@ mod tests {
     use crate::light::{PointLight, Spot};
 
     #[test]
-    fn lit_cosine_points_at_the_light() {
+    fn the_way_to_the_light() {
         let light = LightModel::Point(PointLight {
             positions: vec![Point3::new(0.0, -3.0, 0.0)],
             reference_distance: 50.0,
@@ -202,7 +202,8 @@ mod tests {
         let (point, normal) = (Point3::new(4.0, 2.0, 40.0), Vector3::new(0.1, 0.3, -0.9));
         let normal = normal.normalize();
         let expected = (Point3::new(0.0, -3.0, 0.0) - point).normalize().dot(&normal);
-        assert!((lit_cosine(&light, &point, &normal) - expected).abs() < 1e-12);
+        let found = normal.dot(&towards_light(&light.mirror_normal(&point), &point));
+        assert!((found - expected).abs() < 1e-12);
     }
 
     #[test]

@@ -1,13 +1,17 @@
 //! Frames and masks of an exploration.
 
 use super::TemplateArgs;
+use crate::args::Global;
 use crate::exit::Usage;
 use crate::inputs::{self, CameraInput, Source};
 use crate::progress::Reporter;
 use anyhow::Context;
+use dsfms::camera::CameraModel;
+use dsfms::camera::resample::{resampled, resampled_mask};
 use dsfms::geometry::Point2;
 use dsfms::image::{Frame, Mask};
 use dsfms::io::InputError;
+use dsfms::io::camera::{CameraFile, ImageCameras, read_image_cameras};
 use dsfms::io::masks::MaskKind;
 use dsfms::pipeline::{OrganClick, OrganOutline, Progress};
 use std::path::{Path, PathBuf};
@@ -58,11 +62,53 @@ pub struct Loaded {
     pub complete: bool,
 }
 
+/// The camera that all frames are brought to, and those of single frames where they differ.
+pub struct Cameras {
+    pub common: CameraInput,
+    own: Option<ImageCameras>,
+}
+
+impl Cameras {
+    /// Pixels named on the command line are of frames as they are on disk.
+    pub fn open(path: &Path, args: &TemplateArgs, global: &Global) -> anyhow::Result<Self> {
+        let Some(own) = read_image_cameras(path).context("cameras of the model")? else {
+            return Ok(Self { common: inputs::camera(path, global)?, own: None });
+        };
+        let pixels = args.organ_click.is_some()
+            || !args.organ_polygon.is_empty()
+            || args.scale.names_pixels();
+        if pixels {
+            let problem = format!(
+                "the cameras of {} differ, and frames are brought to one of them: --organ-polygon, --organ-click and --scale-reference cannot be used, --organ-masks and --camera-step can",
+                path.display()
+            );
+            return Err(Usage(problem).into());
+        }
+        let file = CameraFile { camera: own.common.clone(), tone: None, light: None };
+        let tone = global.tone.map(Into::into).unwrap_or_default();
+        Ok(Self { common: CameraInput { file, tone }, own: Some(own) })
+    }
+}
+
+/// A frame with its valid and its organ mask.
+type Masked = (Frame, Option<Mask>, Option<Mask>);
+
+/// The frame and its masks as another camera would have them.
+fn brought((frame, valid, organ): Masked, from: &CameraModel, to: &CameraModel) -> Masked {
+    if from == to {
+        return (frame, valid, organ);
+    }
+    let (frame, shown) = resampled(&frame, from, to);
+    let mask = |m: &Mask| resampled_mask(m, from, to);
+    let valid = valid.as_ref().map(mask).map_or(shown.clone(), |valid| valid.and(&shown));
+    (frame, Some(valid), organ.as_ref().map(mask))
+}
+
 /// Decode frames and masks. A frame that cannot be read or has another size than the camera is left
 /// out with a warning; it is an error if that leaves fewer than two.
 pub fn load(
     args: &TemplateArgs,
-    camera: &CameraInput,
+    cameras: &Cameras,
     camera_path: &Path,
     reporter: &Reporter,
 ) -> anyhow::Result<Loaded> {
@@ -76,11 +122,17 @@ pub fn load(
     let mut outlines = args.organ_polygon.clone();
     let mut first_error = None;
     for source in &sources {
-        match load_frame(source, camera, camera_path) {
+        let common = &cameras.common.file.camera;
+        let name = source.path().and_then(|p| p.file_name()).map(|n| n.to_string_lossy());
+        let name = name.map_or_else(|| source.name(), |n| n.into_owned());
+        let own = cameras.own.as_ref().map_or(common, |own| own.of(&name));
+        match load_frame(source, own, camera_path) {
             Ok(frame) => {
-                let masks = masks(args, source, &frame, reporter)?;
-                loaded.valid.push(masks.0);
-                loaded.organ.push(masks.1.or(outline(&mut outlines, &frame)));
+                let (valid, organ) = masks(args, source, &frame, reporter)?;
+                let organ = organ.or(outline(&mut outlines, &frame));
+                let (frame, valid, organ) = brought((frame, valid, organ), own, common);
+                loaded.valid.push(valid);
+                loaded.organ.push(organ);
                 loaded.frames.push(frame);
             }
             Err(error) => {
@@ -102,9 +154,9 @@ pub fn load(
     }
 }
 
-fn load_frame(source: &Source, camera: &CameraInput, path: &Path) -> Result<Frame, InputError> {
+fn load_frame(source: &Source, camera: &CameraModel, path: &Path) -> Result<Frame, InputError> {
     let frame = source.frame()?;
-    inputs::check_size(&frame, &camera.file.camera, path)?;
+    inputs::check_size(&frame, camera, path)?;
     Ok(frame)
 }
 
@@ -136,6 +188,24 @@ mod tests {
         for bad in ["320", "320,x", "320,2@", "@a"] {
             assert!(parse_click(bad).unwrap_err().contains("X,Y"), "{bad}");
         }
+    }
+
+    #[test]
+    fn frames_of_other_cameras_are_brought_to_the_common_one() {
+        let camera = |focal: f64| CameraModel {
+            size: [8, 6],
+            focal: [focal; 2],
+            centre: [3.5, 2.5],
+            lens: dsfms::camera::Lens::Pinhole,
+        };
+        let frame = Frame { name: "f".into(), size: [8, 6], rgb: vec![[50; 3]; 48] };
+        let organ = Some(Mask::filled([8, 6], true));
+        let same = brought((frame.clone(), None, organ.clone()), &camera(10.0), &camera(10.0));
+        assert_eq!(same, (frame.clone(), None, organ.clone()));
+        let (found, valid, organ) = brought((frame, None, organ), &camera(20.0), &camera(10.0));
+        let shown = valid.unwrap();
+        assert!(shown.at(3, 2) && !shown.at(0, 0) && organ.unwrap().at(4, 3));
+        assert_eq!((found.rgb[2 * 8 + 3], found.rgb[0]), ([50; 3], [0; 3]));
     }
 
     #[test]

@@ -24,6 +24,8 @@ use std::path::Path;
 /// scales all shading alike, and so is absorbed by the gain.
 pub const REFERENCE_DISTANCE: f64 = 50.0;
 
+pub use colmap::{ImageCameras, read_image_cameras};
+
 /// What a camera file says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraFile {

@@ -204,3 +204,24 @@ fn colmap_cameras() {
         assert!(message.contains(words), "{message:?} lacks {words:?}");
     }
 }
+
+#[test]
+fn images_of_a_model_may_have_cameras_of_their_own() {
+    let dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
+    let zoomed = "1 SIMPLE_PINHOLE 640 480 500 320 240\n2 SIMPLE_PINHOLE 640 480 700 320 240\n";
+    write("cameras.txt", zoomed);
+    let image =
+        |id: u32, camera: u32| format!("{id} 1 0 0 0 0 0 0 {camera} a/frame_{id:03}.png\n\n");
+    write("images.txt", &[image(1, 1), image(2, 2), image(3, 2)].concat());
+    let found = super::read_image_cameras(dir.path()).unwrap().unwrap();
+    assert_eq!(found.common.focal, [700.0; 2]);
+    assert_eq!(found.of("frame_001").focal, [500.0; 2]);
+    assert_eq!(found.of("frame_003.png").focal, [700.0; 2]);
+    assert_eq!(found.of("other").focal, [700.0; 2], "not in the model");
+    write("images.txt", &image(1, 7));
+    let message = super::read_image_cameras(dir.path()).unwrap_err().to_string();
+    assert!(message.contains("camera 7") && message.contains("frame_001"), "{message}");
+    write("cameras.txt", "1 SIMPLE_PINHOLE 640 480 500 320 240\n");
+    assert_eq!(super::read_image_cameras(dir.path()).unwrap(), None);
+}
