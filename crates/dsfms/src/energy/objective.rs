@@ -135,11 +135,11 @@ impl<'a> Objective<'a> {
             .enumerate()
             .map(|(k, sums)| {
                 sums.clear();
-                let part = |term: &Box<dyn Weighted + 'a>| {
+                let mut part = |term: &(dyn Weighted + 'a)| {
                     let n = term.count();
                     term.accumulate(state, n * k / STRIPES..n * (k + 1) / STRIPES, sums)
                 };
-                terms.iter().map(part).collect()
+                terms.iter().map(|term| part(term.as_ref())).collect()
             })
             .collect();
         let mut costs = vec![0.0; terms.len()];

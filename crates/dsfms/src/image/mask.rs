@@ -94,7 +94,7 @@ impl Mask {
         let (x, y) = (i % w, i / w);
         let inner = || x > 0 && y > 0 && x + 1 < w && y + 1 < h;
         let alone = |i: &usize| !self.data[*i];
-        !(inner() && ![i - 1, i + 1, i - w, i + w].iter().any(alone))
+        !inner() || [i - 1, i + 1, i - w, i + w].iter().any(alone)
     }
 
     /// With a disc about every pixel of the outline.
