@@ -180,6 +180,20 @@ mod tests {
     }
 
     #[test]
+    fn stamps_and_the_distance_transform_dilate_alike() {
+        let data = (0..83 * 57).map(|i| i * 31 % 397 < 7).collect();
+        let mask = Mask { size: [83, 57], data };
+        let outline: Vec<usize> = (0..mask.data.len()).filter(|&i| mask.on_outline(i)).collect();
+        let distance = distance_to(&mask);
+        for radius in [0.0, 1.0, 1.5, 2.3, 5.0, 9.7] {
+            let within = distance.data.iter().map(|&d| f64::from(d) <= radius).collect();
+            let expected = Mask { size: mask.size, data: within };
+            assert_eq!(mask.stamped(&outline, radius), expected, "{radius}");
+            assert_eq!(mask.dilate(radius), expected, "{radius}");
+        }
+    }
+
+    #[test]
     fn boolean_operations() {
         let (small, large) = (disc(5.0), disc(9.0));
         assert_eq!(small.and(&large), small);

@@ -142,6 +142,10 @@ mod tests {
         // The edge shows 5 in blue; there is no slope across it.
         assert!((value + 10.0).abs() < 1e-6 && (gradient - Vector2::new(0.0, 6.0)).norm() < 1e-6);
         assert!(image.mixed(&Point2::new(f64::NAN, 0.0), &[1.0; 3]).is_none());
+        // 2.5 − 7.5 between pixels, and 5 at the edge.
+        assert_eq!(image.sampled(&Point2::new(1.25, 2.5)), Some([-2.5, 0.0, -5.0]));
+        assert_eq!(image.sampled(&Point2::new(7.0, 1.0)), Some([2.5, 0.0, 5.0]));
+        assert!(image.sampled(&Point2::new(0.0, f64::NAN)).is_none());
         assert!(plane.sample(&Point2::new(f64::NAN, 0.0)).is_none());
     }
 }

@@ -96,9 +96,11 @@ fn majority(mask: &Mask) -> Mask {
         (1..w.saturating_sub(1)).contains(&(i % w)) && (1..h.saturating_sub(1)).contains(&(i / w))
     };
     let mut votes = vec![0u8; w * h];
-    for i in (0..w * h).filter(|&i| mask.data[i]).filter(inside) {
-        for row in [i - w, i, i + w] {
-            votes[row - 1..=row + 1].iter_mut().for_each(|v| *v += 1);
+    for i in (0..w * h).filter(|&i| mask.data[i]) {
+        let (x, y) = (i % w, i / w);
+        for row in y.saturating_sub(1)..(y + 2).min(h) {
+            let around = &mut votes[row * w..][x.saturating_sub(1)..(x + 2).min(w)];
+            around.iter_mut().for_each(|v| *v += 1);
         }
     }
     let most = (0..w * h).map(|i| votes[i] >= MAJORITY && inside(&i));

@@ -64,9 +64,10 @@ impl<'a> Look<'a> {
         });
         let known: Vec<bool> = albedo.iter().map(|a| !a[0].is_nan()).collect();
         let albedo = ColorImage { size: raster.size, data: albedo };
-        let at_contour = match options.contour {
-            none if none <= 0.0 => Mask::filled(raster.size, false),
-            radius => raster.discontinuities(0.05).dilate(radius),
+        let at_contour = if options.contour > 0.0 {
+            raster.discontinuities(0.05).dilate(options.contour)
+        } else {
+            Mask::filled(raster.size, false)
         };
         let highlights = picture.saturated.data.iter().any(|&s| s);
         let mut look = Self {

@@ -61,7 +61,7 @@ impl Default for VideoOptions {
 }
 
 impl VideoOptions {
-    /// For a live source: coarser and several times as fast.
+    /// For a live source: coarser and more than twice as fast.
     pub fn realtime() -> Self {
         Self {
             max_samples: 3000,

@@ -159,3 +159,39 @@ fn times_transposed(matrix: &[f32], height: usize, x: &[f32], mut take: impl FnM
         take(c, (half[0] + half[1]) + (half[2] + half[3]));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solver::cholesky::{Cholesky, Factor};
+
+    #[test]
+    fn a_solve_is_that_of_the_factor_to_single_precision() {
+        // Every entry within `BAND` of the diagonal: panels with and without rows below, and of widths
+        // that are no multiple of anything.
+        const BAND: usize = 11;
+        let n = 47;
+        let (mut col_ptr, mut row_idx, mut values) = (vec![0], Vec::new(), Vec::new());
+        for column in 0..n {
+            for row in column..n.min(column + 1 + column % BAND) {
+                row_idx.push(row);
+                values.push(if row == column { 20.0 } else { -1.0 / (1 + row - column) as f64 });
+            }
+            col_ptr.push(row_idx.len());
+        }
+        let mut cholesky = Cholesky::analyse(n, col_ptr, row_idx).unwrap();
+        let mut factor = Factor::default();
+        cholesky.factorise(&values, &mut factor).unwrap();
+        let right = |i: usize| [((7 * i) % 11) as f64 - 5.0, ((5 * i) % 13) as f64];
+        let mut expected: Vec<[f64; 2]> = (0..n).map(right).collect();
+        cholesky.solve(&factor, &mut expected);
+        let mut panels = Panels::default();
+        // A second set finds the memory of the first.
+        (0..2).for_each(|_| panels.set(cholesky.panels(&factor)));
+        let mut x = [0, 1].map(|k| (0..n).map(|i| right(i)[k] as f32).collect::<Vec<_>>());
+        panels.solve(&mut x, &mut Default::default());
+        for (i, expected) in expected.iter().enumerate() {
+            assert!((0..2).all(|k| (f64::from(x[k][i]) - expected[k]).abs() < 1e-5), "{i}");
+        }
+    }
+}

@@ -280,7 +280,7 @@ impl<'a> Tracker<'a> {
                     let elsewhere = (start - a.pixel).norm() > APART_PX;
                     let place = follow(render, frame, a.pixel, start);
                     let still = || follow(render, frame, a.pixel, a.pixel);
-                    place.or_else(|| if elsewhere { still() } else { None }).and_then(alike)
+                    place.or_else(|| elsewhere.then(still).flatten()).and_then(alike)
                 })?;
             let pixel = self.working.to_frame(place);
             let found = Match { face: a.face, barycentric: a.barycentric, pixel };

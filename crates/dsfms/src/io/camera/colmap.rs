@@ -45,6 +45,10 @@ impl ImageCameras {
 
 /// The cameras of the images of a COLMAP model in a folder; `None` where all are equal, or where the path
 /// is no folder.
+///
+/// # Errors
+/// A file of the model that is missing or malformed; an image whose camera is missing; a camera with
+/// intrinsics that cannot be.
 pub fn read_image_cameras(folder: &Path) -> Result<Option<ImageCameras>, InputError> {
     if !folder.is_dir() {
         return Ok(None);

@@ -1,0 +1,189 @@
+use super::*;
+use crate::camera::{CameraModel, Lens};
+use crate::energy::check::bent_patch;
+use crate::energy::{GlobalsPrior, Motion, RestFaces, Shearing, Smoothing, Stretch};
+use crate::geometry::Point2;
+use crate::mesh::laplacian::Laplacian;
+use crate::mesh::{Mesh, shapes};
+use nalgebra::{DMatrix, DVector};
+
+fn camera() -> CameraModel {
+    CameraModel {
+        size: [640, 480],
+        focal: [600.0, 600.0],
+        centre: [319.5, 239.5],
+        lens: Lens::Pinhole,
+    }
+}
+
+/// A sheet of 40 × 40 mm, gently bent, 80 mm in front of the camera.
+fn sheet(n: usize) -> Mesh {
+    let flat = shapes::irregular_sheet(n);
+    let bend = |p: &Point3| {
+        let (x, y) = (40.0 * (p.x - 0.5), 40.0 * (p.y - 0.5));
+        Point3::new(x, y, 80.0 + 0.01 * x * x + 0.005 * x * y)
+    };
+    flat.with_positions(flat.positions.iter().map(bend).collect())
+}
+
+fn objective<'a>(mesh: &Mesh, rest: &'a RestFaces, camera: &'a CameraModel) -> Objective<'a> {
+    let faces: Vec<[u32; 3]> = mesh.topology.faces.iter().step_by(7).copied().collect();
+    let pixels = faces.iter().map(|f| {
+        let p = mesh.positions[f[0] as usize];
+        let pull = 6.0 * (-(p.x * p.x + p.y * p.y) / 60.0).exp();
+        Point2::new(319.5 + 600.0 * p.x / p.z + pull, 239.5 + 600.0 * p.y / p.z)
+    });
+    let motion = Motion {
+        camera,
+        pixels: pixels.collect(),
+        barycentrics: vec![[1.0, 0.0, 0.0]; faces.len()],
+        faces,
+        sigma_px: 1.0,
+    };
+    let smoothing = Smoothing::of_displacement(&Laplacian::new(mesh), &mesh.positions, 1600.0);
+    Objective::over(mesh.positions.len(), 1)
+        .plus(1.0, Loss::GemanMcClure(4.0), motion)
+        .plus(3e4, Loss::Squared, Shearing { rest })
+        .plus(3e3, Loss::Squared, Stretch { rest })
+        .plus(100.0, Loss::Squared, smoothing)
+        .plus(1.0, Loss::Squared, GlobalsPrior { index: [0], mean: 0.1, sigma: 0.3 })
+}
+
+fn start(mesh: &Mesh) -> Unknowns {
+    let moved = mesh.positions.iter().map(|p| p + Vector3::new(0.05 * p.y.sin(), 0.0, 0.02));
+    Unknowns { vertices: moved.collect(), globals: vec![0.0] }
+}
+
+fn farthest(a: &Unknowns, b: &Unknowns) -> f64 {
+    a.vertices.iter().zip(&b.vertices).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
+}
+
+#[test]
+fn assembly_equals_the_dense_sum() {
+    let mesh = bent_patch();
+    let rest = RestFaces::new(&mesh, 100.0);
+    let smoothing = || Smoothing::of_displacement(&Laplacian::new(&mesh), &mesh.positions, 100.0);
+    let mut problem = Objective::over(25, 1)
+        .plus(2.0, Loss::Huber(0.01), Shearing { rest: &rest })
+        .plus(3.0, Loss::Squared, Stretch { rest: &rest })
+        .plus(0.5, Loss::Squared, smoothing())
+        .plus(0.7, Loss::Squared, GlobalsPrior { index: [0], mean: 0.1, sigma: 0.3 });
+    let state = start(&mesh);
+    let (mut hessian, mut gradient) = (DMatrix::zeros(76, 76), DVector::zeros(76));
+    add_dense(
+        2.0,
+        Loss::Huber(0.01),
+        &Shearing { rest: &rest },
+        &state,
+        &mut hessian,
+        &mut gradient,
+    );
+    add_dense(3.0, Loss::Squared, &Stretch { rest: &rest }, &state, &mut hessian, &mut gradient);
+    add_dense(0.5, Loss::Squared, &smoothing(), &state, &mut hessian, &mut gradient);
+    (hessian[(75, 75)], gradient[75]) = (0.7 / 0.09, 0.7 * (0.0 - 0.1) / 0.09);
+    problem.prepare();
+    let norm = problem.linearise(&state);
+    assert!((norm - gradient.norm()).abs() < 1e-9 * norm);
+    // Damping keeps the free rigid motion in check.
+    let found = DVector::from_vec(problem.step(0.1).unwrap().delta);
+    let damped = &hessian + DMatrix::from_diagonal(&(hessian.diagonal() * 0.1));
+    let residual = &damped * &found + &gradient;
+    assert!(residual.norm() < 1e-8 * gradient.norm(), "{}", residual.norm());
+}
+
+fn add_dense<const R: usize>(
+    weight: f64,
+    loss: Loss,
+    term: &impl EnergyTerm<R>,
+    state: &Unknowns,
+    hessian: &mut DMatrix<f64>,
+    gradient: &mut DVector<f64>,
+) {
+    for i in 0..term.count() {
+        let stencil = term.stencil(i);
+        let v: Vec<Point3> = stencil.iter().map(|&k| state.vertices[k as usize]).collect();
+        let mut dv = vec![SMatrix::<f64, R, 3>::zeros(); v.len()];
+        let jacobian = Jacobian { vertices: &mut dv, globals: &mut [] };
+        let r = term.residual(i, &v, &[], Some(jacobian)).unwrap();
+        let w = weight * term.weight(i) * loss.evaluate(r.norm_squared()).1;
+        let mut row = DMatrix::zeros(R, gradient.len());
+        for (&k, d) in stencil.iter().zip(&dv) {
+            row.view_mut((0, 3 * k as usize), (R, 3)).copy_from(d);
+        }
+        *hessian += row.transpose() * &row * w;
+        *gradient += row.transpose() * DVector::from_row_slice(r.as_slice()) * w;
+    }
+}
+
+#[test]
+fn conjugate_gradients_end_where_the_direct_solver_does() {
+    let (mesh, camera) = (sheet(33), camera());
+    let rest = RestFaces::new(&mesh, 1600.0);
+    let options = Options { cost_tolerance: 1e-10, ..Options::default() };
+    let (found, _) = objective(&mesh, &rest, &camera).minimise(start(&mesh), &options);
+    // Never oriented: solved directly.
+    let mut direct = objective(&mesh, &rest, &camera);
+    direct.prepare();
+    let (expected, summary) = minimize(&mut direct, start(&mesh), &options);
+    assert!(summary.cost().1 < 0.9 * summary.cost().0);
+    // A match of 1 px is worth 0.13 mm here.
+    let distance = farthest(&found, &expected);
+    assert!(distance < 1e-3, "{distance} mm");
+    assert!((found.globals[0] - 0.1).abs() < 1e-6);
+}
+
+#[test]
+fn a_kept_workspace_gives_what_a_fresh_one_does() {
+    let camera = camera();
+    for n in [12, 33] {
+        let mesh = sheet(n);
+        let rest = RestFaces::new(&mesh, 1600.0);
+        let options = Options::default();
+        let make = || objective(&mesh, &rest, &camera);
+        let mut workspace = Workspace::default();
+        let (fresh, _) = make().minimise_in(&mut workspace, start(&mesh), &options);
+        let (again, _) = make().minimise_in(&mut workspace, start(&mesh), &options);
+        assert_eq!(fresh, again);
+        // An objective with pairs that the workspace does not know.
+        let far = Smoothing::of_displacement(&Laplacian::new(&mesh), &mesh.positions, 100.0);
+        let other = || make().plus(1.0, Loss::Norm, far.clone());
+        let (kept, _) = other().minimise_in(&mut workspace, start(&mesh), &options);
+        let (fresh, _) = other().minimise(start(&mesh), &options);
+        assert!(farthest(&kept, &fresh) < 1e-6, "{}", farthest(&kept, &fresh));
+    }
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit() {
+    let camera = camera();
+    for n in [12, 33] {
+        let mesh = sheet(n);
+        let rest = RestFaces::new(&mesh, 1600.0);
+        let solve = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                objective(&mesh, &rest, &camera).minimise(start(&mesh), &Options::default()).0
+            })
+        };
+        assert_eq!(solve(1), solve(4));
+    }
+}
+
+#[test]
+fn a_trial_leaves_the_linearisation_and_the_costs_that_are_made_anew() {
+    let (mesh, camera) = (sheet(12), camera());
+    let rest = RestFaces::new(&mesh, 1600.0);
+    let state = start(&mesh);
+    let (mut kept, mut anew) = (objective(&mesh, &rest, &camera), objective(&mesh, &rest, &camera));
+    kept.prepare();
+    anew.prepare();
+    let (tried, costs) = (kept.trial(&state).unwrap(), anew.costs(&state).unwrap());
+    assert!(tried.iter().zip(&costs).all(|(a, b)| (a - b).abs() <= 1e-12 * b.abs()));
+    assert_eq!(kept.linearise(&state), anew.linearise(&state));
+    // A refused trial changes nothing of the model that is solved.
+    let mut other = state.clone();
+    other.vertices[3].x += 0.1;
+    kept.trial(&other).unwrap();
+    assert_eq!(kept.step(0.1).unwrap().delta, anew.step(0.1).unwrap().delta);
+    assert_eq!(kept.linearise(&state), anew.linearise(&state));
+}
