@@ -2,11 +2,13 @@
 
 use super::{Brightness, EnergyTerm, Infeasible, Jacobian};
 use crate::camera::Camera;
-use crate::geometry::{Point3, Vector3, area_normal};
+use crate::geometry::{Point3, Vector3, area_normal, median, point_at};
 use crate::image::ColorImage;
 use crate::light::Light;
 use crate::mesh::Topology;
+use crate::mesh::normals::vertex_normals;
 use nalgebra::SVector;
+use rayon::prelude::*;
 
 /// `r = (w·I′(π(p)) − e^γ α s(p, N) − κ w₁) / σ` at points `p = v(f)·b` inside faces, with the normal
 /// `N` interpolated from the area-weighted vertex normals, the log gain `γ = g₀` and the ambient
@@ -23,10 +25,8 @@ pub struct Photometric<'a, C, L> {
     pub light: &'a L,
     /// Image in linear light, smoothed like the albedo.
     pub image: &'a ColorImage,
+    rings: &'a FaceRings,
     samples: Vec<Sample>,
-    /// Stencil of every sampled face.
-    rings: Vec<FaceRing>,
-    ring_of: Vec<u32>,
 }
 
 /// One photometric sample.
@@ -38,6 +38,18 @@ pub struct Sample {
     pub barycentric: [f64; 3],
     /// What its channels say.
     pub brightness: Brightness,
+}
+
+/// What the condition reads about every face of a mesh; outlives a solve.
+#[derive(Clone, Debug)]
+pub struct FaceRings(Vec<FaceRing>);
+
+impl FaceRings {
+    /// Of all faces.
+    pub fn of(topology: &Topology) -> Self {
+        let faces = (0..topology.faces.len() as u32).into_par_iter();
+        Self(faces.map(|face| FaceRing::of(topology, face)).collect())
+    }
 }
 
 /// A face, the vertices around it, and the faces around its corners in local indices.
@@ -111,25 +123,61 @@ fn interpolate(sums: &[Vector3; 3], b: &[f64; 3]) -> (Vector3, f64) {
     (sum / length, length)
 }
 
-impl<'a, C, L> Photometric<'a, C, L> {
-    /// The condition at the given samples, best sorted by face.
+/// A sample on a shape.
+struct Seen {
+    intensity: f64,
+    shade: f64,
+}
+
+impl<'a, C: Camera, L: Light> Photometric<'a, C, L> {
+    /// The condition at the given samples.
     pub fn new(
         camera: &'a C,
         light: &'a L,
         image: &'a ColorImage,
-        topology: &Topology,
+        rings: &'a FaceRings,
         samples: Vec<Sample>,
     ) -> Self {
-        let (mut rings, mut ring_of) = (Vec::<FaceRing>::new(), Vec::new());
-        let mut last = u32::MAX;
-        for sample in &samples {
-            if sample.face != last {
-                rings.push(FaceRing::of(topology, sample.face));
-                last = sample.face;
+        Self { camera, light, image, rings, samples }
+    }
+
+    /// Robust log gain of the image over the prediction for an ambient light; 0 without samples.
+    pub fn log_gain(&self, topology: &Topology, shape: &[Point3], ambient: f64) -> f64 {
+        let ratio = |(sample, seen): (&Sample, Seen)| {
+            let Brightness { albedo, white, .. } = sample.brightness;
+            let ratio = (seen.intensity - ambient * white) / (albedo * seen.shade);
+            (ratio > 0.0 && ratio.is_finite()).then(|| ratio.ln())
+        };
+        let mut ratios: Vec<f64> = self.on(topology, shape).into_iter().filter_map(ratio).collect();
+        median(&mut ratios).unwrap_or(0.0)
+    }
+
+    /// Mean of `|image − prediction| / image` over the samples, for a log gain and an ambient light;
+    /// 0 without samples.
+    pub fn mean_residual(&self, topology: &Topology, shape: &[Point3], globals: &[f64]) -> f64 {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (sample, seen) in self.on(topology, shape) {
+            let Brightness { albedo, white, .. } = sample.brightness;
+            let predicted = globals[0].exp() * albedo * seen.shade + globals[1] * white;
+            if seen.intensity > 0.0 {
+                (sum, count) = (sum + (1.0 - predicted / seen.intensity).abs(), count + 1.0);
             }
-            ring_of.push(rings.len() as u32 - 1);
         }
-        Self { camera, light, image, samples, rings, ring_of }
+        sum / f64::max(count, 1.0)
+    }
+
+    fn on(&self, topology: &Topology, shape: &[Point3]) -> Vec<(&Sample, Seen)> {
+        let normals = vertex_normals(topology, shape);
+        let seen = |sample: &'_ Sample| {
+            let corners = topology.faces[sample.face as usize].map(|v| v as usize);
+            let point = point_at(corners.map(|v| &shape[v]), sample.barycentric);
+            let pixel = self.camera.project(&point)?.pixel;
+            let (intensity, _) = self.image.mixed(&pixel, &sample.brightness.weights)?;
+            let normal = corners.iter().zip(sample.barycentric).map(|(&v, b)| normals[v] * b);
+            let normal = normal.sum::<Vector3>().try_normalize(0.0)?;
+            Some(Seen { intensity, shade: self.light.shade(&point, &normal).value })
+        };
+        self.samples.par_iter().filter_map(|sample| Some((sample, seen(sample)?))).collect()
     }
 }
 
@@ -141,7 +189,7 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Photometric<'_, C, L> {
     }
 
     fn stencil(&self, i: usize) -> &[u32] {
-        &self.rings[self.ring_of[i] as usize].stencil
+        &self.rings.0[self.samples[i].face as usize].stencil
     }
 
     fn globals(&self) -> &[usize] {
@@ -155,9 +203,10 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Photometric<'_, C, L> {
         g: &[f64],
         jacobian: Option<Jacobian<'_, 1>>,
     ) -> Result<SVector<f64, 1>, Infeasible> {
-        let (ring, sample) = (&self.rings[self.ring_of[i] as usize], &self.samples[i]);
+        let sample = &self.samples[i];
+        let ring = &self.rings.0[sample.face as usize];
         let b = &sample.barycentric;
-        let point = crate::geometry::point_at([&v[0], &v[1], &v[2]], *b);
+        let point = point_at([&v[0], &v[1], &v[2]], *b);
         let projection = self.camera.project(&point).ok_or(Infeasible)?;
         let Brightness { weights, albedo, white, sigma } = sample.brightness;
         let (intensity, gradient) =
@@ -218,9 +267,14 @@ mod tests {
             reference_distance: 50.0,
             spot: Spot::Linear { inner_deg: 2.0, outer_deg: 50.0 },
         });
+        let rings = FaceRings::of(&mesh.topology);
         for light in [LightModel::Collinear, near] {
-            let term = Photometric::new(&camera, &light, &image, &mesh.topology, samples.to_vec());
+            let term = Photometric::new(&camera, &light, &image, &rings, samples.to_vec());
             assert_jacobian(&term, &mesh.positions, &[0.1, 0.02]);
+            let (topology, shape) = (&mesh.topology, &mesh.positions);
+            let gain = term.log_gain(topology, shape, 0.02);
+            let left = |gain: f64| term.mean_residual(topology, shape, &[gain, 0.02]);
+            assert!(left(gain) < left(gain + 0.3) && left(gain) < left(gain - 0.3));
         }
     }
 }

@@ -130,6 +130,51 @@ impl Raster {
             .collect()
     }
 
+    /// Barycentrics of the middles of a pixel's four quarters, on the face of its centre and as far as
+    /// its neighbours tell; the pixel by its index, where there is surface.
+    pub fn quarters(&self, i: usize) -> [[f64; 3]; 4] {
+        let (width, b) = (self.size[0], self.barycentric[i]);
+        let across = self.slope(i, 1, i % width > 0, i % width + 1 < width);
+        let down = self.slope(i, width, i >= width, i + width < self.face.len());
+        let at = |x: f64, y: f64| [0, 1, 2].map(|k| b[k] + 0.25 * (x * across[k] + y * down[k]));
+        [at(-1.0, -1.0), at(1.0, -1.0), at(-1.0, 1.0), at(1.0, 1.0)]
+    }
+
+    /// Change of the barycentrics from one pixel to the next; 0 where no neighbour shows the face.
+    fn slope(&self, i: usize, step: usize, before: bool, after: bool) -> [f64; 3] {
+        let same = |j: usize| self.face[j] == self.face[i];
+        let between =
+            |a: usize, b: usize| [0, 1, 2].map(|k| self.barycentric[b][k] - self.barycentric[a][k]);
+        if after && same(i + step) {
+            between(i, i + step)
+        } else if before && same(i - step) {
+            between(i - step, i)
+        } else {
+            [0.0; 3]
+        }
+    }
+
+    /// Mean over every pixel of a function of the surface, `None` where it is not known: `NaN` where
+    /// there is no surface or nothing of it is known; row major.
+    pub fn render_mean<const N: usize>(
+        &self,
+        value: impl Fn(usize, [f64; 3]) -> Option<[f32; N]> + Sync,
+    ) -> Vec<[f32; N]> {
+        let mean = |i: usize| {
+            let face = self.face[i];
+            if face == u32::MAX {
+                return [f32::NAN; N];
+            }
+            let (mut sum, mut count) = ([0.0; N], 0.0);
+            for known in self.quarters(i).into_iter().filter_map(|b| value(face as usize, b)) {
+                sum.iter_mut().zip(known).for_each(|(sum, v)| *sum += v);
+                count += 1.0;
+            }
+            sum.map(|sum| sum / count)
+        };
+        (0..self.face.len()).into_par_iter().map(mean).collect()
+    }
+
     /// `true` where there is surface.
     pub fn silhouette(&self) -> Mask {
         Mask { size: self.size, data: self.face.iter().map(|&f| f != u32::MAX).collect() }

@@ -10,7 +10,8 @@ use super::hold::hold;
 use super::mirror::mirrored;
 use super::samples::{Seen, look};
 use crate::energy::{
-    Boundary, EnergyTerm, GlobalsPrior, Objective, Photometric, Smoothing, Unknowns, Workspace,
+    Boundary, EnergyTerm, FaceRings, GlobalsPrior, Objective, Photometric, Smoothing, Unknowns,
+    Workspace,
 };
 use crate::geometry::Point3;
 use crate::light::LightModel;
@@ -161,6 +162,7 @@ pub fn join(
     let (mut last, mut workspace) = (None, Workspace::default());
     let last_stage = options.blurs.len().saturating_sub(1);
     let mut reposed: Option<Scene> = None;
+    let rings = FaceRings::of(&scene.rest.topology);
     for (stage, &blur) in options.blurs.iter().enumerate() {
         let scene = reposed.as_ref().unwrap_or(scene);
         let look = look(photo, scene.rest, &state.vertices, blur, options);
@@ -172,9 +174,9 @@ pub fn join(
         }
         let gain = expected.unwrap_or(seen.log_gain);
         let problem = || {
-            let (image, topology) = (&seen.image, &scene.rest.topology);
+            let image = &seen.image;
             let photometric =
-                Photometric::new(photo.camera, photo.light, image, topology, seen.samples.clone());
+                Photometric::new(photo.camera, photo.light, image, &rings, seen.samples.clone());
             let held = cues.on(held(scene, matches, options.match_px, options), options);
             shaded(held, scene, hold.clone(), photometric, gain, options)
         };

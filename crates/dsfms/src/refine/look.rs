@@ -58,9 +58,9 @@ impl<'a> Look<'a> {
         let raster = rasterize(photo.camera, &rest.topology, shape);
         let normals = vertex_normals(&rest.topology, shape);
         let (texels, picture) = (photo.albedo, photo.picture);
-        let albedo = raster.render([f32::NAN; 3], |face, b| {
+        let albedo = raster.render_mean(|face, b| {
             let texel = texels.index(face, b);
-            if texels.views[texel] > 0 { texels.value[texel] } else { [f32::NAN; 3] }
+            (texels.views[texel] > 0).then(|| texels.value[texel])
         });
         let known: Vec<bool> = albedo.iter().map(|a| !a[0].is_nan()).collect();
         let albedo = ColorImage { size: raster.size, data: albedo };

@@ -8,10 +8,8 @@ use super::Photograph;
 use super::hold::hold;
 use super::joint::{JointOptions, held, shaded};
 use super::samples::{Seen, look};
-use crate::energy::facet::Facets;
-use crate::energy::{Photometric, Unknowns, Workspace};
+use crate::energy::{FaceRings, Photometric, Unknowns, Workspace};
 use crate::geometry::Point3;
-use crate::mesh::normals::vertex_normals;
 use crate::register::{Match, Scene};
 use crate::solver::Options;
 use serde::{Deserialize, Serialize};
@@ -33,9 +31,6 @@ pub struct VideoOptions {
     pub reduction: f64,
     /// Three samples a face as long as they are no more than this, else one.
     pub max_samples: usize,
-    /// Brightness follows the face's own normal, turned as the smooth one is turned against it on the
-    /// start, instead of the smooth one: several times cheaper.
-    pub facets: bool,
     /// The picture that shading is read from is halved as long as its blur keeps this standard
     /// deviation, px.
     pub least_blur_px: f64,
@@ -53,7 +48,6 @@ impl Default for VideoOptions {
             tolerance: 1e-3,
             reduction: 0.03,
             max_samples: 8000,
-            facets: false,
             least_blur_px: 3.0,
             match_px: 1.5,
         }
@@ -65,7 +59,6 @@ impl VideoOptions {
     pub fn realtime() -> Self {
         Self {
             max_samples: 3000,
-            facets: true,
             least_blur_px: 1.5,
             tolerance: 1e-2,
             reduction: 0.1,
@@ -78,6 +71,7 @@ impl VideoOptions {
 #[derive(Default)]
 pub struct VideoMemory {
     workspace: Workspace,
+    rings: Option<FaceRings>,
 }
 
 /// A shape near that of the frame, and the ambient light that went with it.
@@ -136,6 +130,8 @@ pub fn join_near(
         ..Options::default()
     };
     let start = Unknowns { vertices: near.shape.to_vec(), globals: vec![0.0, near.ambient] };
+    let VideoMemory { workspace, rings } = memory;
+    let rings = &*rings.get_or_insert_with(|| FaceRings::of(&frame.scene.rest.topology));
     let mut found = (start, 0, 0.0, 0);
     let before = if near.gap { &video.blurs_after_gap[..] } else { &[] };
     let (matches, light) = (frame.matches, &frame.photo.light.light);
@@ -147,25 +143,16 @@ pub fn join_near(
         let NearFrame { scene, photo, .. } = *frame;
         let seen = Seen::of(look(photo, scene.rest, &state.vertices, blur, &joint), &joint);
         let topology = &scene.rest.topology;
-        let normals = vertex_normals(topology, &state.vertices);
-        let shape = &state.vertices;
-        let (camera, image) = (photo.camera, &seen.image);
-        let facets =
-            Facets::new(camera, photo.light, image, topology, shape, &normals, &seen.samples);
-        state.globals[0] = facets.log_gain(shape, state.globals[1]);
+        let (image, samples) = (&seen.image, seen.samples);
+        let count = samples.len();
+        let shading = Photometric::new(photo.camera, photo.light, image, rings, samples);
+        state.globals[0] = shading.log_gain(topology, &state.vertices, state.globals[1]);
         let expected = photo.expected_log_gain.unwrap_or(seen.log_gain);
         let held = held(scene, matches, match_px, &joint);
-        let hold = hold.clone();
-        let problem = if video.facets {
-            shaded(held, scene, hold, facets.clone(), expected, &joint)
-        } else {
-            let samples = seen.samples.clone();
-            let smooth = Photometric::new(camera, photo.light, image, topology, samples);
-            shaded(held, scene, hold, smooth, expected, &joint)
-        };
-        let (state, summary) = problem.minimise_in(&mut memory.workspace, state, &solver);
-        let residual = facets.mean_residual(&state.vertices, &state.globals);
-        found = (state, seen.samples.len(), residual, steps + summary.iterations);
+        let problem = shaded(held, scene, hold.clone(), shading.clone(), expected, &joint);
+        let (state, summary) = problem.minimise_in(workspace, state, &solver);
+        let residual = shading.mean_residual(topology, &state.vertices, &state.globals);
+        found = (state, count, residual, steps + summary.iterations);
     }
     let (state, samples, residual, steps) = found;
     Carried { vertices: state.vertices, ambient: state.globals[1], samples, residual, steps }

@@ -207,7 +207,7 @@ impl Tracker<'_> {
             usable: &view.usable,
             outline: None,
             light: &self.light,
-            albedo: &self.albedo.for_edge(edge).texels,
+            albedo: &self.albedo.for_edge(2.0 * edge).texels,
             expected_log_gain: (!self.template.views.is_empty()).then_some(0.0),
         })
     }
