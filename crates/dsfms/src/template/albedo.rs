@@ -125,18 +125,23 @@ pub fn estimate_albedo(
     let normals = smoothed_normals(mesh, options.normal_smoothing);
     let prepared = prepare(mesh, views, &options.bounds);
     let exposure = Exposure::solve(mesh, &normals, views, &prepared, light, options);
-    let mut texels = SurfaceTexels::new(choose_resolution(mesh, views, &prepared, options));
+    let mut texels = SurfaceTexels::new(choose_resolution(mesh, &prepared, options));
     let scene = Scene { mesh, normals: &normals, views: &prepared, light, options };
-    let faces: Vec<Vec<Option<CombinedAlbedo>>> = (0..mesh.topology.faces.len())
+    let faces: Vec<Vec<Option<Texel>>> = (0..mesh.topology.faces.len())
         .into_par_iter()
-        .map(|f| texels.centres(f).map(|w| scene.texel(f, w, &exposure)).collect())
+        .map(|f| {
+            let measure = |w| scene.texel(f, w, &exposure).map(Texel::from);
+            let mut found = Vec::with_capacity(usize::from(texels.resolution[f]).pow(2));
+            found.extend(texels.centres(f).map(measure));
+            found
+        })
         .collect();
     let mut observed = 0;
     for (i, texel) in faces.into_iter().flatten().enumerate() {
         let Some(texel) = texel else { continue };
-        texels.value[i] = texel.value.map(|v| v as f32);
-        texels.spread[i] = texel.spread as f32;
-        texels.views[i] = texel.views.min(u16::MAX as usize) as u16;
+        texels.value[i] = texel.value;
+        texels.spread[i] = texel.spread;
+        texels.views[i] = texel.views;
         observed += 1;
     }
     if observed == 0 {
@@ -148,12 +153,29 @@ pub fn estimate_albedo(
     Ok(AlbedoEstimate { texels, gains, noise, observed })
 }
 
+/// A texel as it is stored.
+struct Texel {
+    value: [f32; 3],
+    spread: f32,
+    views: u16,
+}
+
+impl From<CombinedAlbedo> for Texel {
+    fn from(found: CombinedAlbedo) -> Self {
+        Self {
+            value: found.value.map(|v| v as f32),
+            spread: found.spread as f32,
+            views: found.views.min(u16::MAX as usize) as u16,
+        }
+    }
+}
+
 pub(super) fn check_views(views: &[AlbedoView]) -> Result<(), AlbedoError> {
     if views.is_empty() {
         return Err(AlbedoError::NoViews);
     }
     for (view, v) in views.iter().enumerate() {
-        let sizes = [Some(v.image.size), Some(v.saturation.size), v.valid.map(|m| m.size)];
+        let sizes = [Some(v.frame.size), v.valid.map(|m| m.size)];
         let expected = v.camera.size;
         if let Some(found) = sizes.into_iter().flatten().find(|&s| s != expected) {
             return Err(AlbedoError::SizeMismatch { view, found, expected });
@@ -241,10 +263,10 @@ mod tests {
         let none = estimate_albedo(&mesh, &[], &light, &options).unwrap_err();
         assert_eq!(none, AlbedoError::NoViews);
         let mut pictures = pictures(&mesh, &light, [1.0; 5]);
-        pictures[0].image.data.fill([0.0; 3]);
+        pictures[0].frame.rgb.fill([0; 3]);
         let black = estimate_albedo(&mesh, &[pictures[0].view()], &light, &options).unwrap_err();
         assert_eq!(black, AlbedoError::NothingObserved { views: 1 });
-        pictures[1].image.size = [10, 10];
+        pictures[1].frame.size = [10, 10];
         let size = estimate_albedo(&mesh, &[pictures[1].view()], &light, &options).unwrap_err();
         assert!(matches!(size, AlbedoError::SizeMismatch { view: 0, found: [10, 10], .. }));
     }
