@@ -10,7 +10,8 @@
 use super::SurfaceTexels;
 use super::known_light::{Exposure, KnownLight};
 use super::photometric::{AlbedoView, Observation, ObservationBounds, PreparedView};
-use super::spots::{prepare, smoothed_normals, surface_point};
+use super::relief::shaded_normals;
+use super::spots::{observe_spots, prepare, smoothed_normals, surface_point};
 use super::texel_fill::{choose_resolution, fill_unseen};
 use crate::geometry::Vector3;
 use crate::light::{Coat, LightModel, coat::WET_TISSUE};
@@ -124,9 +125,13 @@ pub fn estimate_albedo(
     check_views(views)?;
     let normals = smoothed_normals(mesh, options.normal_smoothing);
     let prepared = prepare(mesh, views, &options.bounds);
-    let exposure = Exposure::solve(mesh, &normals, views, &prepared, light, options);
+    let model = KnownLight { light, options };
+    let spots =
+        observe_spots(mesh, &normals, &prepared, light, &options.bounds, options.gain_spots);
+    let exposure = Exposure::solve(&spots, views, &model);
+    let shaded = shaded_normals(mesh, &spots, views, &exposure, &model);
     let mut texels = SurfaceTexels::new(choose_resolution(mesh, &prepared, options));
-    let scene = Scene { mesh, normals: &normals, views: &prepared, light, options };
+    let scene = Scene { mesh, normals: &normals, shaded: &shaded, views: &prepared, model };
     let faces: Vec<Vec<Option<Texel>>> = (0..mesh.topology.faces.len())
         .into_par_iter()
         .map(|f| {
@@ -186,24 +191,29 @@ pub(super) fn check_views(views: &[AlbedoView]) -> Result<(), AlbedoError> {
 
 struct Scene<'a> {
     mesh: &'a Mesh,
+    /// Of the mesh: what is seen, and at which angle.
     normals: &'a [Vector3],
+    /// As the shading has them.
+    shaded: &'a [Vector3],
     views: &'a [PreparedView<'a>],
-    light: &'a LightModel,
-    options: &'a AlbedoOptions,
+    model: KnownLight<'a>,
 }
 
 impl Scene<'_> {
     fn texel(&self, face: usize, w: [f64; 3], exposure: &Exposure) -> Option<CombinedAlbedo> {
         let (point, normal) = surface_point(self.mesh, self.normals, face, w)?;
+        let (_, shaded) = surface_point(self.mesh, self.shaded, face, w)?;
+        let KnownLight { light, options } = self.model;
         let mut albedos = Vec::new();
         for (v, view) in self.views.iter().enumerate() {
-            let bounds = &self.options.bounds;
-            let Some(o) = view.observe(v, &point, &normal, self.light, bounds) else { continue };
-            let shade = KnownLight { light: self.light, options: self.options }.shade(&o);
+            let Some(o) = view.observe(v, &point, &normal, light, &options.bounds) else {
+                continue;
+            };
+            let shade = self.model.shade_of(&o.point, &view.turned(&shaded)).value;
             let Some(value) = from_view(o.rgb, shade, exposure.gains[v]) else { continue };
             albedos.push(ViewAlbedo { value, weight: trust(&o) });
         }
-        combine(&albedos, self.options.combine, exposure.noise)
+        combine(&albedos, options.combine, exposure.noise)
     }
 }
 

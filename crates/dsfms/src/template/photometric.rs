@@ -111,6 +111,11 @@ impl<'a> PreparedView<'a> {
         Self { view, depth: raster.depth.iter().zip(usable).map(depth).collect(), footprint }
     }
 
+    /// A direction of the template frame in camera axes.
+    pub fn turned(&self, direction: &Vector3) -> Vector3 {
+        self.view.pose * direction
+    }
+
     /// What this view says about a surface point given in the template frame.
     pub fn observe(
         &self,
