@@ -230,10 +230,26 @@ mod tests {
 
     #[test]
     fn bilinear_colour_by_hand() {
-        let data = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 4.0]];
-        let image = ColorImage { size: [2, 2], data };
-        assert_eq!(sample_rgb(&image, &Point2::new(0.5, 0.5)), Some([0.25, 0.5, 1.0]));
-        assert_eq!(sample_rgb(&image, &Point2::new(1.0, 1.0)), Some([0.0, 0.0, 4.0]));
-        assert_eq!(sample_rgb(&image, &Point2::new(1.1, 1.0)), None);
+        let rgb = vec![[0; 3], [255, 0, 0], [0, 128, 0], [0, 0, 64]];
+        let frame = Frame { name: "f".into(), size: [2, 2], rgb };
+        let tone = std::array::from_fn(|v| v as f32 / 64.0);
+        let camera = CameraModel {
+            size: [2, 2],
+            focal: [1.0; 2],
+            centre: [0.5; 2],
+            lens: crate::camera::Lens::Pinhole,
+        };
+        let view = AlbedoView {
+            frame: &frame,
+            tone: &tone,
+            valid: None,
+            camera: &camera,
+            pose: Isometry::identity(),
+            gain: 1.0,
+        };
+        let at = |x, y| sample_rgb(&view, &Point2::new(x, y));
+        assert_eq!(at(0.5, 0.5), Some([255.0 / 256.0, 0.5, 0.25]));
+        assert_eq!(at(1.0, 1.0), Some([0.0, 0.0, 1.0]));
+        assert_eq!(at(1.1, 1.0), None);
     }
 }

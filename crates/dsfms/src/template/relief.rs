@@ -305,3 +305,70 @@ fn block(rows: &[Row], change: &Vector3, scales: &Scales) -> Block {
     }
     Block { matrix, right }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::albedo::AlbedoOptions;
+    use super::super::spots::{observe_spots, prepare};
+    use super::super::test_scene::{bounds, patch, pictures};
+    use super::*;
+    use crate::light::{LightModel, PointLight, Spot as Profile};
+
+    fn rms_angle(a: &[Vector3], b: &[Vector3]) -> f64 {
+        let square = a.iter().zip(b).map(|(a, b)| a.cross(b).norm_squared());
+        (square.sum::<f64>() / a.len() as f64).sqrt()
+    }
+
+    /// The patch photographed, and a reconstruction of it that is up to a quarter of a millimetre off.
+    fn corrected(views: usize) -> [Vec<Vector3>; 3] {
+        let truth = patch();
+        let light = LightModel::Point(PointLight {
+            positions: vec![Point3::new(0.0, -3.0, 0.0)],
+            reference_distance: 50.0,
+            spot: Profile::Isotropic,
+        });
+        let pictures = pictures(&truth, &light, [1.0; 5]);
+        let views: Vec<_> = pictures[..views].iter().map(|p| p.view()).collect();
+        let wrong = |p: &Point3| {
+            p + Vector3::z() * (0.25 * (0.6 * p.x + 0.3 * p.y).sin() * (0.5 * p.y).cos())
+        };
+        let mesh = truth.with_positions(truth.positions.iter().map(wrong).collect());
+        let options = AlbedoOptions { bounds: bounds(), normal_smoothing: 0, ..Default::default() };
+        let model = KnownLight { light: &light, options: &options };
+        let normals = smoothed_normals(&mesh, 0);
+        let prepared = prepare(&mesh, &views, &options.bounds);
+        let spots = observe_spots(&mesh, &normals, &prepared, &light, &options.bounds, 2000);
+        let exposure = Exposure { gains: vec![1.0; views.len()], noise: 0.05 };
+        let found = shaded_normals(&mesh, &spots, &views, &exposure, &model);
+        [smoothed_normals(&truth, 0), normals, found]
+    }
+
+    #[test]
+    fn five_views_tell_the_normals() {
+        let [truth, mesh, found] = corrected(5);
+        let [before, after] = [rms_angle(&mesh, &truth), rms_angle(&found, &truth)];
+        assert!(before > 0.05 && after < 0.5 * before, "{before} rad before, {after} after");
+    }
+
+    #[test]
+    fn one_view_says_nothing_to_compare() {
+        let [_, mesh, found] = corrected(1);
+        assert!(rms_angle(&mesh, &found) < 1e-12);
+    }
+
+    #[test]
+    fn a_block_by_hand() {
+        let row = |residual, trust| Row { residual, slope: Vector3::x(), trust };
+        // Equal residuals 0.1 about a mean albedo of 0: noise 0.1, spread 0.1.
+        let rows = [row(0.1, 1.0), row(0.1, 1.0)];
+        let scales = Scales { noise: 0.1, mean: 0.1, spread: 0.1 };
+        let block = block(&rows, &Vector3::zeros(), &scales);
+        // Weights 100, 100 and 100/P: of z = (y − x, y − x, μ) about its mean.
+        let (own, prior) = (200.0, 100.0 / PATCH);
+        let harmonic = own * prior / (own + prior);
+        assert!((block.matrix.m11 - harmonic).abs() < 1e-9 * harmonic);
+        assert!((block.matrix.m44 - harmonic).abs() < 1e-9 * harmonic);
+        assert!((block.matrix.m14 - harmonic).abs() < 1e-9 * harmonic);
+        assert!((block.right.x - 0.1 * harmonic).abs() < 1e-9);
+    }
+}
