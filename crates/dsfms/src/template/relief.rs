@@ -32,6 +32,9 @@ const BENDING: f64 = 300.0;
 const HOLDING: f64 = 3200.0;
 /// Spots that share one albedo, of the 6000 that are spread over the surface.
 const PATCH: f64 = 20.0;
+/// Largest correction of a normal, rad (10 degrees): with narrow parallax an error of the light model
+/// would ask for more.
+const LARGEST_TILT: f64 = 0.175;
 /// Least noise of a brightness, and least spread of albedos.
 const NOISE_FLOOR: f64 = 0.005;
 const SPREAD_FLOOR: f64 = 0.02;
@@ -56,7 +59,19 @@ pub(super) fn shaded_normals(
         edge: mesh.mean_edge_length(),
         area: mesh.face_areas().iter().sum(),
     };
-    relief.solve(exposure.noise)
+    let own = smoothed_normals(mesh, model.options.normal_smoothing);
+    relief.solve(exposure.noise).iter().zip(&own).map(|(n, own)| limited(n, own)).collect()
+}
+
+/// A unit normal turned back to within [`LARGEST_TILT`] of the mesh's own.
+fn limited(normal: &Vector3, own: &Vector3) -> Vector3 {
+    let (cosine, across) = (own.dot(normal), normal - own * own.dot(normal));
+    match across.try_normalize(0.0) {
+        Some(across) if cosine < LARGEST_TILT.cos() => {
+            own * LARGEST_TILT.cos() + across * LARGEST_TILT.sin()
+        }
+        _ => *normal,
+    }
 }
 
 struct Relief<'a> {
@@ -348,6 +363,13 @@ mod tests {
         let [truth, mesh, found] = corrected(5);
         let [before, after] = [rms_angle(&mesh, &truth), rms_angle(&found, &truth)];
         assert!(before > 0.05 && after < 0.5 * before, "{before} rad before, {after} after");
+    }
+
+    #[test]
+    fn no_normal_turns_far() {
+        let turned = |angle: f64| Vector3::new(angle.sin(), 0.0, angle.cos());
+        assert_eq!(limited(&turned(0.1), &Vector3::z()), turned(0.1));
+        assert!((limited(&turned(1.0), &Vector3::z()) - turned(LARGEST_TILT)).norm() < 1e-12);
     }
 
     #[test]
