@@ -10,7 +10,8 @@
 use super::SurfaceTexels;
 use super::known_light::{Exposure, KnownLight};
 use super::photometric::{AlbedoView, Observation, ObservationBounds, PreparedView};
-use super::spots::{prepare, smoothed_normals, surface_point};
+use super::relief::shaded_normals;
+use super::spots::{observe_spots, prepare, smoothed_normals, surface_point};
 use super::texel_fill::{choose_resolution, fill_unseen};
 use crate::geometry::Vector3;
 use crate::light::{Coat, LightModel, coat::WET_TISSUE};
@@ -124,19 +125,28 @@ pub fn estimate_albedo(
     check_views(views)?;
     let normals = smoothed_normals(mesh, options.normal_smoothing);
     let prepared = prepare(mesh, views, &options.bounds);
-    let exposure = Exposure::solve(mesh, &normals, views, &prepared, light, options);
-    let mut texels = SurfaceTexels::new(choose_resolution(mesh, views, &prepared, options));
-    let scene = Scene { mesh, normals: &normals, views: &prepared, light, options };
-    let faces: Vec<Vec<Option<CombinedAlbedo>>> = (0..mesh.topology.faces.len())
+    let model = KnownLight { light, options };
+    let spots =
+        observe_spots(mesh, &normals, &prepared, light, &options.bounds, options.gain_spots);
+    let exposure = Exposure::solve(&spots, views, &model);
+    let shaded = shaded_normals(mesh, &spots, views, &exposure, &model);
+    let mut texels = SurfaceTexels::new(choose_resolution(mesh, &prepared, options));
+    let scene = Scene { mesh, normals: &normals, shaded: &shaded, views: &prepared, model };
+    let faces: Vec<Vec<Option<Texel>>> = (0..mesh.topology.faces.len())
         .into_par_iter()
-        .map(|f| texels.centres(f).map(|w| scene.texel(f, w, &exposure)).collect())
+        .map(|f| {
+            let measure = |w| scene.texel(f, w, &exposure).map(Texel::from);
+            let mut found = Vec::with_capacity(usize::from(texels.resolution[f]).pow(2));
+            found.extend(texels.centres(f).map(measure));
+            found
+        })
         .collect();
     let mut observed = 0;
     for (i, texel) in faces.into_iter().flatten().enumerate() {
         let Some(texel) = texel else { continue };
-        texels.value[i] = texel.value.map(|v| v as f32);
-        texels.spread[i] = texel.spread as f32;
-        texels.views[i] = texel.views.min(u16::MAX as usize) as u16;
+        texels.value[i] = texel.value;
+        texels.spread[i] = texel.spread;
+        texels.views[i] = texel.views;
         observed += 1;
     }
     if observed == 0 {
@@ -148,12 +158,29 @@ pub fn estimate_albedo(
     Ok(AlbedoEstimate { texels, gains, noise, observed })
 }
 
+/// A texel as it is stored.
+struct Texel {
+    value: [f32; 3],
+    spread: f32,
+    views: u16,
+}
+
+impl From<CombinedAlbedo> for Texel {
+    fn from(found: CombinedAlbedo) -> Self {
+        Self {
+            value: found.value.map(|v| v as f32),
+            spread: found.spread as f32,
+            views: found.views.min(u16::MAX as usize) as u16,
+        }
+    }
+}
+
 pub(super) fn check_views(views: &[AlbedoView]) -> Result<(), AlbedoError> {
     if views.is_empty() {
         return Err(AlbedoError::NoViews);
     }
     for (view, v) in views.iter().enumerate() {
-        let sizes = [Some(v.image.size), Some(v.saturation.size), v.valid.map(|m| m.size)];
+        let sizes = [Some(v.frame.size), v.valid.map(|m| m.size)];
         let expected = v.camera.size;
         if let Some(found) = sizes.into_iter().flatten().find(|&s| s != expected) {
             return Err(AlbedoError::SizeMismatch { view, found, expected });
@@ -164,24 +191,29 @@ pub(super) fn check_views(views: &[AlbedoView]) -> Result<(), AlbedoError> {
 
 struct Scene<'a> {
     mesh: &'a Mesh,
+    /// Of the mesh: what is seen, and at which angle.
     normals: &'a [Vector3],
+    /// As the shading has them.
+    shaded: &'a [Vector3],
     views: &'a [PreparedView<'a>],
-    light: &'a LightModel,
-    options: &'a AlbedoOptions,
+    model: KnownLight<'a>,
 }
 
 impl Scene<'_> {
     fn texel(&self, face: usize, w: [f64; 3], exposure: &Exposure) -> Option<CombinedAlbedo> {
         let (point, normal) = surface_point(self.mesh, self.normals, face, w)?;
+        let (_, shaded) = surface_point(self.mesh, self.shaded, face, w)?;
+        let KnownLight { light, options } = self.model;
         let mut albedos = Vec::new();
         for (v, view) in self.views.iter().enumerate() {
-            let bounds = &self.options.bounds;
-            let Some(o) = view.observe(v, &point, &normal, self.light, bounds) else { continue };
-            let shade = KnownLight { light: self.light, options: self.options }.shade(&o);
+            let Some(o) = view.observe(v, &point, &normal, light, &options.bounds) else {
+                continue;
+            };
+            let shade = self.model.shade_of(&o.point, &view.turned(&shaded)).value;
             let Some(value) = from_view(o.rgb, shade, exposure.gains[v]) else { continue };
             albedos.push(ViewAlbedo { value, weight: trust(&o) });
         }
-        combine(&albedos, self.options.combine, exposure.noise)
+        combine(&albedos, options.combine, exposure.noise)
     }
 }
 
@@ -241,10 +273,10 @@ mod tests {
         let none = estimate_albedo(&mesh, &[], &light, &options).unwrap_err();
         assert_eq!(none, AlbedoError::NoViews);
         let mut pictures = pictures(&mesh, &light, [1.0; 5]);
-        pictures[0].image.data.fill([0.0; 3]);
+        pictures[0].frame.rgb.fill([0; 3]);
         let black = estimate_albedo(&mesh, &[pictures[0].view()], &light, &options).unwrap_err();
         assert_eq!(black, AlbedoError::NothingObserved { views: 1 });
-        pictures[1].image.size = [10, 10];
+        pictures[1].frame.size = [10, 10];
         let size = estimate_albedo(&mesh, &[pictures[1].view()], &light, &options).unwrap_err();
         assert!(matches!(size, AlbedoError::SizeMismatch { view: 0, found: [10, 10], .. }));
     }

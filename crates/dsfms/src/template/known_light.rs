@@ -2,13 +2,13 @@
 
 use super::albedo::AlbedoOptions;
 use super::log_linear::{LogLinear, ShadingModel};
-use super::photometric::{AlbedoView, Observation, PreparedView};
-use super::spots::observe_spots;
-use crate::geometry::Vector3;
-use crate::light::LightModel;
-use crate::mesh::Mesh;
+use super::photometric::{AlbedoView, Observation};
+use super::spots::{Spot, repeated};
+use crate::geometry::{Point3, Vector3};
+use crate::light::{LightModel, Shade};
 
 /// A known light: nothing but gains to solve for.
+#[derive(Clone, Copy)]
 pub(super) struct KnownLight<'a> {
     pub light: &'a LightModel,
     pub options: &'a AlbedoOptions,
@@ -16,7 +16,12 @@ pub(super) struct KnownLight<'a> {
 
 impl KnownLight<'_> {
     pub fn shade(&self, o: &Observation) -> f64 {
-        self.options.coat().shade(self.light, &o.point, &o.normal).value
+        self.shade_of(&o.point, &o.normal).value
+    }
+
+    /// Point and normal in camera axes.
+    pub fn shade_of(&self, point: &Point3, normal: &Vector3) -> Shade {
+        self.options.coat().shade(self.light, point, normal)
     }
 }
 
@@ -47,20 +52,10 @@ pub(super) struct Exposure {
 }
 
 impl Exposure {
-    pub fn solve(
-        mesh: &Mesh,
-        normals: &[Vector3],
-        views: &[AlbedoView],
-        prepared: &[PreparedView],
-        light: &LightModel,
-        options: &AlbedoOptions,
-    ) -> Self {
-        let count = options.gain_spots;
-        let spots = observe_spots(mesh, normals, prepared, light, &options.bounds, count);
-        let model = KnownLight { light, options };
-        let gain_priors =
-            views.iter().map(|v| (v.gain.max(1e-6).ln(), options.gain_sigma)).collect();
-        let fit = LogLinear { model: &model, spots: &spots, gain_priors }.solve(&[]);
+    pub fn solve(spots: &[Spot], views: &[AlbedoView], model: &KnownLight) -> Self {
+        let sigma = model.options.gain_sigma;
+        let gain_priors = views.iter().map(|v| (v.gain.max(1e-6).ln(), sigma)).collect();
+        let fit = LogLinear { model, spots: &repeated(spots), gain_priors }.solve(&[]);
         Self { gains: centred_gains(&fit.log_gains), noise: fit.scale }
     }
 }

@@ -9,7 +9,7 @@ use super::albedo::{AlbedoError, check_views};
 use super::known_light::centred_gains;
 use super::log_linear::{LogFit, LogLinear, ShadingModel};
 use super::photometric::{AlbedoView, Observation, ObservationBounds};
-use super::spots::{observe_spots, prepare, smoothed_normals};
+use super::spots::{observe_spots, prepare, repeated, smoothed_normals};
 use crate::geometry::{Point3, median};
 use crate::light::{Coat, LightModel, PointLight, Spot, coat};
 use crate::mesh::Mesh;
@@ -104,7 +104,7 @@ pub fn fit_light(
     let at_camera = point_light(Point3::origin(), 1.0, Spot::Isotropic);
     let gate = initial.unwrap_or(&at_camera);
     let count = options.spots.max(100);
-    let spots = observe_spots(mesh, &normals, &prepared, gate, &options.bounds, count);
+    let spots = repeated(&observe_spots(mesh, &normals, &prepared, gate, &options.bounds, count));
     if spots.len() < MIN_SPOTS {
         return Err(AlbedoError::NothingObserved { views: views.len() });
     }

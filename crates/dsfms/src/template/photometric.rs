@@ -4,7 +4,7 @@
 
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3, Vector3};
-use crate::image::{ColorImage, Mask, distance::distance_to};
+use crate::image::{Frame, Mask, distance::distance_to, saturation};
 use crate::light::{Light, LightModel};
 use crate::mesh::Mesh;
 use crate::raster::{Raster, rasterize};
@@ -13,10 +13,10 @@ use serde::{Deserialize, Serialize};
 /// One registered exploration frame, as the photometric steps need it.
 #[derive(Clone, Copy, Debug)]
 pub struct AlbedoView<'a> {
-    /// The frame in linear light, `[0, 1]`.
-    pub image: &'a ColorImage,
-    /// `true` where the encoded frame is saturated (judged before linearisation).
-    pub saturation: &'a Mask,
+    /// The frame as it was decoded: a fifth of what it would take in linear light.
+    pub frame: &'a Frame,
+    /// Linear light of every encoded value ([`ToneCurve::table`](crate::image::ToneCurve::table)).
+    pub tone: &'a [f32; 256],
     /// `true` where the organ may be measured (viewport, no instrument, organ outline); `None` =
     /// everywhere.
     pub valid: Option<&'a Mask>,
@@ -91,11 +91,14 @@ impl Observation {
     }
 }
 
-/// A view with its z-buffer and the pixels that may be used.
+/// A view with what decides whether a pixel may be used: 4 bytes a pixel, as all views of a long
+/// exploration are held at once.
 pub(super) struct PreparedView<'a> {
     view: &'a AlbedoView<'a>,
-    pub raster: Raster,
-    usable: Vec<bool>,
+    /// Depth of the surface at every pixel; minus infinity where the pixel must not be used.
+    depth: Vec<f32>,
+    /// Length of a pixel on every face; infinite where the view does not show it.
+    pub footprint: Vec<f64>,
 }
 
 impl<'a> PreparedView<'a> {
@@ -103,7 +106,14 @@ impl<'a> PreparedView<'a> {
         let positions: Vec<_> = mesh.positions.iter().map(|p| view.pose * p).collect();
         let raster = rasterize(view.camera, &mesh.topology, &positions);
         let usable = usable_pixels(view, &raster, bounds);
-        Self { view, raster, usable }
+        let depth = |(&z, usable)| if usable { z as f32 } else { f32::NEG_INFINITY };
+        let footprint = footprints(view.camera, &raster, mesh.topology.faces.len());
+        Self { view, depth: raster.depth.iter().zip(usable).map(depth).collect(), footprint }
+    }
+
+    /// A direction of the template frame in camera axes.
+    pub fn turned(&self, direction: &Vector3) -> Vector3 {
+        self.view.pose * direction
     }
 
     /// What this view says about a surface point given in the template frame.
@@ -123,9 +133,8 @@ impl<'a> PreparedView<'a> {
             return None;
         }
         let pixel = self.view.camera.project(&point)?.pixel;
-        let at = nearest(&pixel, self.raster.size)?;
-        let hidden = point.z > self.raster.depth[at] + OCCLUSION_TOLERANCE * point.z;
-        if hidden || !self.usable[at] {
+        let surface = f64::from(self.depth[nearest(&pixel, self.view.camera.size)?]);
+        if point.z > surface + OCCLUSION_TOLERANCE * point.z {
             return None;
         }
         let half = light.mirror_normal(&point);
@@ -133,7 +142,7 @@ impl<'a> PreparedView<'a> {
         if lit < bounds.grazing_cos || half.dot(&normal) > bounds.specular_deg.to_radians().cos() {
             return None;
         }
-        let rgb = sample_rgb(self.view.image, &pixel)?;
+        let rgb = sample_rgb(self.view, &pixel)?;
         let brightest = rgb[0].max(rgb[1]).max(rgb[2]);
         let grey = (rgb[0] + rgb[1] + rgb[2]) / 3.0;
         if !(grey >= bounds.darkest && brightest <= bounds.brightest) {
@@ -151,7 +160,7 @@ fn towards_light(half: &Vector3, point: &Point3) -> Vector3 {
 
 fn usable_pixels(view: &AlbedoView, raster: &Raster, bounds: &ObservationBounds) -> Vec<bool> {
     let contour = distance_to(&raster.discontinuities(bounds.relative_jump));
-    let saturated = distance_to(view.saturation);
+    let saturated = distance_to(&saturation(view.frame));
     let masked = view.valid.map(|valid| distance_to(&valid.complement()));
     (0..contour.data.len())
         .map(|i| {
@@ -162,15 +171,28 @@ fn usable_pixels(view: &AlbedoView, raster: &Raster, bounds: &ObservationBounds)
         .collect()
 }
 
+/// Length of a pixel on each face, where it is shown.
+fn footprints(camera: &CameraModel, raster: &Raster, faces: usize) -> Vec<f64> {
+    let mut footprint = vec![f64::INFINITY; faces];
+    let focal = camera.focal[0].max(camera.focal[1]);
+    for (&face, depth) in raster.face.iter().zip(&raster.depth) {
+        if face != u32::MAX {
+            let best = &mut footprint[face as usize];
+            *best = best.min(depth / focal);
+        }
+    }
+    footprint
+}
+
 fn nearest(p: &Point2, size: [usize; 2]) -> Option<usize> {
     let (x, y) = (p.x.round(), p.y.round());
     (x >= 0.0 && y >= 0.0 && x < size[0] as f64 && y < size[1] as f64)
         .then(|| y as usize * size[0] + x as usize)
 }
 
-/// Bilinear RGB; `None` outside the rectangle of pixel centres.
-pub(super) fn sample_rgb(image: &ColorImage, p: &Point2) -> Option<[f64; 3]> {
-    let [w, h] = image.size;
+/// Bilinear RGB in linear light; `None` outside the rectangle of pixel centres.
+fn sample_rgb(view: &AlbedoView, p: &Point2) -> Option<[f64; 3]> {
+    let [w, h] = view.frame.size;
     if !(p.x >= 0.0 && p.y >= 0.0 && p.x <= w as f64 - 1.0 && p.y <= h as f64 - 1.0) {
         return None;
     }
@@ -181,8 +203,8 @@ pub(super) fn sample_rgb(image: &ColorImage, p: &Point2) -> Option<[f64; 3]> {
     let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
     let mut rgb = [0.0; 3];
     for ((x, y), weight) in corners.into_iter().zip(weights) {
-        let pixel = image.data[y * w + x];
-        (0..3).for_each(|c| rgb[c] += weight * pixel[c] as f64);
+        let pixel = view.frame.rgb[y * w + x].map(|v| view.tone[v as usize]);
+        (0..3).for_each(|c| rgb[c] += weight * f64::from(pixel[c]));
     }
     Some(rgb)
 }
@@ -208,10 +230,26 @@ mod tests {
 
     #[test]
     fn bilinear_colour_by_hand() {
-        let data = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 4.0]];
-        let image = ColorImage { size: [2, 2], data };
-        assert_eq!(sample_rgb(&image, &Point2::new(0.5, 0.5)), Some([0.25, 0.5, 1.0]));
-        assert_eq!(sample_rgb(&image, &Point2::new(1.0, 1.0)), Some([0.0, 0.0, 4.0]));
-        assert_eq!(sample_rgb(&image, &Point2::new(1.1, 1.0)), None);
+        let rgb = vec![[0; 3], [255, 0, 0], [0, 128, 0], [0, 0, 64]];
+        let frame = Frame { name: "f".into(), size: [2, 2], rgb };
+        let tone = std::array::from_fn(|v| v as f32 / 64.0);
+        let camera = CameraModel {
+            size: [2, 2],
+            focal: [1.0; 2],
+            centre: [0.5; 2],
+            lens: crate::camera::Lens::Pinhole,
+        };
+        let view = AlbedoView {
+            frame: &frame,
+            tone: &tone,
+            valid: None,
+            camera: &camera,
+            pose: Isometry::identity(),
+            gain: 1.0,
+        };
+        let at = |x, y| sample_rgb(&view, &Point2::new(x, y));
+        assert_eq!(at(0.5, 0.5), Some([255.0 / 256.0, 0.5, 0.25]));
+        assert_eq!(at(1.0, 1.0), Some([0.0, 0.0, 1.0]));
+        assert_eq!(at(1.1, 1.0), None);
     }
 }

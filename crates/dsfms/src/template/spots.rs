@@ -4,7 +4,7 @@
 use super::photometric::{AlbedoView, Observation, ObservationBounds, PreparedView};
 use crate::geometry::{Point3, Vector3, point_at};
 use crate::light::LightModel;
-use crate::mesh::{Mesh, normals::vertex_normals};
+use crate::mesh::{Mesh, Topology, normals::vertex_normals};
 use rayon::prelude::*;
 
 /// Views used per spot; more add time, not accuracy.
@@ -15,18 +15,25 @@ const MAX_VIEWS_PER_SPOT: usize = 24;
 pub(super) fn smoothed_normals(mesh: &Mesh, rounds: usize) -> Vec<Vector3> {
     let mut normals = vertex_normals(&mesh.topology, &mesh.positions);
     for _ in 0..rounds {
-        normals = mesh
-            .topology
-            .one_ring
-            .iter()
-            .enumerate()
-            .map(|(v, ring)| {
-                let sum = ring.iter().fold(normals[v], |sum, &j| sum + normals[j as usize]);
-                sum.try_normalize(0.0).unwrap_or_default()
-            })
-            .collect();
+        let sums = smooth_once(&mesh.topology, &normals);
+        normals = sums.iter().map(|n| n.try_normalize(0.0).unwrap_or_default()).collect();
     }
     normals
+}
+
+/// Every vertex's value and those of its ring, summed.
+pub(super) fn smooth_once(topology: &Topology, values: &[Vector3]) -> Vec<Vector3> {
+    let sum = |(v, ring): (usize, &Vec<u32>)| {
+        ring.iter().fold(values[v], |sum, &j| sum + values[j as usize])
+    };
+    topology.one_ring.iter().enumerate().map(sum).collect()
+}
+
+/// A point of the surface and what the views say of it.
+pub(super) struct Spot {
+    pub face: usize,
+    pub weights: [f64; 3],
+    pub seen: Vec<Observation>,
 }
 
 /// Position and interpolated unit normal at a point of a face; `None` where normals cancel.
@@ -70,7 +77,7 @@ fn low_discrepancy(i: usize) -> [f64; 3] {
     [1.0 - u - v, u, v]
 }
 
-/// Observations of evenly spread spots that at least two views see.
+/// Observations of evenly spread spots that at least one view sees.
 pub(super) fn observe_spots(
     mesh: &Mesh,
     normals: &[Vector3],
@@ -78,20 +85,25 @@ pub(super) fn observe_spots(
     light: &LightModel,
     bounds: &ObservationBounds,
     count: usize,
-) -> Vec<Vec<Observation>> {
+) -> Vec<Spot> {
     even_points(mesh, count)
         .into_par_iter()
-        .filter_map(|(face, w)| {
-            let (point, normal) = surface_point(mesh, normals, face, w)?;
+        .filter_map(|(face, weights)| {
+            let (point, normal) = surface_point(mesh, normals, face, weights)?;
             let mut seen: Vec<_> = views
                 .iter()
                 .enumerate()
                 .filter_map(|(v, view)| view.observe(v, &point, &normal, light, bounds))
                 .collect();
             thin(&mut seen);
-            (seen.len() >= 2).then_some(seen)
+            (!seen.is_empty()).then_some(Spot { face, weights, seen })
         })
         .collect()
+}
+
+/// What is seen of the spots that at least two views see.
+pub(super) fn repeated(spots: &[Spot]) -> Vec<Vec<Observation>> {
+    spots.iter().filter(|s| s.seen.len() >= 2).map(|s| s.seen.clone()).collect()
 }
 
 fn thin(seen: &mut Vec<Observation>) {

@@ -5,7 +5,7 @@ use super::photometric::{AlbedoView, ObservationBounds};
 use super::spots::{smoothed_normals, surface_point};
 use crate::camera::{CameraModel, Lens};
 use crate::geometry::{Isometry, Point3, Vector3};
-use crate::image::{ColorImage, Mask};
+use crate::image::{Frame, ToneCurve};
 use crate::light::LightModel;
 use crate::mesh::{Mesh, Topology};
 use crate::raster::rasterize;
@@ -14,8 +14,8 @@ use std::sync::Arc;
 pub const SIZE: [usize; 2] = [96, 72];
 
 pub struct Picture {
-    pub image: ColorImage,
-    pub unsaturated: Mask,
+    pub frame: Frame,
+    pub tone: [f32; 256],
     pub camera: CameraModel,
     pub pose: Isometry,
 }
@@ -23,8 +23,8 @@ pub struct Picture {
 impl Picture {
     pub fn view(&self) -> AlbedoView<'_> {
         AlbedoView {
-            image: &self.image,
-            saturation: &self.unsaturated,
+            frame: &self.frame,
+            tone: &self.tone,
             valid: None,
             camera: &self.camera,
             pose: self.pose,
@@ -76,12 +76,14 @@ pub fn picture(mesh: &Mesh, light: &LightModel, pose: Isometry, gain: f64) -> Pi
     let raster = rasterize(&camera, &mesh.topology, &positions);
     let normals = smoothed_normals(mesh, 0);
     let coat = AlbedoOptions::default().coat();
-    let data = raster.render([0.0; 3], |face, w| {
-        let Some((p, n)) = surface_point(mesh, &normals, face, w) else { return [0.0; 3] };
+    let tone = ToneCurve::Srgb.table();
+    let encode = |light: f64| tone.partition_point(|&t| f64::from(t) < light).min(255) as u8;
+    let rgb = raster.render([0; 3], |face, w| {
+        let Some((p, n)) = surface_point(mesh, &normals, face, w) else { return [0; 3] };
         let (point, normal) = (pose * p, pose * n);
         let light = gain * coat.shade(light, &point, &normal).value;
-        true_albedo(&p).map(|a| (a * light) as f32)
+        true_albedo(&p).map(|a| encode(a * light))
     });
-    let image = ColorImage { size: SIZE, data };
-    Picture { image, unsaturated: Mask::filled(SIZE, false), camera, pose }
+    let frame = Frame { name: "picture".into(), size: SIZE, rgb };
+    Picture { frame, tone, camera, pose }
 }

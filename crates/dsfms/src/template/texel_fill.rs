@@ -2,7 +2,7 @@
 
 use super::SurfaceTexels;
 use super::albedo::AlbedoOptions;
-use super::photometric::{AlbedoView, PreparedView};
+use super::photometric::PreparedView;
 use crate::geometry::{Point3, point_at};
 use crate::image::{ColorImage, Mask};
 use crate::mesh::Mesh;
@@ -15,36 +15,20 @@ const SMOOTHING_ROUNDS: usize = 30;
 /// About one texel per pixel of the closest view that shows the face; 1 for faces nobody sees.
 pub(super) fn choose_resolution(
     mesh: &Mesh,
-    views: &[AlbedoView],
-    prepared: &[PreparedView],
+    views: &[PreparedView],
     options: &AlbedoOptions,
 ) -> Vec<u16> {
-    let footprint = finest_footprint(mesh, views, prepared);
+    let finest = |face: usize| views.iter().fold(f64::INFINITY, |m, v| m.min(v.footprint[face]));
     let wanted: Vec<f64> = mesh
         .face_areas()
         .iter()
-        .zip(&footprint)
-        .map(|(area, px)| (area.sqrt() / px * options.texels_per_px).max(1.0))
+        .enumerate()
+        .map(|(face, area)| (area.sqrt() / finest(face) * options.texels_per_px).max(1.0))
         .collect();
     let limit = f64::from(options.max_resolution.max(1));
     let total: f64 = wanted.iter().map(|r| r.min(limit).powi(2)).sum();
     let shrink = (options.max_texels as f64 / total).sqrt().min(1.0);
     wanted.iter().map(|r| (r.min(limit) * shrink).round().max(1.0) as u16).collect()
-}
-
-/// Length of a pixel on each face in the view that resolves it best; infinite where unseen.
-fn finest_footprint(mesh: &Mesh, views: &[AlbedoView], prepared: &[PreparedView]) -> Vec<f64> {
-    let mut footprint = vec![f64::INFINITY; mesh.topology.faces.len()];
-    for (view, prepared) in views.iter().zip(prepared) {
-        let focal = view.camera.focal[0].max(view.camera.focal[1]);
-        for (&face, depth) in prepared.raster.face.iter().zip(&prepared.raster.depth) {
-            if face != u32::MAX {
-                let best = &mut footprint[face as usize];
-                *best = best.min(depth / focal);
-            }
-        }
-    }
-    footprint
 }
 
 /// Give every texel without any observation (spread NaN) the value its neighbourhood suggests: vertex means of

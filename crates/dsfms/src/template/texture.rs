@@ -5,7 +5,7 @@ use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3, area_normal, point_at};
 use crate::image::{Frame, Mask, saturation};
 use crate::mesh::Mesh;
-use crate::raster::{Raster, rasterize};
+use crate::raster::rasterize;
 use rayon::prelude::*;
 
 /// One registered frame.
@@ -32,8 +32,8 @@ pub struct Texture<'a> {
 struct Prepared<'a> {
     view: TextureView<'a>,
     positions: Vec<Point3>,
-    raster: Raster,
-    saturated: Mask,
+    /// Depth of the surface at every pixel; minus infinity where the pixel must not be used.
+    depth: Vec<f32>,
 }
 
 /// A point counts as seen within this of the z-buffer, relative to its depth.
@@ -91,7 +91,11 @@ impl<'a> Prepared<'a> {
     fn new(mesh: &Mesh, view: TextureView<'a>) -> Self {
         let positions: Vec<Point3> = mesh.positions.iter().map(|p| view.pose * p).collect();
         let raster = rasterize(view.camera, &mesh.topology, &positions);
-        Self { view, positions, raster, saturated: saturation(view.frame) }
+        let saturated = saturation(view.frame);
+        let usable = |i: usize| view.valid.is_none_or(|m| m.data[i]) && !saturated.data[i];
+        let depth = |(i, &z): (usize, &f64)| if usable(i) { z as f32 } else { f32::NEG_INFINITY };
+        let depth = raster.depth.iter().enumerate().map(depth).collect();
+        Self { view, positions, depth }
     }
 
     /// Resolution (px² per area of the surface, up to the focal lengths) and encoded colour of a
@@ -102,7 +106,7 @@ impl<'a> Prepared<'a> {
         let [a, b, c] = corners;
         let cosine = -area_normal(a, b, c).try_normalize(0.0)?.dot(&point.coords.normalize());
         let pixel = self.view.camera.project(&point)?.pixel;
-        let [w, h] = self.raster.size;
+        let [w, h] = self.view.camera.size;
         let inside = pixel.x >= 0.0
             && pixel.y >= 0.0
             && pixel.x <= w as f64 - 1.0
@@ -111,10 +115,8 @@ impl<'a> Prepared<'a> {
             return None;
         }
         let nearest = pixel.y.round() as usize * w + pixel.x.round() as usize;
-        let seen = point.z <= self.raster.depth[nearest] * (1.0 + OCCLUSION_TOLERANCE);
-        let usable =
-            self.view.valid.is_none_or(|m| m.data[nearest]) && !self.saturated.data[nearest];
-        (seen && usable).then(|| (cosine / (point.z * point.z), bilinear(self.view.frame, &pixel)))
+        let seen = point.z <= f64::from(self.depth[nearest]) * (1.0 + OCCLUSION_TOLERANCE);
+        seen.then(|| (cosine / (point.z * point.z), bilinear(self.view.frame, &pixel)))
     }
 }
 

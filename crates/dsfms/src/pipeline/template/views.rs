@@ -3,7 +3,7 @@
 use super::{Exploration, TemplateError, TemplateOptions, try_flatten};
 use crate::camera::Camera;
 use crate::geometry::{Isometry, Point3};
-use crate::image::{ColorImage, Mask, saturation};
+use crate::image::Mask;
 use crate::mesh::{Mesh, Topology};
 use crate::pipeline::Progress;
 use crate::raster::{rasterize, visible_vertices};
@@ -24,12 +24,10 @@ pub(super) struct Views<'a> {
     pub features: &'a [Features2d],
 }
 
-/// A registered frame prepared for measuring.
-struct Prepared {
+/// A registered frame.
+struct Registered {
     frame: usize,
     pose: Isometry,
-    image: ColorImage,
-    saturated: Mask,
 }
 
 impl Views<'_> {
@@ -42,23 +40,26 @@ impl Views<'_> {
         progress: &dyn Progress,
     ) -> Result<(Template, Option<LightFit>), TemplateError> {
         let flattening = try_flatten(&mesh, options, progress);
-        let prepared = self.prepare();
+        let registered = self.registered();
+        let tone = self.exploration.tone.table();
         progress.step("light and albedo", 0, 2);
-        let views: Vec<AlbedoView> = prepared.iter().map(|p| self.albedo_view(p)).collect();
+        let views: Vec<AlbedoView> =
+            registered.iter().map(|r| self.albedo_view(r, &tone)).collect();
         let light = fit_light(&mesh, &views, self.exploration.light, &options.light)?;
         progress.step("light and albedo", 1, 2);
         let shading = AlbedoOptions { ambient: light.ambient, ..options.albedo.clone() };
         let albedo = estimate_albedo(&mesh, &views, &light.light, &shading)?;
         progress.step("light and albedo", 2, 2);
-        let features = anchor_features(&mesh, &self.feature_views(&prepared), &options.anchor);
-        let visible: Vec<Vec<bool>> = prepared.par_iter().map(|p| self.visible(p, &mesh)).collect();
+        let features = anchor_features(&mesh, &self.feature_views(&registered), &options.anchor);
+        let visible: Vec<Vec<bool>> =
+            registered.par_iter().map(|r| self.visible(r, &mesh)).collect();
         let template = Template {
             unit,
             seen: seen_counts(&mesh.topology, &visible),
             flattening,
             albedo: Some(albedo.texels),
             features: Some(features),
-            views: self.registered(&prepared, &albedo.gains),
+            views: self.named(&registered, &albedo.gains),
             points: Vec::new(),
             camera: Some(self.exploration.camera.clone()),
             tone: self.exploration.tone.clone(),
@@ -69,60 +70,53 @@ impl Views<'_> {
         Ok((template, Some(light)))
     }
 
-    fn prepare(&self) -> Vec<Prepared> {
-        let one = |(i, pose): (usize, &Option<Isometry>)| {
-            let frame = &self.exploration.frames[i];
-            Some(Prepared {
-                frame: i,
-                pose: (*pose)?,
-                image: frame.linear(self.exploration.tone),
-                saturated: saturation(frame),
-            })
-        };
+    fn registered(&self) -> Vec<Registered> {
+        let one =
+            |(frame, pose): (usize, &Option<Isometry>)| Some(Registered { frame, pose: (*pose)? });
         self.poses.iter().enumerate().filter_map(one).collect()
     }
 
-    fn albedo_view<'p>(&'p self, prepared: &'p Prepared) -> AlbedoView<'p> {
+    fn albedo_view<'v>(&'v self, registered: &Registered, tone: &'v [f32; 256]) -> AlbedoView<'v> {
         AlbedoView {
-            image: &prepared.image,
-            saturation: &prepared.saturated,
-            valid: self.usable[prepared.frame].as_ref(),
+            frame: &self.exploration.frames[registered.frame],
+            tone,
+            valid: self.usable[registered.frame].as_ref(),
             camera: self.exploration.camera,
-            pose: prepared.pose,
+            pose: registered.pose,
             gain: 1.0,
         }
     }
 
-    fn registered(&self, prepared: &[Prepared], gains: &[f64]) -> Vec<View> {
-        let view = |(p, &gain): (&Prepared, &f64)| View {
-            name: self.exploration.frames[p.frame].name.clone(),
-            camera_from_template: p.pose,
+    fn named(&self, registered: &[Registered], gains: &[f64]) -> Vec<View> {
+        let view = |(r, &gain): (&Registered, &f64)| View {
+            name: self.exploration.frames[r.frame].name.clone(),
+            camera_from_template: r.pose,
             gain,
-            reprojection_px: self.reprojection_px[p.frame],
+            reprojection_px: self.reprojection_px[r.frame],
         };
-        prepared.iter().zip(gains).map(view).collect()
+        registered.iter().zip(gains).map(view).collect()
     }
 
-    fn feature_views<'p>(&'p self, prepared: &'p [Prepared]) -> Vec<FeatureView<'p>> {
-        let view = |p: &'p Prepared| FeatureView {
+    fn feature_views(&self, registered: &[Registered]) -> Vec<FeatureView<'_>> {
+        let view = |r: &Registered| FeatureView {
             camera: self.exploration.camera,
-            pose: p.pose,
-            valid: self.usable[p.frame].as_ref(),
-            points: &self.features[p.frame].points,
-            descriptors: &self.features[p.frame].descriptors,
+            pose: r.pose,
+            valid: self.usable[r.frame].as_ref(),
+            points: &self.features[r.frame].points,
+            descriptors: &self.features[r.frame].descriptors,
         };
-        prepared.iter().map(view).collect()
+        registered.iter().map(view).collect()
     }
 
     /// The vertices that one view sees, inside its mask.
-    fn visible(&self, prepared: &Prepared, mesh: &Mesh) -> Vec<bool> {
+    fn visible(&self, registered: &Registered, mesh: &Mesh) -> Vec<bool> {
         let camera = self.exploration.camera;
-        let positions: Vec<Point3> = mesh.positions.iter().map(|p| prepared.pose * p).collect();
+        let positions: Vec<Point3> = mesh.positions.iter().map(|p| registered.pose * p).collect();
         let raster = rasterize(camera, &mesh.topology, &positions);
         let nearest = raster.depth.iter().copied().fold(f64::INFINITY, f64::min);
         let tolerance = OCCLUSION_TOLERANCE * nearest;
         let mut visible = visible_vertices(camera, &mesh.topology, &positions, &raster, tolerance);
-        if let Some(mask) = &self.usable[prepared.frame] {
+        if let Some(mask) = &self.usable[registered.frame] {
             for (seen, p) in visible.iter_mut().zip(&positions) {
                 *seen &= camera.project(p).is_some_and(|q| mask.at_pixel(&q.pixel));
             }

@@ -1,0 +1,396 @@
+//! Normals for measuring the albedo, corrected by the shading of all views.
+//!
+//! Where a reconstructed normal is a few degrees off, each view says another albedo, as the light
+//! moves with the camera. Displacements `h` of the vertices along their normals are found with
+//!
+//! ```text
+//! min_h,a,μ Σ ρ(ln I_o − ln g_v − ln m(x, n(h)) − a_s) / σ² + Σ_s (a_s − μ)² / (P ς²)
+//!           + B Σ_v (mean_ring(h) − h_v)² / ℓ² + R Σ_v h_v²
+//! ```
+//!
+//! over observations `o` of surface spots `s`. The first term is what the views say; the second, of
+//! the spread `ς` of the albedos themselves, speaks where one view sees the surface (`P` spots share
+//! one albedo); the others keep the shape stiff and in place. Only normals are used, the surface
+//! itself stays: brightness says little of where it is. Gauss–Newton with Tukey's weights, inner
+//! steps by conjugate gradients.
+
+use super::known_light::{Exposure, KnownLight};
+use super::normal_map::NormalMap;
+use super::photometric::AlbedoView;
+use super::robust::{robust_scale, tukey_mean, tukey_weight, weighted_median};
+use super::spots::{Spot, smoothed_normals};
+use crate::geometry::{Point3, Vector3};
+use crate::mesh::Mesh;
+use nalgebra::{Matrix4, Vector4};
+use rayon::prelude::*;
+
+/// Bending: one over the square of the angle, rad, by which a corrected surface kinks at an edge
+/// (3.3 degrees).
+const BENDING: f64 = 300.0;
+/// Holding, times the surface's area, on a mesh of 1000 vertices: displacements of a 57th of the
+/// root of the area.
+const HOLDING: f64 = 3200.0;
+/// Spots that share one albedo, of the 6000 that are spread over the surface.
+const PATCH: f64 = 20.0;
+/// Largest correction of a normal, rad (10 degrees): with narrow parallax an error of the light model
+/// would ask for more.
+const LARGEST_TILT: f64 = 0.175;
+/// Least noise of a brightness, and least spread of albedos.
+const NOISE_FLOOR: f64 = 0.005;
+const SPREAD_FLOOR: f64 = 0.02;
+const ROUNDS: usize = 6;
+const STEPS: usize = 100;
+
+/// Vertex normals as the shading of all views has them, smoothed as the mesh's own.
+pub(super) fn shaded_normals(
+    mesh: &Mesh,
+    spots: &[Spot],
+    views: &[AlbedoView],
+    exposure: &Exposure,
+    model: &KnownLight,
+) -> Vec<Vector3> {
+    let relief = Relief {
+        mesh,
+        spots,
+        views,
+        gains: &exposure.gains,
+        model,
+        directions: smoothed_normals(mesh, 0),
+        edge: mesh.mean_edge_length(),
+        area: mesh.face_areas().iter().sum(),
+    };
+    let own = smoothed_normals(mesh, model.options.normal_smoothing);
+    relief.solve(exposure.noise).iter().zip(&own).map(|(n, own)| limited(n, own)).collect()
+}
+
+/// A unit normal turned back to within [`LARGEST_TILT`] of the mesh's own.
+fn limited(normal: &Vector3, own: &Vector3) -> Vector3 {
+    let (cosine, across) = (own.dot(normal), normal - own * own.dot(normal));
+    match across.try_normalize(0.0) {
+        Some(across) if cosine < LARGEST_TILT.cos() => {
+            own * LARGEST_TILT.cos() + across * LARGEST_TILT.sin()
+        }
+        _ => *normal,
+    }
+}
+
+struct Relief<'a> {
+    mesh: &'a Mesh,
+    spots: &'a [Spot],
+    views: &'a [AlbedoView<'a>],
+    gains: &'a [f64],
+    model: &'a KnownLight<'a>,
+    /// Vertices move along these.
+    directions: Vec<Vector3>,
+    /// Mean edge.
+    edge: f64,
+    area: f64,
+}
+
+/// Brightness at a spot less the model's, and the slope with the spot's summed vertex normals.
+struct Row {
+    residual: f64,
+    slope: Vector3,
+    trust: f64,
+}
+
+/// A linearised spot: over (change of the normal, mean albedo) `½ xᵀKx − gᵀx`, its own albedo
+/// eliminated.
+struct Block {
+    matrix: Matrix4<f64>,
+    right: Vector4<f64>,
+}
+
+/// Noise and albedos as the last round found them.
+struct Scales {
+    noise: f64,
+    mean: f64,
+    spread: f64,
+}
+
+impl Relief<'_> {
+    fn solve(&self, noise: f64) -> Vec<Vector3> {
+        let count = self.mesh.positions.len();
+        let mut unknowns = vec![0.0; count + 1];
+        let mut map = self.map(&unknowns[..count]);
+        let mut rows = self.rows(map.normals());
+        let Some(mut scales) = scales(&rows, noise) else { return map.normals().to_vec() };
+        for _ in 0..ROUNDS {
+            unknowns[count] = scales.mean;
+            let changes = map.forward(&unknowns[..count]);
+            let blocks: Vec<Block> = rows
+                .par_iter()
+                .zip(self.spots)
+                .map(|(rows, spot)| block(rows, &self.at(spot, &changes), &scales))
+                .collect();
+            self.conjugate_gradients(&map, &blocks, &mut unknowns);
+            map = self.map(&unknowns[..count]);
+            rows = self.rows(map.normals());
+            scales = self::scales(&rows, scales.noise).unwrap_or(scales);
+        }
+        map.normals().to_vec()
+    }
+
+    /// Normals and how they turn at these displacements.
+    fn map(&self, displacement: &[f64]) -> NormalMap<'_> {
+        let moved = self.mesh.positions.iter().zip(&self.directions).zip(displacement);
+        let positions: Vec<Point3> = moved.map(|((p, n), h)| p + n * *h).collect();
+        let rounds = self.model.options.normal_smoothing;
+        NormalMap::new(&self.mesh.topology, &positions, &self.directions, rounds)
+    }
+
+    /// A vector of the vertices at a spot.
+    fn at(&self, spot: &Spot, values: &[Vector3]) -> Vector3 {
+        let corners = self.mesh.topology.faces[spot.face];
+        corners.iter().zip(spot.weights).map(|(&v, w)| values[v as usize] * w).sum()
+    }
+
+    fn rows(&self, normals: &[Vector3]) -> Vec<Vec<Row>> {
+        self.spots
+            .par_iter()
+            .map(|spot| {
+                let sum = self.at(spot, normals);
+                let (length, normal) = (sum.norm(), sum.normalize());
+                spot.seen
+                    .iter()
+                    .filter_map(|o| {
+                        let rotation = self.views[o.view].pose.rotation;
+                        let shade = self.model.shade_of(&o.point, &(rotation * normal));
+                        let light = self.gains[o.view] * shade.value;
+                        let slope = rotation.inverse() * (shade.d_normal / shade.value);
+                        let slope = (slope - normal * normal.dot(&slope)) / length;
+                        let residual = (o.grey() / light).ln();
+                        let row = Row { residual, slope, trust: o.weight };
+                        (light > 0.0 && residual.is_finite() && slope.norm().is_finite())
+                            .then_some(row)
+                    })
+                    .collect()
+            })
+            .collect()
+    }
+
+    /// Of the mesh's own stiffness.
+    fn stiffness(&self, h: &[f64]) -> Vec<f64> {
+        let topology = &self.mesh.topology;
+        let ring_mean = |v: usize| {
+            let ring = &topology.one_ring[v];
+            ring.iter().map(|&j| h[j as usize]).sum::<f64>() / ring.len() as f64
+        };
+        let mut out: Vec<f64> = h.iter().map(|h| self.holding() * h).collect();
+        for v in 0..h.len() {
+            let ring = &topology.one_ring[v];
+            // Beyond the rim nothing says how the surface bends.
+            if topology.boundary[v] || ring.is_empty() {
+                continue;
+            }
+            let force = BENDING / (self.edge * self.edge) * (h[v] - ring_mean(v));
+            out[v] += force;
+            ring.iter().for_each(|&j| out[j as usize] -= force / ring.len() as f64);
+        }
+        out
+    }
+
+    /// The same for the same surface, whatever the mesh.
+    fn holding(&self) -> f64 {
+        HOLDING / self.area * (1000.0 / self.mesh.positions.len() as f64)
+    }
+
+    /// The normal matrix times the unknowns: displacements, then the mean albedo.
+    fn apply(&self, map: &NormalMap, blocks: &[Block], x: &[f64]) -> Vec<f64> {
+        let (h, mean) = x.split_at(x.len() - 1);
+        let changes = map.forward(h);
+        let forces = self
+            .spots
+            .par_iter()
+            .zip(blocks)
+            .map(|(spot, block)| block.matrix * self.at(spot, &changes).push(mean[0]));
+        let mut out = self.gather(map, &forces.collect::<Vec<_>>());
+        out.iter_mut().zip(self.stiffness(h)).for_each(|(out, own)| *out += own);
+        out
+    }
+
+    /// From the spots to the unknowns: the transpose of what takes unknowns to spots.
+    fn gather(&self, map: &NormalMap, forces: &[Vector4<f64>]) -> Vec<f64> {
+        let mut turns = vec![Vector3::zeros(); self.mesh.positions.len()];
+        for (spot, force) in self.spots.iter().zip(forces) {
+            for (&v, w) in self.mesh.topology.faces[spot.face].iter().zip(spot.weights) {
+                turns[v as usize] += force.xyz() * w;
+            }
+        }
+        let mut out = map.adjoint(turns);
+        out.push(forces.iter().map(|f| f.w).sum());
+        out
+    }
+
+    /// About the diagonal of the normal matrix.
+    fn diagonal(&self, blocks: &[Block]) -> Vec<f64> {
+        let count = self.mesh.positions.len();
+        let own = 1.2 * BENDING / (self.edge * self.edge) + self.holding();
+        let mut diagonal = vec![own; count];
+        let mut mean = f64::MIN_POSITIVE;
+        for (spot, block) in self.spots.iter().zip(blocks) {
+            let turn = 0.5 * block.matrix.fixed_view::<3, 3>(0, 0).trace() / self.edge.powi(2);
+            for (&v, w) in self.mesh.topology.faces[spot.face].iter().zip(spot.weights) {
+                diagonal[v as usize] += w * turn;
+            }
+            mean += block.matrix.m44;
+        }
+        diagonal.push(mean);
+        diagonal
+    }
+
+    fn conjugate_gradients(&self, map: &NormalMap, blocks: &[Block], x: &mut [f64]) {
+        let diagonal = self.diagonal(blocks);
+        let scaled =
+            |r: &[f64]| -> Vec<f64> { r.iter().zip(&diagonal).map(|(r, d)| r / d).collect() };
+        let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+        let mut residual = self.gather(map, &blocks.iter().map(|b| b.right).collect::<Vec<_>>());
+        let applied = self.apply(map, blocks, x);
+        residual.iter_mut().zip(applied).for_each(|(r, a)| *r -= a);
+        let mut direction = scaled(&residual);
+        let mut energy = dot(&residual, &direction);
+        let enough = 1e-8 * energy;
+        for _ in 0..STEPS {
+            let applied = self.apply(map, blocks, &direction);
+            let curvature = dot(&direction, &applied);
+            if !(energy > enough && curvature > 0.0) {
+                return;
+            }
+            let step = energy / curvature;
+            x.iter_mut().zip(&direction).for_each(|(x, d)| *x += step * d);
+            residual.iter_mut().zip(applied).for_each(|(r, a)| *r -= step * a);
+            let next = scaled(&residual);
+            let next_energy = dot(&residual, &next);
+            let share = next_energy / energy;
+            direction.iter_mut().zip(next).for_each(|(d, z)| *d = z + share * *d);
+            energy = next_energy;
+        }
+    }
+}
+
+/// Robust albedo of a spot from its rows alone, and their weights.
+fn own_albedo(rows: &[Row], noise: f64) -> (f64, Vec<f64>) {
+    let mut samples: Vec<_> = rows.iter().map(|r| (r.residual, r.trust)).collect();
+    let centre = tukey_mean(&mut samples, noise);
+    let weight = |r: &Row| r.trust * tukey_weight(r.residual - centre, noise) / (noise * noise);
+    (centre, rows.iter().map(weight).collect())
+}
+
+/// `None` where no spot has two views: nothing to compare.
+fn scales(rows: &[Vec<Row>], noise: f64) -> Option<Scales> {
+    let noise = noise.max(NOISE_FLOOR);
+    let repeated: Vec<(f64, &Vec<Row>)> = rows
+        .iter()
+        .filter(|rows| rows.len() > 1)
+        .map(|rows| (own_albedo(rows, noise).0, rows))
+        .collect();
+    let mut albedos: Vec<(f64, f64)> = repeated.iter().map(|(a, _)| (*a, 1.0)).collect();
+    let mean = weighted_median(&mut albedos);
+    let spread = robust_scale(albedos.iter().map(|a| a.0 - mean)).max(SPREAD_FLOOR);
+    let residuals = repeated.iter().flat_map(|(albedo, rows)| {
+        let unbias = (rows.len() as f64 / (rows.len() as f64 - 1.0)).sqrt();
+        rows.iter().map(move |r| (r.residual - albedo) * unbias)
+    });
+    let noise = robust_scale(residuals).max(NOISE_FLOOR);
+    (mean.is_finite() && noise.is_finite()).then_some(Scales { noise, mean, spread })
+}
+
+/// The mean albedo is one more observation of the spot's; together they lose their weighted mean.
+/// `change`: of the normal so far, about which the rows are linear.
+fn block(rows: &[Row], change: &Vector3, scales: &Scales) -> Block {
+    let (albedo, mut weights) = own_albedo(rows, scales.noise);
+    let mut lines: Vec<(Vector4<f64>, f64)> =
+        rows.iter().map(|r| (r.slope.push(0.0), r.residual + r.slope.dot(change))).collect();
+    if albedo.is_finite() {
+        lines.push((Vector4::new(0.0, 0.0, 0.0, -1.0), 0.0));
+        let likely = tukey_weight(albedo - scales.mean, scales.spread);
+        weights.push(likely / (PATCH * scales.spread * scales.spread));
+    }
+    let total: f64 = weights.iter().sum();
+    let (mut matrix, mut right) = (Matrix4::zeros(), Vector4::zeros());
+    if total > 0.0 {
+        let all = || lines.iter().zip(&weights);
+        let slope = all().map(|(l, w)| l.0 * *w).sum::<Vector4<f64>>() / total;
+        let value = all().map(|(l, w)| l.1 * w).sum::<f64>() / total;
+        for ((s, y), w) in all() {
+            let s = s - slope;
+            matrix += s * s.transpose() * *w;
+            right += s * ((y - value) * w);
+        }
+    }
+    Block { matrix, right }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::albedo::AlbedoOptions;
+    use super::super::spots::{observe_spots, prepare};
+    use super::super::test_scene::{bounds, patch, pictures};
+    use super::*;
+    use crate::light::{LightModel, PointLight, Spot as Profile};
+
+    fn rms_angle(a: &[Vector3], b: &[Vector3]) -> f64 {
+        let square = a.iter().zip(b).map(|(a, b)| a.cross(b).norm_squared());
+        (square.sum::<f64>() / a.len() as f64).sqrt()
+    }
+
+    /// The patch photographed, and a reconstruction of it that is up to a quarter of a millimetre off.
+    fn corrected(views: usize) -> [Vec<Vector3>; 3] {
+        let truth = patch();
+        let light = LightModel::Point(PointLight {
+            positions: vec![Point3::new(0.0, -3.0, 0.0)],
+            reference_distance: 50.0,
+            spot: Profile::Isotropic,
+        });
+        let pictures = pictures(&truth, &light, [1.0; 5]);
+        let views: Vec<_> = pictures[..views].iter().map(|p| p.view()).collect();
+        let wrong = |p: &Point3| {
+            p + Vector3::z() * (0.25 * (0.6 * p.x + 0.3 * p.y).sin() * (0.5 * p.y).cos())
+        };
+        let mesh = truth.with_positions(truth.positions.iter().map(wrong).collect());
+        let options = AlbedoOptions { bounds: bounds(), normal_smoothing: 0, ..Default::default() };
+        let model = KnownLight { light: &light, options: &options };
+        let normals = smoothed_normals(&mesh, 0);
+        let prepared = prepare(&mesh, &views, &options.bounds);
+        let spots = observe_spots(&mesh, &normals, &prepared, &light, &options.bounds, 2000);
+        let exposure = Exposure { gains: vec![1.0; views.len()], noise: 0.05 };
+        let found = shaded_normals(&mesh, &spots, &views, &exposure, &model);
+        [smoothed_normals(&truth, 0), normals, found]
+    }
+
+    #[test]
+    fn five_views_tell_the_normals() {
+        let [truth, mesh, found] = corrected(5);
+        let [before, after] = [rms_angle(&mesh, &truth), rms_angle(&found, &truth)];
+        assert!(before > 0.05 && after < 0.5 * before, "{before} rad before, {after} after");
+    }
+
+    #[test]
+    fn no_normal_turns_far() {
+        let turned = |angle: f64| Vector3::new(angle.sin(), 0.0, angle.cos());
+        assert_eq!(limited(&turned(0.1), &Vector3::z()), turned(0.1));
+        assert!((limited(&turned(1.0), &Vector3::z()) - turned(LARGEST_TILT)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn one_view_says_nothing_to_compare() {
+        let [_, mesh, found] = corrected(1);
+        assert!(rms_angle(&mesh, &found) < 1e-12);
+    }
+
+    #[test]
+    fn a_block_by_hand() {
+        let row = |residual, trust| Row { residual, slope: Vector3::x(), trust };
+        // Equal residuals 0.1 about a mean albedo of 0: noise 0.1, spread 0.1.
+        let rows = [row(0.1, 1.0), row(0.1, 1.0)];
+        let scales = Scales { noise: 0.1, mean: 0.1, spread: 0.1 };
+        let block = block(&rows, &Vector3::zeros(), &scales);
+        // Weights 100, 100 and 100/P: of z = (y − x, y − x, μ) about its mean.
+        let (own, prior) = (200.0, 100.0 / PATCH);
+        let harmonic = own * prior / (own + prior);
+        assert!((block.matrix.m11 - harmonic).abs() < 1e-9 * harmonic);
+        assert!((block.matrix.m44 - harmonic).abs() < 1e-9 * harmonic);
+        assert!((block.matrix.m14 - harmonic).abs() < 1e-9 * harmonic);
+        assert!((block.right.x - 0.1 * harmonic).abs() < 1e-9);
+    }
+}
