@@ -6,6 +6,8 @@ use crate::solver::normal_equations::Accumulator;
 use crate::solver::{Loss, NormalEquations, Options, Pattern, Problem, Step, Summary, minimize};
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
 
 /// What is solved for.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,6 +55,45 @@ pub struct Workspace {
 struct System {
     equations: NormalEquations,
     stripes: Vec<Accumulator>,
+    near: Known,
+    smooth: Known,
+}
+
+/// Blocks of the wide stencils of one pattern: they come again from solve to solve, and a dozen
+/// vertices have 78 blocks to find.
+#[derive(Default)]
+struct Known(Mutex<HashMap<Box<[u32]>, Box<[u32]>>>);
+
+impl Known {
+    const NARROW: usize = 4;
+
+    /// Append the block of every pair (a ≥ b) of a stencil, in order; `false` where one has none.
+    fn locate(&self, pattern: &Pattern, stencil: &[u32], slots: &mut Vec<u32>) -> bool {
+        if stencil.len() <= Self::NARROW {
+            return find_blocks(pattern, stencil, slots);
+        }
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = known.get(stencil) {
+            slots.extend_from_slice(found);
+            return true;
+        }
+        let start = slots.len();
+        let all = find_blocks(pattern, stencil, slots);
+        if all {
+            known.insert(stencil.into(), slots[start..].into());
+        }
+        all
+    }
+}
+
+fn find_blocks(pattern: &Pattern, stencil: &[u32], slots: &mut Vec<u32>) -> bool {
+    for (k, &a) in stencil.iter().enumerate() {
+        for &b in &stencil[..=k] {
+            let Some(block) = pattern.find(a, b) else { return false };
+            slots.push(block as u32);
+        }
+    }
+    true
 }
 
 impl<'a> Objective<'a> {
@@ -104,9 +145,9 @@ impl<'a> Objective<'a> {
             let equations = &system.equations;
             equations.near().vertices() == self.vertices && equations.globals() == self.globals
         });
-        if !system.as_ref().is_some_and(|s| self.locate(&s.equations)) {
+        if !system.as_ref().is_some_and(|s| self.locate(s)) {
             let fresh = self.analyse(system.as_ref().map(|s| &s.equations));
-            self.locate(&fresh.equations);
+            self.locate(&fresh);
             system = Some(fresh);
         }
         if let Some(system) = &mut system {
@@ -118,10 +159,14 @@ impl<'a> Objective<'a> {
     }
 
     /// Find the blocks of every term; `false` where one has none.
-    fn locate(&mut self, equations: &NormalEquations) -> bool {
+    fn locate(&mut self, system: &System) -> bool {
+        let System { equations, near, smooth, .. } = system;
         let locate = |term: &mut Box<dyn Weighted + 'a>| {
-            let pattern = if term.is_isotropic() { equations.smooth() } else { equations.near() };
-            term.locate(pattern)
+            let (pattern, known) = match term.is_isotropic() {
+                true => (equations.smooth(), smooth),
+                false => (equations.near(), near),
+            };
+            term.locate(pattern, known)
         };
         self.terms.par_iter_mut().all(locate)
     }
@@ -163,7 +208,7 @@ impl<'a> Objective<'a> {
         let stripes = vec![Accumulator::new(&near, self.globals); STRIPES];
         let equations = NormalEquations::new(near, smooth, self.globals)
             .expect("a pattern built from stencils is well formed");
-        System { equations, stripes }
+        System { equations, stripes, near: Known::default(), smooth: Known::default() }
     }
 }
 
@@ -191,7 +236,7 @@ impl Problem for Objective<'_> {
         }
         self.ahead = None;
         let Some(system) = &mut self.workspace.system else { return 0.0 };
-        system.equations.assemble(system.stripes.iter());
+        system.equations.assemble(&mut system.stripes);
         system.equations.gradient_norm()
     }
 
@@ -216,7 +261,7 @@ trait Weighted: Send + Sync {
     fn stencil(&self, i: usize) -> &[u32];
     /// Whether its part of the normal matrix is constant and one number for a pair of vertices.
     fn is_isotropic(&self) -> bool;
-    fn locate(&mut self, pattern: &Pattern) -> bool;
+    fn locate(&mut self, pattern: &Pattern, known: &Known) -> bool;
     fn accumulate_isotropic(&self, values: &mut [f64]);
     fn cost(&self, state: &Unknowns) -> Option<f64>;
     /// Add blocks to the sums; their cost, `None` where one is infeasible.
@@ -280,18 +325,9 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
         self.loss == Loss::Squared && self.term.isotropic(0).is_some()
     }
 
-    fn locate(&mut self, pattern: &Pattern) -> bool {
+    fn locate(&mut self, pattern: &Pattern, known: &Known) -> bool {
         self.slots.clear();
-        for i in 0..self.term.count() {
-            let stencil = self.term.stencil(i);
-            for (k, &a) in stencil.iter().enumerate() {
-                for &b in &stencil[..=k] {
-                    let Some(block) = pattern.find(a, b) else { return false };
-                    self.slots.push(block as u32);
-                }
-            }
-        }
-        true
+        (0..self.term.count()).all(|i| known.locate(pattern, self.term.stencil(i), &mut self.slots))
     }
 
     fn accumulate_isotropic(&self, values: &mut [f64]) {
@@ -398,17 +434,18 @@ struct Block<'a, const R: usize> {
 
 fn scatter<const R: usize>(sums: &mut Accumulator, block: Block<'_, R>) {
     let Block { w, r, stencil, globals, dv, dg, slots } = block;
+    let mut weighted = [SMatrix::<f64, 3, R>::zeros(); MAX_STENCIL];
     let mut slots = slots.iter();
     for (k, &a) in stencil.iter().enumerate() {
-        let weighted = dv[k].transpose() * w;
-        sums.gradient[a as usize] += weighted * r;
-        for (l, &b) in stencil[..=k].iter().enumerate() {
-            let product = weighted * dv[l];
-            let Some(&slot) = slots.next() else { return };
-            sums.blocks[slot as usize] += if a >= b { product } else { product.transpose() };
+        weighted[k] = dv[k].transpose() * w;
+        sums.gradient[a as usize] += weighted[k] * r;
+        for (l, (&b, &slot)) in stencil[..=k].iter().zip(&mut slots).enumerate() {
+            // The larger vertex is the row.
+            let (row, column) = if a >= b { (k, l) } else { (l, k) };
+            sums.blocks[slot as usize] += weighted[row] * dv[column];
         }
         for (&g, d) in globals.iter().zip(dg) {
-            sums.border[g][a as usize] += weighted * d;
+            sums.border[g][a as usize] += weighted[k] * d;
         }
     }
     for (k, &g) in globals.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! Least-squares rigid and similarity alignment of corresponding points (Umeyama 1991).
 
-use super::{Isometry, Point3, Similarity, Vector3};
+use super::{Isometry, Point3, Similarity, Vector3, median};
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 
 /// The rigid motion `T` that minimises `Σ‖T·sourceᵢ − targetᵢ‖²`.
@@ -18,13 +18,17 @@ pub fn align_rigid(source: &[Point3], target: &[Point3]) -> Option<Isometry> {
 /// `None` as for [`align_rigid`].
 pub fn align_rigid_robust(source: &[Point3], target: &[Point3]) -> Option<Isometry> {
     const ROUNDS: usize = 20;
+    const SETTLED: f64 = 1e-6;
     let mut motion = align_rigid(source, target)?;
+    let mut before = f64::INFINITY;
     for _ in 0..ROUNDS {
-        let distances: Vec<f64> =
-            source.iter().zip(target).map(|(s, t)| (motion * s - t).norm()).collect();
-        let mut sorted = distances.clone();
-        sorted.sort_unstable_by(f64::total_cmp);
-        let scale = (2.0 * sorted[sorted.len() / 2]).max(1e-12);
+        let pairs = source.iter().zip(target);
+        let distances: Vec<f64> = pairs.map(|(s, t)| (motion * s - t).norm()).collect();
+        let scale = (2.0 * median(&mut distances.clone())?).max(1e-12);
+        if (scale - before).abs() <= SETTLED * scale {
+            break;
+        }
+        before = scale;
         let weight = |d: &f64| (1.0 + (d / scale).powi(2)).powi(-2);
         let weights: Vec<f64> = distances.iter().map(weight).collect();
         motion = umeyama(source, target, &weights, false)?.isometry;

@@ -57,17 +57,6 @@ impl Accumulator {
         self.global_gradient.fill(0.0);
     }
 
-    /// Take the values of another accumulator of the same shape.
-    pub fn set(&mut self, other: &Self) {
-        self.blocks.copy_from_slice(&other.blocks);
-        self.gradient.copy_from_slice(&other.gradient);
-        for (mine, theirs) in self.border.iter_mut().zip(&other.border) {
-            mine.copy_from_slice(theirs);
-        }
-        self.corner.copy_from(&other.corner);
-        self.global_gradient.copy_from(&other.global_gradient);
-    }
-
     /// Add another accumulator of the same shape.
     pub fn add(&mut self, other: &Self) {
         add_all(&mut self.blocks, &other.blocks);
@@ -195,13 +184,11 @@ impl NormalEquations {
         Matrix { near, smooth, ordered, isotropic, sums }
     }
 
-    /// Take the sums of a linearisation (in the given order) as the system.
-    pub fn assemble<'a>(&mut self, mut parts: impl Iterator<Item = &'a Accumulator>) {
-        match parts.next() {
-            Some(first) => self.sums.set(first),
-            None => self.sums.clear(),
-        }
-        parts.for_each(|part| self.sums.add(part));
+    /// Take the sums of a linearisation (in the given order) as the system; what they held is lost.
+    pub fn assemble(&mut self, parts: &mut [Accumulator]) {
+        let Some((first, rest)) = parts.split_first_mut() else { return self.sums.clear() };
+        std::mem::swap(&mut self.sums, first);
+        rest.iter().for_each(|part| self.sums.add(part));
     }
 
     /// Norm of the whole gradient.
@@ -274,7 +261,7 @@ mod tests {
         let mut system = NormalEquations::new(pattern.clone(), smooth.clone(), 1).unwrap();
         system.isotropic_mut()[smooth.find(0, 2).unwrap()] = -0.6;
         system.isotropic_mut()[smooth.find(2, 2).unwrap()] = 0.9;
-        system.assemble([&sums].into_iter());
+        system.assemble(&mut [sums.clone()]);
         let step = system.step(0.0).unwrap();
         let mut dense = DMatrix::zeros(10, 10);
         let mut gradient = DVector::zeros(10);

@@ -36,14 +36,13 @@ impl SurfaceTexels {
 
     /// Texel that holds a point of a face.
     pub fn index(&self, face: usize, barycentric: [f64; 3]) -> usize {
-        let r = self.resolution[face] as usize;
-        let cell = |b: f64| (b.max(0.0) * r as f64) as usize;
-        let i = cell(barycentric[1]).min(r - 1);
-        let j = cell(barycentric[2]).min(r - 1 - i);
-        let (u, v) = (barycentric[1] * r as f64 - i as f64, barycentric[2] * r as f64 - j as f64);
-        let upper = u + v > 1.0 && i + j + 1 < r;
+        let r = u32::from(self.resolution[face]);
+        let [x, y] = [1, 2].map(|k| barycentric[k].max(0.0) * f64::from(r));
+        let i = (x as u32).min(r - 1);
+        let j = (y as u32).min(r - 1 - i);
+        let upper = (x - f64::from(i)) + (y - f64::from(j)) > 1.0 && i + j + 1 < r;
         // Row i holds 2(r−i)−1 sub-triangles: upright at even, inverted at odd places.
-        self.offset[face] as usize + 2 * r * i - i * i + 2 * j + usize::from(upper)
+        (self.offset[face] + 2 * r * i - i * i + 2 * j + u32::from(upper)) as usize
     }
 
     /// Barycentrics of the centre of every texel of a face, in storage order.
