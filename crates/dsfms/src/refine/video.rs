@@ -58,9 +58,10 @@ impl VideoOptions {
     /// For a live source: coarser and more than twice as fast.
     pub fn realtime() -> Self {
         Self {
+            steps: 2,
+            tolerance: 1e-2,
             max_samples: 3000,
             least_blur_px: 1.5,
-            tolerance: 1e-2,
             reduction: 0.1,
             ..Self::default()
         }
