@@ -62,7 +62,10 @@ struct System {
 /// Blocks of the wide stencils of one pattern: they come again from solve to solve, and a dozen
 /// vertices have 78 blocks to find.
 #[derive(Default)]
-struct Known(Mutex<HashMap<Box<[u32]>, Box<[u32]>>>);
+struct Known(Mutex<HashMap<Stencil, Slots>>);
+
+type Stencil = Box<[u32]>;
+type Slots = Box<[u32]>;
 
 impl Known {
     const NARROW: usize = 4;

@@ -134,7 +134,8 @@ impl Raster {
     /// its neighbours tell; the pixel by its index, where there is surface.
     pub fn quarters(&self, i: usize) -> [[f64; 3]; 4] {
         let (width, b) = (self.size[0], self.barycentric[i]);
-        let across = self.slope(i, 1, i % width > 0, i % width + 1 < width);
+        let column = i % width;
+        let across = self.slope(i, 1, column > 0, column + 1 < width);
         let down = self.slope(i, width, i >= width, i + width < self.face.len());
         let at = |x: f64, y: f64| [0, 1, 2].map(|k| b[k] + 0.25 * (x * across[k] + y * down[k]));
         [at(-1.0, -1.0), at(1.0, -1.0), at(-1.0, 1.0), at(1.0, 1.0)]
@@ -263,6 +264,33 @@ mod tests {
             assert!((camera.project(&p).unwrap().pixel - pixel).norm() < 1e-9);
         }
         assert!(raster.silhouette().data.iter().all(|&v| v), "no cracks along the diagonal");
+    }
+
+    #[test]
+    fn quarters_surround_the_centre_of_a_pixel() {
+        let (topology, points) = scene();
+        let camera = camera([33, 31]);
+        let raster = rasterize(&camera, &topology, &points);
+        let pixel_of = |face: u32, b: [f64; 3]| {
+            let corners = topology.faces[face as usize].map(|v| &points[v as usize]);
+            camera.project(&point_at(corners, b)).unwrap().pixel
+        };
+        let (x, y) = (30, 5);
+        let (face, _) = raster.surface(x, y).unwrap();
+        let quarters = raster.quarters(y * 33 + x).map(|b| pixel_of(face, b));
+        let offsets = [[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.25], [0.25, 0.25]];
+        for (at, [dx, dy]) in quarters.iter().zip(offsets) {
+            let expected = Point2::new(x as f64 + dx, y as f64 + dy);
+            assert!((at - expected).norm() < 0.02, "{at} {expected}");
+        }
+        // The mean of what is linear is that of the centre; what is not known is left out.
+        let column = raster.render_mean(|face, b| Some([pixel_of(face as u32, b).x as f32]));
+        assert!((column[y * 33 + x][0] - x as f32).abs() < 0.02);
+        let right = raster.render_mean(|face, b| {
+            let at = pixel_of(face as u32, b).x as f32;
+            (at > 30.0).then_some([at])
+        });
+        assert!((right[y * 33 + x][0] - 30.25).abs() < 0.02 && right[y * 33 + 3][0].is_nan());
     }
 
     #[test]
