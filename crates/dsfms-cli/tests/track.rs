@@ -116,12 +116,15 @@ fn a_damaged_picture_of_a_jpeg_stream_is_one_lost_frame() {
     let mut damaged = jpeg(1);
     damaged.truncate(damaged.len() / 2);
     let stream = [b"--frame\r\n\r\n".to_vec(), jpeg(0), damaged, jpeg(2), jpeg(3)].concat();
-    let arguments = ["--input-format", "mjpeg", "--overlay"];
+    let arguments = ["--input-format", "mjpeg", "--overlay", "--keep-lost"];
     let done = track(&out, "-", &arguments, stream);
     assert_eq!(done.status.code(), Some(2), "{}", String::from_utf8_lossy(&done.stderr));
     let status: Vec<String> =
         lines(&done.stdout).iter().map(|l| l.0["status"].as_str().unwrap().to_owned()).collect();
     assert_eq!(status, ["ok", "lost", "ok", "ok"]);
+    // Kept as asked, and said to be lost in the file of shapes too.
+    let (shapes, kept) = dsfms::track::shapes::read_shapes(&out.join("vertices.npz")).unwrap();
+    assert!(kept == [0, 2, 0, 0] && shapes[1] == shapes[0] && shapes[2] != shapes[0]);
     assert!(column(&out, "reasons")[1].contains("cut off"), "{:?}", column(&out, "reasons"));
     assert!(out.join("overlay/frame_001.png").exists());
     let said = String::from_utf8_lossy(&done.stderr);

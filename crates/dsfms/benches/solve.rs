@@ -1,12 +1,17 @@
 //! Solves of eq. 3, eq. 4 and the joint problem over mesh sizes: `cargo bench --bench solve`.
 //!
 //! Synthetic patches, 300 matches of 1 px outside a zone pulled by 3 %. CPU milliseconds of the
-//! whole process (median of the repetitions; `warm` keeps coarse mesh and symbolic factors), steps of the last solve, and RMS error against the
-//! truth over the whole surface. Arguments choose sizes and problems: `-- 432 6912 eq3 joint`.
+//! whole process (median of the repetitions), steps of the last solve, and RMS error against the truth
+//! over the whole surface. `warm` keeps coarse mesh and symbolic factors; eq. 4 and joint also start from
+//! their own solution, as in a video. Arguments choose sizes and problems: `-- 432 6912 eq3 joint`;
+//! `-- solve` is all of them.
 
 use dsfms::image::{Mask, Picture, ToneCurve};
 use dsfms::light::LightModel;
-use dsfms::refine::{JointOptions, Photograph, RefineOptions, join, refine};
+use dsfms::refine::{
+    JointOptions, Near, NearFrame, Photograph, RefineOptions, VideoMemory, VideoOptions, join,
+    join_near, refine,
+};
 use dsfms::register::{
     RegisterMemory, RegisterOptions, Registered, Scene, pose, register, register_in,
 };
@@ -19,9 +24,9 @@ const SIZES: [usize; 5] = [432, 1728, 6912, 19200, 50000];
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
     let sizes: Vec<usize> = args.iter().filter_map(|a| a.parse().ok()).collect();
-    let problems: Vec<&str> =
-        args.iter().map(String::as_str).filter(|a| a.parse::<usize>().is_err()).collect();
-    println!("vertices  problem   CPU ms  wall ms  steps  refused  RMS mm");
+    let named = |a: &&str| *a != "solve" && a.parse::<usize>().is_err();
+    let problems: Vec<&str> = args.iter().map(String::as_str).filter(named).collect();
+    println!("vertices  problem      CPU ms  wall ms  steps  refused  RMS mm");
     for &n in if sizes.is_empty() { &SIZES[..] } else { &sizes } {
         bench_size(n, &|name| problems.is_empty() || problems.contains(&name));
     }
@@ -75,6 +80,9 @@ fn bench_shading(
         let (time, found) =
             median_time(n, |_| refine(scene, &start.vertices, &case.matches, &photo, &options));
         report(n, "eq4", time, &found.summary, rms(case, &found.vertices));
+        let (time, warmed) =
+            median_time(n, |_| refine(scene, &found.vertices, &case.matches, &photo, &options));
+        report(n, "eq4 warm", time, &warmed.summary, rms(case, &warmed.vertices));
     }
     if wanted("joint") {
         let options = JointOptions::default();
@@ -82,6 +90,15 @@ fn bench_shading(
         let (time, found) =
             median_time(n, |_| join(scene, &start.vertices, hold, &case.matches, &photo, &options));
         report(n, "joint", time, &found.summary, rms(case, &found.vertices));
+        let (matches, posed) = (&case.matches[..], &scene.posed[..]);
+        let frame = NearFrame { scene, matches, posed, depth_sigma: hold, photo: &photo };
+        let near = Near { shape: &found.vertices, ambient: found.ambient, gap: false };
+        let memory = std::cell::RefCell::new(VideoMemory::default());
+        let video = VideoOptions::default();
+        let warm = |_| join_near(&mut memory.borrow_mut(), &frame, near, &options, &video);
+        warm(0);
+        let (time, warmed) = median_time(n, warm);
+        line(n, "joint warm", time, [warmed.steps, 0], rms(case, &warmed.vertices));
     }
 }
 
@@ -134,7 +151,10 @@ fn rms(case: &Case, shape: &[dsfms::geometry::Point3]) -> f64 {
     (squares.sum::<f64>() / shape.len() as f64).sqrt()
 }
 
-fn report(n: usize, problem: &str, [cpu, wall]: [f64; 2], summary: &Summary, rms: f64) {
-    let (steps, refused) = (summary.iterations, summary.refused);
-    println!("{n:8}  {problem:8} {cpu:7.1}  {wall:7.1}  {steps:5}  {refused:7}  {rms:6.4}");
+fn report(n: usize, problem: &str, time: [f64; 2], summary: &Summary, rms: f64) {
+    line(n, problem, time, [summary.iterations, summary.refused], rms);
+}
+
+fn line(n: usize, problem: &str, [cpu, wall]: [f64; 2], [steps, refused]: [usize; 2], rms: f64) {
+    println!("{n:8}  {problem:10} {cpu:8.1}  {wall:7.1}  {steps:5}  {refused:7}  {rms:6.4}");
 }

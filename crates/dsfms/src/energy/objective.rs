@@ -7,7 +7,7 @@ use crate::solver::{Loss, NormalEquations, Options, Pattern, Problem, Step, Summ
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 use std::collections::HashMap;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// What is solved for.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,44 +59,114 @@ struct System {
     smooth: Known,
 }
 
-/// Blocks of the wide stencils of one pattern: they come again from solve to solve, and a dozen
-/// vertices have 78 blocks to find.
+/// Blocks found before in one pattern: most stencils come again from solve to solve.
 #[derive(Default)]
-struct Known(Mutex<HashMap<Stencil, Slots>>);
+struct Known {
+    /// Of all stencils of the term at a place in the objective, where there was one.
+    terms: Mutex<HashMap<usize, Found>>,
+    /// Of single wide stencils: a dozen vertices have 78 blocks to find.
+    wide: Mutex<HashMap<Box<[u32]>, Slots>>,
+}
 
-type Stencil = Box<[u32]>;
-type Slots = Box<[u32]>;
+/// Block indices of every pair (a ≥ b) of one or more stencils, in order.
+type Slots = Arc<[u32]>;
+
+struct Found {
+    /// Vertices of the stencils, one after the other.
+    vertices: Vec<u32>,
+    /// How many there are in each.
+    sizes: Vec<u32>,
+    slots: Slots,
+}
+
+impl Found {
+    fn is_of<'t>(&self, stencils: impl ExactSizeIterator<Item = &'t [u32]>) -> bool {
+        let mut rest = &self.vertices[..];
+        let mut next = |(stencil, &size): (&[u32], &u32)| {
+            let Some((own, after)) = rest.split_at_checked(size as usize) else { return false };
+            rest = after;
+            own == stencil
+        };
+        stencils.len() == self.sizes.len() && stencils.zip(&self.sizes).all(&mut next)
+    }
+}
 
 impl Known {
     const NARROW: usize = 4;
 
-    /// Append the block of every pair (a ≥ b) of a stencil, in order; `false` where one has none.
-    fn locate(&self, pattern: &Pattern, stencil: &[u32], slots: &mut Vec<u32>) -> bool {
+    /// The blocks of the term at a place in the objective; `None` where a pair has none.
+    fn locate<'t, I>(&self, pattern: &Pattern, place: usize, stencils: I) -> Option<Slots>
+    where
+        I: ExactSizeIterator<Item = &'t [u32]> + Clone,
+    {
+        let of_term = |known: &Self| {
+            let terms = known.terms.lock().unwrap_or_else(PoisonError::into_inner);
+            let found = terms.get(&place).filter(|found| found.is_of(stencils.clone()));
+            found.map(|found| Arc::clone(&found.slots))
+        };
+        if let Some(slots) = of_term(self) {
+            return Some(slots);
+        }
+        let mut slots = Vec::new();
+        for stencil in stencils.clone() {
+            self.append(pattern, stencil, &mut slots)?;
+        }
+        let slots: Slots = slots.into();
+        let found = Found {
+            vertices: stencils.clone().flatten().copied().collect(),
+            sizes: stencils.map(|s| s.len() as u32).collect(),
+            slots: Arc::clone(&slots),
+        };
+        self.terms.lock().unwrap_or_else(PoisonError::into_inner).insert(place, found);
+        Some(slots)
+    }
+
+    fn append(&self, pattern: &Pattern, stencil: &[u32], slots: &mut Vec<u32>) -> Option<()> {
         if stencil.len() <= Self::NARROW {
             return find_blocks(pattern, stencil, slots);
         }
-        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = known.get(stencil) {
+        let mut wide = self.wide.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = wide.get(stencil) {
             slots.extend_from_slice(found);
-            return true;
+            return Some(());
         }
         let start = slots.len();
-        let all = find_blocks(pattern, stencil, slots);
-        if all {
-            known.insert(stencil.into(), slots[start..].into());
-        }
-        all
+        find_blocks(pattern, stencil, slots)?;
+        wide.insert(stencil.into(), slots[start..].into());
+        Some(())
     }
 }
 
-fn find_blocks(pattern: &Pattern, stencil: &[u32], slots: &mut Vec<u32>) -> bool {
+/// Append the block of every pair (a ≥ b) of a stencil, in order; `None` where one has none.
+fn find_blocks(pattern: &Pattern, stencil: &[u32], slots: &mut Vec<u32>) -> Option<()> {
     for (k, &a) in stencil.iter().enumerate() {
         for &b in &stencil[..=k] {
-            let Some(block) = pattern.find(a, b) else { return false };
-            slots.push(block as u32);
+            slots.push(pattern.find(a, b)? as u32);
         }
     }
-    true
+    Some(())
+}
+
+impl Workspace {
+    /// Prepared for the blocks of these stencils, so that objectives that come to need them one by one
+    /// are not analysed again.
+    pub fn reserved<'s>(
+        vertices: usize,
+        globals: usize,
+        stencils: impl Iterator<Item = &'s [u32]>,
+    ) -> Self {
+        let near = Pattern::new(vertices, stencils);
+        Self { system: Some(System::new(near, Pattern::new(vertices, [].into_iter()), globals)) }
+    }
+}
+
+impl System {
+    fn new(near: Pattern, smooth: Pattern, globals: usize) -> Self {
+        let stripes = vec![Accumulator::new(&near, globals); STRIPES];
+        let equations = NormalEquations::new(near, smooth, globals)
+            .expect("a pattern built from stencils is well formed");
+        Self { equations, stripes, near: Known::default(), smooth: Known::default() }
+    }
 }
 
 impl<'a> Objective<'a> {
@@ -114,7 +184,7 @@ impl<'a> Objective<'a> {
         term: impl EnergyTerm<R> + 'a,
     ) -> Self {
         if weight > 0.0 && term.count() > 0 {
-            self.terms.push(Box::new(WeightedTerm { weight, loss, term, slots: Vec::new() }));
+            self.terms.push(Box::new(WeightedTerm { weight, loss, term, slots: Arc::default() }));
         }
         self
     }
@@ -164,14 +234,14 @@ impl<'a> Objective<'a> {
     /// Find the blocks of every term; `false` where one has none.
     fn locate(&mut self, system: &System) -> bool {
         let System { equations, near, smooth, .. } = system;
-        let locate = |term: &mut Box<dyn Weighted + 'a>| {
+        let locate = |(place, term): (usize, &mut Box<dyn Weighted + 'a>)| {
             let (pattern, known) = match term.is_isotropic() {
                 true => (equations.smooth(), smooth),
                 false => (equations.near(), near),
             };
-            term.locate(pattern, known)
+            term.locate(pattern, known, place)
         };
-        self.terms.par_iter_mut().all(locate)
+        self.terms.par_iter_mut().enumerate().all(locate)
     }
 
     /// Linearise into the stripes; the cost of every term, `None` where the state is infeasible.
@@ -208,10 +278,7 @@ impl<'a> Objective<'a> {
         if let Some(earlier) = earlier {
             (near, smooth) = (near.union(earlier.near()), smooth.union(earlier.smooth()));
         }
-        let stripes = vec![Accumulator::new(&near, self.globals); STRIPES];
-        let equations = NormalEquations::new(near, smooth, self.globals)
-            .expect("a pattern built from stencils is well formed");
-        System { equations, stripes, near: Known::default(), smooth: Known::default() }
+        System::new(near, smooth, self.globals)
     }
 }
 
@@ -264,7 +331,8 @@ trait Weighted: Send + Sync {
     fn stencil(&self, i: usize) -> &[u32];
     /// Whether its part of the normal matrix is constant and one number for a pair of vertices.
     fn is_isotropic(&self) -> bool;
-    fn locate(&mut self, pattern: &Pattern, known: &Known) -> bool;
+    /// Find the blocks of the term at this place in the objective; `false` where one has none.
+    fn locate(&mut self, pattern: &Pattern, known: &Known, place: usize) -> bool;
     fn accumulate_isotropic(&self, values: &mut [f64]);
     fn cost(&self, state: &Unknowns) -> Option<f64>;
     /// Add blocks to the sums; their cost, `None` where one is infeasible.
@@ -281,7 +349,7 @@ struct WeightedTerm<const R: usize, T> {
     loss: Loss,
     term: T,
     /// Block index of every pair (a ≥ b) of every stencil, in order.
-    slots: Vec<u32>,
+    slots: Slots,
 }
 
 /// Vertices and globals of one block, gathered on the stack.
@@ -328,9 +396,12 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
         self.loss == Loss::Squared && self.term.isotropic(0).is_some()
     }
 
-    fn locate(&mut self, pattern: &Pattern, known: &Known) -> bool {
-        self.slots.clear();
-        (0..self.term.count()).all(|i| known.locate(pattern, self.term.stencil(i), &mut self.slots))
+    fn locate(&mut self, pattern: &Pattern, known: &Known, place: usize) -> bool {
+        let stencils = (0..self.term.count()).map(|i| self.term.stencil(i));
+        let found = known.locate(pattern, place, stencils);
+        let all = found.is_some();
+        self.slots = found.unwrap_or_default();
+        all
     }
 
     fn accumulate_isotropic(&self, values: &mut [f64]) {
@@ -377,6 +448,7 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
         let mut slot: usize = (0..range.start).map(pairs).sum();
         let mut d_vertices = [SMatrix::<f64, R, 3>::zeros(); MAX_STENCIL];
         let mut d_globals = [SVector::<f64, R>::zeros(); MAX_GLOBALS];
+        let mut weighted = [SMatrix::<f64, 3, R>::zeros(); MAX_STENCIL];
         let mut gathered = Gathered::new();
         let mut cost = 0.0;
         for i in range {
@@ -393,7 +465,8 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
             let w = self.weight * self.term.weight(i);
             cost += w * value;
             if w * slope > 0.0 {
-                scatter(sums, Block { w: w * slope, r, stencil, globals, dv, dg, slots });
+                let block = Block { w: w * slope, r, stencil, globals, dv, dg, slots };
+                scatter(sums, &mut weighted[..stencil.len()], block);
             }
         }
         cost.is_finite().then_some(cost)
@@ -435,9 +508,13 @@ struct Block<'a, const R: usize> {
     slots: &'a [u32],
 }
 
-fn scatter<const R: usize>(sums: &mut Accumulator, block: Block<'_, R>) {
+/// `weighted`: memory, an entry a vertex of the stencil.
+fn scatter<const R: usize>(
+    sums: &mut Accumulator,
+    weighted: &mut [SMatrix<f64, 3, R>],
+    block: Block<'_, R>,
+) {
     let Block { w, r, stencil, globals, dv, dg, slots } = block;
-    let mut weighted = [SMatrix::<f64, 3, R>::zeros(); MAX_STENCIL];
     let mut slots = slots.iter();
     for (k, &a) in stencil.iter().enumerate() {
         weighted[k] = dv[k].transpose() * w;

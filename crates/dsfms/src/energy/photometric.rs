@@ -50,6 +50,11 @@ impl FaceRings {
         let faces = (0..topology.faces.len() as u32).into_par_iter();
         Self(faces.map(|face| FaceRing::of(topology, face)).collect())
     }
+
+    /// The vertices about every face.
+    pub fn stencils(&self) -> impl Iterator<Item = &[u32]> {
+        self.0.iter().map(|ring| &ring.stencil[..])
+    }
 }
 
 /// A face, the vertices around it, and the faces around its corners in local indices.

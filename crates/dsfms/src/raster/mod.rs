@@ -79,8 +79,10 @@ impl Band<'_> {
             let (first, last) = (face.y[0].max(self.rows[0]), face.y[1].min(self.rows[1] - 1));
             for y in first..=last.min(face.y[1]) {
                 let (row, start) = (face.row(y as f64), (y - self.rows[0]) * self.width);
-                for x in face.x[0]..=face.x[1] {
-                    let (Some(here), i) = (row.at(x as f64), start + x) else { continue };
+                let columns = (face.x[0]..=face.x[1]).map(|x| (start + x, row.at(x as f64)));
+                // A row meets a triangle in one run.
+                let run = columns.skip_while(|c| c.1.is_none());
+                for (i, here) in run.map_while(|(i, here)| Some((i, here?))) {
                     if here.depth < self.depth[i] {
                         self.depth[i] = here.depth;
                         self.face[i] = face.index;
@@ -155,25 +157,19 @@ impl Raster {
         }
     }
 
-    /// Mean over every pixel of a function of the surface, `None` where it is not known: `NaN` where
-    /// there is no surface or nothing of it is known; row major.
-    pub fn render_mean<const N: usize>(
+    /// [`Raster::render`] of a function of the barycentrics that [`Raster::quarters`] gives.
+    pub fn render_quarters<T: Copy + Send + Sync>(
         &self,
-        value: impl Fn(usize, [f64; 3]) -> Option<[f32; N]> + Sync,
-    ) -> Vec<[f32; N]> {
-        let mean = |i: usize| {
-            let face = self.face[i];
-            if face == u32::MAX {
-                return [f32::NAN; N];
-            }
-            let (mut sum, mut count) = ([0.0; N], 0.0);
-            for known in self.quarters(i).into_iter().filter_map(|b| value(face as usize, b)) {
-                sum.iter_mut().zip(known).for_each(|(sum, v)| *sum += v);
-                count += 1.0;
-            }
-            sum.map(|sum| sum / count)
-        };
-        (0..self.face.len()).into_par_iter().map(mean).collect()
+        background: T,
+        value: impl Fn(usize, [[f64; 3]; 4]) -> T + Sync,
+    ) -> Vec<T> {
+        (0..self.face.len())
+            .into_par_iter()
+            .map(|i| match self.face[i] {
+                u32::MAX => background,
+                face => value(face as usize, self.quarters(i)),
+            })
+            .collect()
     }
 
     /// `true` where there is surface.
@@ -283,14 +279,11 @@ mod tests {
             let expected = Point2::new(x as f64 + dx, y as f64 + dy);
             assert!((at - expected).norm() < 0.02, "{at} {expected}");
         }
-        // The mean of what is linear is that of the centre; what is not known is left out.
-        let column = raster.render_mean(|face, b| Some([pixel_of(face as u32, b).x as f32]));
-        assert!((column[y * 33 + x][0] - x as f32).abs() < 0.02);
-        let right = raster.render_mean(|face, b| {
-            let at = pixel_of(face as u32, b).x as f32;
-            (at > 30.0).then_some([at])
+        // The mean of what is linear is that of the centre.
+        let columns = raster.render_quarters(f64::NAN, |face, quarters| {
+            quarters.map(|b| pixel_of(face as u32, b).x).iter().sum::<f64>() / 4.0
         });
-        assert!((right[y * 33 + x][0] - 30.25).abs() < 0.02 && right[y * 33 + 3][0].is_nan());
+        assert!((columns[y * 33 + x] - x as f64).abs() < 0.02);
     }
 
     #[test]

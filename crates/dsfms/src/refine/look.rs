@@ -58,10 +58,8 @@ impl<'a> Look<'a> {
         let raster = rasterize(photo.camera, &rest.topology, shape);
         let normals = vertex_normals(&rest.topology, shape);
         let (texels, picture) = (photo.albedo, photo.picture);
-        let albedo = raster.render_mean(|face, b| {
-            let texel = texels.index(face, b);
-            (texels.views[texel] > 0).then(|| texels.value[texel])
-        });
+        let mean = |face, quarters| texels.observed_mean(face, quarters);
+        let albedo = raster.render_quarters([f32::NAN; 3], mean);
         let known: Vec<bool> = albedo.iter().map(|a| !a[0].is_nan()).collect();
         let albedo = ColorImage { size: raster.size, data: albedo };
         let at_contour = if options.contour > 0.0 {

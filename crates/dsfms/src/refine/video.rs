@@ -132,7 +132,12 @@ pub fn join_near(
     };
     let start = Unknowns { vertices: near.shape.to_vec(), globals: vec![0.0, near.ambient] };
     let VideoMemory { workspace, rings } = memory;
-    let rings = &*rings.get_or_insert_with(|| FaceRings::of(&frame.scene.rest.topology));
+    let rings = &*rings.get_or_insert_with(|| {
+        let rings = FaceRings::of(&frame.scene.rest.topology);
+        // Whatever face comes into view, the system has its blocks.
+        *workspace = Workspace::reserved(near.shape.len(), 2, rings.stencils());
+        rings
+    });
     let mut found = (start, 0, 0.0, 0);
     let before = if near.gap { &video.blurs_after_gap[..] } else { &[] };
     let (matches, light) = (frame.matches, &frame.photo.light.light);

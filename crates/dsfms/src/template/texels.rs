@@ -36,13 +36,20 @@ impl SurfaceTexels {
 
     /// Texel that holds a point of a face.
     pub fn index(&self, face: usize, barycentric: [f64; 3]) -> usize {
-        let r = u32::from(self.resolution[face]);
-        let [x, y] = [1, 2].map(|k| barycentric[k].max(0.0) * f64::from(r));
-        let i = (x as u32).min(r - 1);
-        let j = (y as u32).min(r - 1 - i);
-        let upper = (x - f64::from(i)) + (y - f64::from(j)) > 1.0 && i + j + 1 < r;
-        // Row i holds 2(r−i)−1 sub-triangles: upright at even, inverted at odd places.
-        (self.offset[face] + 2 * r * i - i * i + 2 * j + u32::from(upper)) as usize
+        self.offset[face] as usize + place(self.resolution[face], barycentric)
+    }
+
+    /// Mean of what was observed at points of a face (nearest texels); NaN where nothing was.
+    pub fn observed_mean(&self, face: usize, points: [[f64; 3]; 4]) -> [f32; 3] {
+        let (first, resolution) = (self.offset[face] as usize, self.resolution[face]);
+        let (mut sum, mut count) = ([0.0; 3], 0.0);
+        for texel in points.map(|b| first + place(resolution, b)) {
+            if self.views[texel] > 0 {
+                sum.iter_mut().zip(self.value[texel]).for_each(|(sum, v)| *sum += v);
+                count += 1.0;
+            }
+        }
+        sum.map(|sum| sum / count)
     }
 
     /// Barycentrics of the centre of every texel of a face, in storage order.
@@ -63,6 +70,17 @@ impl SurfaceTexels {
     }
 }
 
+/// Which of its face's texels holds a point.
+fn place(resolution: u16, barycentric: [f64; 3]) -> usize {
+    let r = u32::from(resolution);
+    let [x, y] = [1, 2].map(|k| barycentric[k].max(0.0) * f64::from(r));
+    let i = (x as u32).min(r - 1);
+    let j = (y as u32).min(r - 1 - i);
+    let upper = (x - f64::from(i)) + (y - f64::from(j)) > 1.0 && i + j + 1 < r;
+    // Row i holds 2(r−i)−1 sub-triangles: upright at even, inverted at odd places.
+    (2 * r * i - i * i + 2 * j + u32::from(upper)) as usize
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -79,5 +97,18 @@ mod tests {
             }
         }
         assert_eq!(next, texels.value.len());
+    }
+
+    #[test]
+    fn means_are_of_what_was_observed() {
+        let mut texels = SurfaceTexels::new(vec![1, 2]);
+        let centres: Vec<[f64; 3]> = texels.centres(1).collect();
+        for (k, b) in centres.iter().enumerate() {
+            let at = texels.index(1, *b);
+            (texels.value[at], texels.views[at]) = ([k as f32, 1.0, 0.5], u16::from(k > 0));
+        }
+        let points = [centres[0], centres[1], centres[3], centres[3]];
+        assert_eq!(texels.observed_mean(1, points), [7.0 / 3.0, 1.0, 0.5]);
+        assert!(texels.observed_mean(1, [centres[0]; 4])[0].is_nan());
     }
 }

@@ -124,7 +124,7 @@ struct Job<'a> {
     /// Frames a second.
     rate: f64,
     summary: String,
-    /// Last surface, for `--keep-lost`.
+    /// Last good surface, for `--keep-lost`.
     last: Option<Vec<Point3>>,
     /// Pictures written.
     overlays: Vec<PathBuf>,
@@ -170,7 +170,7 @@ impl<'a> Job<'a> {
         let &Done { number, tracked, dropped, ms } = done;
         self.counts[tracked.status as usize] += 1;
         self.summary += &outputs::row(number, &frame.name, tracked, dropped, ms);
-        if let Some(surface) = &tracked.surface {
+        if let (TrackStatus::Ok, Some(surface)) = (tracked.status, &tracked.surface) {
             self.last = Some(surface.vertices.clone());
         }
         let kept = self.last.clone().filter(|_| self.args.keep_lost);

@@ -154,6 +154,49 @@ fn a_kept_workspace_gives_what_a_fresh_one_does() {
 }
 
 #[test]
+fn a_reserved_workspace_holds_every_block_that_may_come() {
+    let camera = camera();
+    let mesh = sheet(33);
+    let rest = RestFaces::new(&mesh, 1600.0);
+    let vertices = mesh.positions.len();
+    let around = |faces: &Vec<u32>| -> Vec<u32> {
+        faces.iter().flat_map(|&f| mesh.topology.faces[f as usize]).collect()
+    };
+    let all: Vec<Vec<u32>> = mesh.topology.vertex_faces.iter().map(around).collect();
+    let mut workspace = Workspace::reserved(vertices, 1, all.iter().map(Vec::as_slice));
+    let blocks = |workspace: &Workspace| workspace.system.as_ref().unwrap().equations.near().len();
+    let reserved = blocks(&workspace);
+    let make = || objective(&mesh, &rest, &camera);
+    let (state, _) = make().minimise_in(&mut workspace, start(&mesh), &Options::default());
+    let (fresh, _) = make().minimise(start(&mesh), &Options::default());
+    // Another order of the unknowns, and iterations that end as near to the direct solver as above.
+    assert!(farthest(&state, &fresh) < 1e-3, "{}", farthest(&state, &fresh));
+    assert_eq!(blocks(&workspace), reserved);
+}
+
+#[test]
+fn blocks_are_found_again_and_others_are_not_mistaken_for_them() {
+    let stencils: [&[u32]; 3] = [&[0, 1, 2], &[2, 3], &[0, 1, 2, 3, 4, 5]];
+    let pattern = Pattern::new(6, stencils.into_iter());
+    let known = Known::default();
+    let first = known.locate(&pattern, 0, stencils[..2].iter().copied()).unwrap();
+    let again = known.locate(&pattern, 0, stencils[..2].iter().copied()).unwrap();
+    assert!(Arc::ptr_eq(&first, &again));
+    let by_hand: Vec<u32> =
+        [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2), (2, 2), (3, 2), (3, 3)]
+            .map(|(a, b)| pattern.find(a, b).unwrap() as u32)
+            .into();
+    assert_eq!(*first, by_hand[..]);
+    // The same vertices in other stencils, fewer, more, and another term.
+    let split: [&[u32]; 3] = [&[0, 1], &[2], &[2, 3]];
+    assert_ne!(known.locate(&pattern, 0, split.into_iter()).unwrap(), first);
+    assert_eq!(known.locate(&pattern, 0, stencils[..1].iter().copied()).unwrap()[..], first[..6]);
+    assert_eq!(known.locate(&pattern, 0, stencils.into_iter()).unwrap().len(), 9 + 21);
+    let far: [&[u32]; 1] = [&[0, 7]];
+    assert!(known.locate(&pattern, 1, far.into_iter()).is_none());
+}
+
+#[test]
 fn the_number_of_threads_changes_no_bit() {
     let camera = camera();
     for n in [12, 33] {
