@@ -2,6 +2,7 @@
 //! surface, project back (Botsch and Kobbelt 2004). Boundaries stay on the input's boundary. On request
 //! edges are shorter where the surface bends ([`RemeshOptions::adaptive`]).
 
+mod diagonals;
 mod outline;
 mod passes;
 mod sizing;
@@ -9,6 +10,7 @@ mod sizing;
 use super::surface_points::ClosestPoints;
 use super::{Mesh, Topology, TopologyError};
 use crate::geometry::Point3;
+pub use diagonals::fit_diagonals;
 use outline::Outline;
 use serde::{Deserialize, Serialize};
 use sizing::Sizing;

@@ -21,7 +21,7 @@ use crate::geometry::{Isometry, Point3};
 use crate::image::{Frame, Mask, ToneCurve, viewport};
 use crate::light::{Coat, LightModel};
 use crate::mesh::Mesh;
-use crate::mesh::remesh::{RemeshOptions, remesh};
+use crate::mesh::remesh::{RemeshOptions, fit_diagonals, remesh};
 use crate::sfm::{self, Features2d, SfmOptions, SfmStage};
 use crate::template::albedo::AlbedoOptions;
 use crate::template::anchor::AnchorOptions;
@@ -64,6 +64,9 @@ pub struct TemplateOptions {
     pub dense: DenseOptions,
     /// Remeshing to `vertices`.
     pub remesh: RemeshOptions,
+    /// Flip edges of the remeshed surface where the other diagonal of their two faces lies closer to
+    /// what stereo saw ([`fit_diagonals`]).
+    pub fit_diagonals: bool,
     /// Conformal flattening.
     pub flatten: FlattenOptions,
     /// The organ as outlined on frames; empty = masks alone say what is organ.
@@ -87,6 +90,7 @@ impl Default for TemplateOptions {
             sfm: SfmOptions::default(),
             dense: DenseOptions::default(),
             remesh: RemeshOptions::default(),
+            fit_diagonals: true,
             flatten: FlattenOptions::default(),
             outlines: Vec::new(),
             click: None,
@@ -346,7 +350,10 @@ fn dense_mesh(
     let named = named(exploration.frames, poses);
     let fine = outline::trim(fine.mesh, camera, &named, &options.outlines)?;
     let fine = click::pick(fine, camera, &named, options.click.as_ref())?;
-    let mesh = remesh(&fine, options.vertices, &options.remesh)?;
+    let mut mesh = remesh(&fine, options.vertices, &options.remesh)?;
+    if options.fit_diagonals {
+        mesh = fit_diagonals(&mesh, &fine);
+    }
     progress.step("surface", 2, 2);
     Ok(mesh)
 }
