@@ -85,6 +85,9 @@ pub struct TemplateArgs {
     /// STRENGTH from 0 (one length) to 1 (the same distance from the surface everywhere).
     #[arg(long, value_name = "STRENGTH", num_args = 0..=1, require_equals = true, default_missing_value = "1", conflicts_with = "mesh")]
     adaptive: Option<f64>,
+    /// Peel off the rim what the surface itself hides from every frame, or what faces away from all.
+    #[arg(long, conflicts_with = "mesh")]
+    peel_hidden: bool,
     /// Surface to use: PLY, OBJ, STL or glTF; its vertex order and faces are kept.
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
@@ -205,6 +208,7 @@ fn options(args: &TemplateArgs, global: &Global) -> anyhow::Result<TemplateOptio
     options.flatten.method = args.flatten.into();
     options.sfm.seed = global.seed;
     options.dense.seed = global.seed;
+    options.dense.peel_hidden = args.peel_hidden;
     if args.self_calibrate {
         options.sfm.refine = RefineIntrinsics {
             focal: true,

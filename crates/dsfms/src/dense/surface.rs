@@ -97,7 +97,7 @@ fn tidy(
     clean::drop_small(triangles, DUST);
     one_piece(triangles, options);
     holes::close_small(triangles, options.max_hole_edges);
-    rim::peel(triangles, views, maps);
+    rim::peel(triangles, views, maps, options.peel_hidden);
     one_piece(triangles, options);
     holes::close_small(triangles, options.max_hole_edges);
     let mut handles = handles::handles(triangles);
