@@ -144,14 +144,27 @@ fn the_organ_by_click_has_the_same_bits_at_any_number_of_threads() {
     frames.template(&click, "1", "one");
     frames.template(&click, "2", "two");
     frames.assert_disc("one");
-    for file in ["template.ply", "template.toml", "albedo.npz", "features.npz", "flattening.npz"] {
+    for file in [
+        "template.ply",
+        "template.toml",
+        "albedo.npz",
+        "features.npz",
+        "flattening.npz",
+        "sigma.npz",
+    ] {
         let [one, two] = ["one", "two"].map(|t| fs::read(frames.path(&format!("{t}/{file}"))));
         assert!(one.unwrap() == two.unwrap(), "{file} differs");
     }
     frames
-        .dsfms(&["export", "one", "--colmap", "sparse", "--mesh", "o.obj", "--mesh", "o.glb"])
+        .dsfms(&[
+            "export", "one", "--colmap", "sparse", "--mesh", "o.obj", "--mesh", "o.glb", "--mesh",
+            "o.ply",
+        ])
         .assert()
         .success();
+    let exported = fs::read(frames.path("o.ply")).unwrap();
+    let header = String::from_utf8_lossy(&exported[..400]).into_owned();
+    assert!(header.contains("property float confidence"), "{header}");
     let sparse = fs::read_to_string(frames.path("sparse/images.txt")).unwrap();
     assert!(sparse.contains("f_0") && sparse.contains("f_5"), "{sparse:.300}");
     let [ply, obj] = ["one/template.ply", "o.obj"]

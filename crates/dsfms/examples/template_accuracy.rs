@@ -180,6 +180,8 @@ fn report(
     let positions = transformed(&world, &template.mesh.positions);
     let aligned = Mesh { topology: template.mesh.topology.clone(), positions };
     let distances = surface(&aligned, &truth.rest.mesh, on_organ);
+    let scaled: Vec<f64> = template.sigma.iter().map(|s| s * world.scaling()).collect();
+    expected_errors(&aligned, &scaled, &distances, on_organ);
     let gaps = completeness(&aligned, truth);
     let shades = albedo(template, &aligned, truth, on_organ);
     if let Some(light) = &built.light {
@@ -249,6 +251,31 @@ fn surface(found: &Mesh, truth: &Mesh, on_organ: &dyn Fn(&Point3) -> bool) -> Ve
         at(1.0)
     );
     all
+}
+
+/// What the template expects its vertices to be off, and how far off they are in those terms.
+fn expected_errors(
+    found: &Mesh,
+    expected: &[f64],
+    distances: &[f64],
+    on_organ: &dyn Fn(&Point3) -> bool,
+) {
+    let own = |&v: &usize| expected[v].is_finite() && on_organ(&found.positions[v]);
+    let own: Vec<usize> = (0..expected.len()).filter(own).collect();
+    if own.is_empty() {
+        return;
+    }
+    let quantile = |mut values: Vec<f64>, q: f64| {
+        values.sort_by(f64::total_cmp);
+        values[((values.len() - 1) as f64 * q) as usize]
+    };
+    let median = quantile(own.iter().map(|&v| expected[v]).collect(), 0.5);
+    let ratio = |q: f64| quantile(own.iter().map(|&v| distances[v] / expected[v]).collect(), q);
+    println!(
+        "| expected error, median mm; true over expected, 68th / 95th percentile | {median:.3}; {:.2} / {:.2} |",
+        ratio(0.683),
+        ratio(0.954)
+    );
 }
 
 /// Distance of every true vertex from the surface found.

@@ -118,7 +118,9 @@ fn mesh(template: &Template, path: &Path) -> anyhow::Result<()> {
     let uv = template.flattening.as_ref().map(|f| f.corners.as_slice());
     match kind(path) {
         Some(Kind::Ply) => {
-            write_ply(path, &mesh.topology, &mesh.positions, unit, &PlyExtras::default())?;
+            let expected = (!template.sigma.is_empty()).then_some(template.sigma.as_slice());
+            let extras = PlyExtras { confidence: expected, ..Default::default() };
+            write_ply(path, &mesh.topology, &mesh.positions, unit, &extras)?;
         }
         Some(Kind::Obj) => write_obj(path, mesh, uv, unit, &[])?,
         Some(Kind::Stl) => write_stl(path, mesh)?,

@@ -81,6 +81,13 @@ pub struct TemplateArgs {
     /// Vertices of the template mesh, 100 to 50000.
     #[arg(long, value_name = "N", default_value_t = 1000)]
     vertices: usize,
+    /// Shorter edges where the surface bends, longer ones where it is flat, 0.5 to 2 of the mean:
+    /// STRENGTH from 0 (one length) to 1 (the same distance from the surface everywhere).
+    #[arg(long, value_name = "STRENGTH", num_args = 0..=1, require_equals = true, default_missing_value = "1", conflicts_with = "mesh")]
+    adaptive: Option<f64>,
+    /// Peel off the rim what the surface itself hides from every frame, or what faces away from all.
+    #[arg(long, conflicts_with = "mesh")]
+    peel_hidden: bool,
     /// Surface to use: PLY, OBJ, STL or glTF; its vertex order and faces are kept.
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
@@ -182,6 +189,9 @@ fn check(args: &TemplateArgs) -> anyhow::Result<()> {
         _ if !(100..=50_000).contains(&args.vertices) => {
             wrong(&format!("--vertices {}: expected 100 to 50000", args.vertices))
         }
+        _ if args.adaptive.is_some_and(|strength| !(0.0..=1.0).contains(&strength)) => {
+            wrong("--adaptive: expected a strength from 0 to 1, as --adaptive=0.5")
+        }
         _ if !args.frames.is_empty() && args.albedo.is_some() => {
             wrong("--albedo is for a mesh without frames; with frames the albedo is measured")
         }
@@ -194,9 +204,11 @@ fn options(args: &TemplateArgs, global: &Global) -> anyhow::Result<TemplateOptio
     options.outlines = args.organ_polygon.clone();
     options.click = args.organ_click.clone();
     options.scale = args.scale.references()?;
+    options.remesh.adaptive = args.adaptive.unwrap_or_default();
     options.flatten.method = args.flatten.into();
     options.sfm.seed = global.seed;
     options.dense.seed = global.seed;
+    options.dense.peel_hidden = args.peel_hidden;
     if args.self_calibrate {
         options.sfm.refine = RefineIntrinsics {
             focal: true,

@@ -210,6 +210,11 @@ impl PageData {
             let values = Numbers::of(&seen);
             data.scalars.push(Scalar { name: "Frames that saw it", unit: "frames", values });
         }
+        if !template.sigma.is_empty() {
+            let sigma: Vec<f64> = template.sigma.iter().map(|s| s * scale).collect();
+            let values = Numbers::of(&sigma);
+            data.scalars.push(Scalar { name: "Expected error of the template", unit, values });
+        }
         Ok(data)
     }
 }

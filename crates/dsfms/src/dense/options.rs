@@ -51,6 +51,9 @@ pub struct DenseOptions {
     pub smoothing: usize,
     /// Keep only the largest connected piece.
     pub largest_only: bool,
+    /// At the rim, frames do not vouch for surface that faces away from them or lies behind the surface
+    /// itself (by 8 % of the depth or more): folds and tongues that no frame can have seen are peeled.
+    pub peel_hidden: bool,
     /// Seed of the random search; the same seed gives the same bits.
     pub seed: u64,
 }
@@ -78,6 +81,7 @@ impl Default for DenseOptions {
             max_hole_edges: 250,
             smoothing: 40,
             largest_only: true,
+            peel_hidden: false,
             seed: 0,
         }
     }

@@ -3,9 +3,11 @@
 
 use super::clean::{boundary_edges, edge_list, grown};
 use super::tetrahedra::Triangles;
-use super::{DepthMap, PosedFrame};
+use super::{DepthMap, PosedFrame, surface::SAME_SURFACE};
 use crate::camera::Camera;
 use crate::geometry::{Point3, Vector3};
+use crate::mesh::Topology;
+use crate::raster::{rasterize, visible_vertices};
 use rayon::prelude::*;
 
 /// Share of the frames that look at a place whose depth agrees with it, for full trust.
@@ -20,14 +22,32 @@ const LEAST: f64 = 0.15;
 const SEEN: f64 = 0.5;
 /// What a straight rim of full trust loses by that, in edges: it is given back.
 const LOST: usize = 4;
+/// Cosine to the sightline below which depths may not differ by more.
+const GRAZING: f64 = 0.25;
+/// What lies behind the surface by more than this fraction of the depth is hidden: both may be off by
+/// what depths of one surface differ by at a grazing angle.
+const BEHIND: f64 = 2.0 * SAME_SURFACE / GRAZING;
 /// Bays of the rim narrower than twice this, in edges, stay filled.
 const BAY: usize = 6;
 
-/// Peel the rim. Expects one fan a vertex; leaves teeth.
-pub(super) fn peel(triangles: &mut Triangles, views: &[PosedFrame], maps: &[DepthMap]) {
+/// Peel the rim. Expects one fan a vertex; leaves teeth. `hides`: a frame does not look at what faces
+/// away from it or the surface itself hides from it.
+pub(super) fn peel(
+    triangles: &mut Triangles,
+    views: &[PosedFrame],
+    maps: &[DepthMap],
+    hides: bool,
+) {
     let normals = normals(triangles);
-    let (trust, seen): (Vec<f64>, Vec<f64>) =
-        triangles.positions.par_iter().zip(&normals).map(|(p, n)| trust(views, maps, p, n)).unzip();
+    let open = hides.then(|| unhidden(triangles, &normals, maps));
+    let (trust, seen): (Vec<f64>, Vec<f64>) = (0..normals.len())
+        .into_par_iter()
+        .map(|v| {
+            let looks = |i: &usize| open.as_ref().is_none_or(|open| open[*i][v]);
+            let frames = (0..maps.len()).filter(looks).map(|i| (&views[i], &maps[i]));
+            trust(frames, &triangles.positions[v], &normals[v])
+        })
+        .unzip();
     let trust = diffused(triangles, trust);
     let front: Vec<bool> = seen.iter().map(|&s| s > 0.0).collect();
     let seen = diffused(triangles, seen);
@@ -36,10 +56,33 @@ pub(super) fn peel(triangles: &mut Triangles, views: &[PosedFrame], maps: &[Dept
     remove_from_rim(triangles, &doubtful, &front);
 }
 
-/// Trust in a vertex, in `[0, 1]`, and 1 where a frame looks at its front, else 0.
-fn trust(views: &[PosedFrame], maps: &[DepthMap], point: &Point3, normal: &Vector3) -> (f64, f64) {
+/// For every frame, whether a vertex faces it and nothing of the surface itself hides the vertex from it:
+/// an empty depth map, or a wrong one, tells nothing of what the surface lies before.
+fn unhidden(triangles: &Triangles, normals: &[Vector3], maps: &[DepthMap]) -> Vec<Vec<bool>> {
+    let topology = Topology::from_checked(triangles.positions.len(), triangles.faces.clone());
+    let one = |map: &DepthMap| {
+        let positions: Vec<Point3> = triangles.positions.iter().map(|p| map.pose * p).collect();
+        let raster = rasterize(&map.camera, &topology, &positions);
+        let nearest = raster.depth.iter().copied().fold(f64::INFINITY, f64::min);
+        let tolerance = BEHIND * nearest;
+        let mut open = visible_vertices(&map.camera, &topology, &positions, &raster, tolerance);
+        for ((open, p), normal) in open.iter_mut().zip(&positions).zip(normals) {
+            *open &= (map.pose.rotation * normal).dot(&p.coords) < 0.0;
+        }
+        open
+    };
+    // One after the other: a z-buffer is large, and drawn by all threads.
+    maps.iter().map(one).collect()
+}
+
+/// Trust in a vertex, in `[0, 1]`, and 1 where one of the frames looks at its front, else 0.
+fn trust<'a>(
+    frames: impl Iterator<Item = (&'a PosedFrame<'a>, &'a DepthMap)>,
+    point: &Point3,
+    normal: &Vector3,
+) -> (f64, f64) {
     let (mut looking, mut agreeing, mut facing, mut seen) = (0, 0, 0.0f64, false);
-    for (view, map) in views.iter().zip(maps) {
+    for (view, map) in frames {
         let Some(agrees) = says(view, map, point) else { continue };
         let centre = view.pose.inverse_transform_point(&Point3::origin());
         let cosine = normal.dot(&(centre - point).normalize());
@@ -73,7 +116,7 @@ fn says(view: &PosedFrame, map: &DepthMap, point: &Point3) -> Option<bool> {
     }
     let i = v as usize * w + u as usize;
     let (z, facing) = (f64::from(map.depth[i]), -f64::from(map.normal[i][2]));
-    let agrees = z > 0.0 && (z - p.z).abs() < super::surface::SAME_SURFACE * p.z / facing.max(0.25);
+    let agrees = z > 0.0 && (z - p.z).abs() < SAME_SURFACE * p.z / facing.max(GRAZING);
     let hidden = z > 0.0 && z < p.z;
     (agrees || !hidden).then_some(agrees)
 }
@@ -156,6 +199,9 @@ fn without_bays(faces: &[[u32; 3]], kept: Vec<bool>, rim: &[[u32; 2]]) -> Vec<bo
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::{CameraModel, Lens};
+    use crate::geometry::Isometry;
+    use crate::image::Frame;
 
     /// A sheet of 40 x 30 squares with a spike of width 3 at its right side.
     fn sheet() -> Triangles {
@@ -183,6 +229,75 @@ mod tests {
         let reach = sheet.faces.iter().flatten().map(|v| v % 61).max();
         assert!(reach.is_some_and(|x| (36..44).contains(&x)), "{reach:?}");
         assert!(sheet.faces.len() > 2 * 34 * 24, "{}", sheet.faces.len());
+    }
+
+    /// Depth maps across the view at these depths, all from the origin along z; a pixel is one unit
+    /// at 50.
+    fn walls(depths: &[f32]) -> Vec<DepthMap> {
+        let camera = CameraModel {
+            size: [90, 70],
+            focal: [50.0; 2],
+            centre: [44.5, 34.5],
+            lens: Lens::Pinhole,
+        };
+        let wall = |&depth: &f32| DepthMap {
+            camera: camera.clone(),
+            pose: Isometry::identity(),
+            depth: vec![depth; 90 * 70],
+            normal: vec![[0.0, 0.0, -1.0]; 90 * 70],
+            sigma: vec![0.1; 90 * 70],
+            confidence: vec![1.0; 90 * 70],
+        };
+        depths.iter().map(wall).collect()
+    }
+
+    /// A strip of 30 squares' width whose section runs through these corners (x, z).
+    fn strip(section: &[[i32; 2]]) -> Triangles {
+        let mut line = vec![section[0]];
+        for corners in section.windows(2) {
+            let [from, to] = [corners[0], corners[1]];
+            let steps = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
+            line.extend(
+                (1..=steps).map(|k| [0, 1].map(|i| from[i] + k * (to[i] - from[i]) / steps)),
+            );
+        }
+        let at = |i: usize, j: usize| (i * 31 + j) as u32;
+        let mut faces = Vec::new();
+        for (i, j) in (0..line.len() - 1).flat_map(|i| (0..30).map(move |j| (i, j))) {
+            let [a, b, c, d] = [at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)];
+            faces.extend([[a, b, c], [a, c, d]]);
+        }
+        let place = |[x, z]: [i32; 2]| {
+            (0..31).map(move |j| Point3::new(f64::from(x), f64::from(j) - 15.0, f64::from(z)))
+        };
+        Triangles { positions: line.into_iter().flat_map(place).collect(), faces }
+    }
+
+    #[test]
+    fn a_fold_that_the_surface_hides_goes_and_an_open_sheet_stays() {
+        let maps = walls(&[50.0, 58.0]);
+        let frame = Frame { name: "f".into(), size: [90, 70], rgb: vec![[90; 3]; 90 * 70] };
+        let view = PosedFrame {
+            frame: &frame,
+            camera: &maps[0].camera,
+            pose: Isometry::identity(),
+            valid: None,
+            organ: None,
+        };
+        let left = |mut triangles: Triangles, hides: bool| {
+            peel(&mut triangles, &[view, view], &maps, hides);
+            let z = |f: &[u32; 3]| triangles.positions[f[0] as usize].z;
+            [50.0, 58.0].map(|depth| triangles.faces.iter().filter(|f| z(f) == depth).count())
+        };
+        // Twice back behind itself: the last layer faces the camera, and the second map is of its depth.
+        let section = [[-20, 50], [20, 50], [20, 54], [-15, 54], [-15, 58], [15, 58]];
+        assert!(left(strip(&section), false)[1] > 500);
+        let fold = left(strip(&section), true);
+        assert!(fold[0] > 2 * 34 * 24, "{fold:?}");
+        assert_eq!(fold[1], 0);
+        // Nothing lies before the same layer alone.
+        let alone = left(strip(&[[-20, 58], [20, 58]]), true);
+        assert!(alone[1] > 2 * 34 * 24, "{alone:?}");
     }
 
     #[test]

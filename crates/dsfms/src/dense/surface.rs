@@ -97,7 +97,7 @@ fn tidy(
     clean::drop_small(triangles, DUST);
     one_piece(triangles, options);
     holes::close_small(triangles, options.max_hole_edges);
-    rim::peel(triangles, views, maps);
+    rim::peel(triangles, views, maps, options.peel_hidden);
     one_piece(triangles, options);
     holes::close_small(triangles, options.max_hole_edges);
     let mut handles = handles::handles(triangles);
@@ -158,4 +158,72 @@ fn support(maps: &[DepthMap], point: &Point3) -> VertexSupport {
     // Scatter beyond what the noise explains widens the error (Birge ratio).
     let ratio = (squares / weights).sqrt().max(1.0);
     VertexSupport { frames, sigma: ratio / information.sqrt() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{CameraModel, Lens};
+    use crate::geometry::Isometry;
+    use crate::image::Frame;
+
+    const SIZE: [usize; 2] = [80, 60];
+    /// Standard deviation of the depths.
+    const SIGMA: f64 = 0.1;
+
+    /// A wall at z = 50 as six frames measure it, side by side: errors of known standard deviation, alike
+    /// over some pixels as those of smoothed depth maps are, and others in every frame.
+    fn maps() -> Vec<DepthMap> {
+        // Four waves of their own directions, whose variance is half their squared amplitude.
+        let error = |u: f64, v: f64, i: usize| -> f64 {
+            let wave = |k: usize| {
+                let (turn, steep) = (2.4 * (4 * i + k) as f64, 0.15 + 0.05 * k as f64);
+                (steep * (u * turn.cos() + v * turn.sin()) + 3.0 * turn).sin()
+            };
+            SIGMA * 0.5f64.sqrt() * (0..4).map(wave).sum::<f64>()
+        };
+        let map = |i: usize| {
+            let depth = (0..SIZE[0] * SIZE[1]).map(|p| {
+                let (u, v) = ((p % SIZE[0]) as f64, (p / SIZE[0]) as f64);
+                (50.0 + error(u, v, i)) as f32
+            });
+            DepthMap {
+                camera: CameraModel {
+                    size: SIZE,
+                    focal: [60.0; 2],
+                    centre: [39.5, 29.5],
+                    lens: Lens::Pinhole,
+                },
+                pose: Isometry::translation(2.0 * i as f64 - 5.0, 0.0, 0.0),
+                depth: depth.collect(),
+                normal: vec![[0.0, 0.0, -1.0]; SIZE[0] * SIZE[1]],
+                sigma: vec![SIGMA as f32; SIZE[0] * SIZE[1]],
+                confidence: vec![1.0; SIZE[0] * SIZE[1]],
+            }
+        };
+        (0..6).map(map).collect()
+    }
+
+    #[test]
+    fn expected_errors_are_those_of_known_noise() {
+        let maps = maps();
+        let frame = Frame { name: "f".into(), size: SIZE, rgb: vec![[90; 3]; SIZE[0] * SIZE[1]] };
+        let views: Vec<PosedFrame> = maps
+            .iter()
+            .map(|map| PosedFrame {
+                frame: &frame,
+                camera: &map.camera,
+                pose: map.pose,
+                valid: None,
+                organ: None,
+            })
+            .collect();
+        let options = DenseOptions { target_vertices: 3000, ..Default::default() };
+        let found = surface(&views, &maps, &options).unwrap();
+        let of_all = found.support.iter().zip(&found.mesh.positions).filter(|(s, _)| s.frames == 6);
+        let ratios: Vec<f64> = of_all.map(|(s, p)| ((p.z - 50.0) / s.sigma).powi(2)).collect();
+        let ratio = (ratios.iter().sum::<f64>() / ratios.len() as f64).sqrt();
+        assert!(ratios.len() > 1000, "{}", ratios.len());
+        assert!((0.5..2.0).contains(&ratio), "error over expected, rms: {ratio}");
+    }
 }

@@ -97,6 +97,13 @@ fn a_bump_comes_back_the_same_at_any_thread_count() {
     // 0.55 mm a pixel at this distance; the rim goes on a little beyond what depth supports.
     assert!(rms(true) < 0.2, "rms {} mm", rms(true));
     assert!(rms(false) < 0.4, "rms {} mm", rms(false));
+    // The error expected: about as many vertices as there should be lie within it.
+    let vertices = one.mesh.positions.iter().zip(&one.support).filter(|(_, s)| s.frames > 0);
+    let mut errors: Vec<f64> =
+        vertices.map(|(p, s)| (p.z - height(p.x, p.y)).abs() / s.sigma).collect();
+    errors.sort_by(f64::total_cmp);
+    let ratio = errors[(0.683 * errors.len() as f64) as usize];
+    assert!((0.5..2.0).contains(&ratio), "error over expected: {ratio}");
     let area: f64 = one.mesh.face_areas().iter().sum();
     assert!(area > 800.0, "area {area} mm²");
     let towards: usize = (0..one.mesh.topology.faces.len())

@@ -176,6 +176,7 @@ mod tests {
             unit: LengthUnit::Millimetre,
             mesh,
             seen: Vec::new(),
+            sigma: Vec::new(),
             flattening,
             albedo: None,
             features: None,

@@ -1,7 +1,7 @@
 //! The template on disk: a directory whose files the field's own tools open.
 //!
 //! `template.toml` (manifest), `template.ply` (surface, double precision), `albedo.npz`,
-//! `flattening.npz`, `features.npz` (NumPy), `template.glb` (viewers), `sparse/` (COLMAP text).
+//! `flattening.npz`, `features.npz`, `seen.npz`, `sigma.npz` (NumPy), `template.glb` (viewers), `sparse/` (COLMAP text).
 //! Reading uses the manifest, the PLY, the npz files and the points of `sparse/`; the rest is for other
 //! programs.
 
@@ -22,6 +22,8 @@ pub(super) const FEATURES: &str = "features.npz";
 /// Cameras, poses and sparse points of the exploration.
 const SPARSE: &str = "sparse";
 const SEEN: &str = "seen.npz";
+/// Optional: older templates have none, older programs do not look for it.
+const SIGMA: &str = "sigma.npz";
 const VIEWER: &str = "template.glb";
 
 /// Why a template could not be written or read.
@@ -143,6 +145,10 @@ fn write_files(folder: &Path, template: &Template) -> Result<(), TemplateFileErr
     if !template.seen.is_empty() {
         arrays::write_seen(&note(SEEN, "exploration frames that saw each vertex"), &template.seen)?;
     }
+    if !template.sigma.is_empty() {
+        let file = note(SIGMA, "standard deviation expected of each vertex, length units");
+        arrays::write_sigma(&file, &template.sigma)?;
+    }
     if let Some(albedo) = &template.albedo {
         arrays::write_albedo(&note(ALBEDO, "albedo on the surface, linear RGB"), albedo)?;
     }
@@ -199,6 +205,9 @@ pub fn read_template(path: &Path) -> Result<Template, TemplateFileError> {
     if counts.seen {
         expect(&path.join(SEEN), "vertices", counts.vertices, seen.len())?;
     }
+    let file = path.join(SIGMA);
+    let sigma =
+        if file.exists() { arrays::read_sigma(&file, counts.vertices)? } else { Vec::new() };
     let optional = |name: &str, wanted: bool| wanted.then(|| path.join(name));
     let albedo = optional(ALBEDO, counts.texels > 0)
         .map(|file| arrays::read_albedo(&file, faces, counts.texels))
@@ -217,6 +226,7 @@ pub fn read_template(path: &Path) -> Result<Template, TemplateFileError> {
         unit: manifest.unit,
         mesh,
         seen,
+        sigma,
         flattening,
         albedo,
         features,

@@ -96,6 +96,19 @@ pub(super) fn read_seen(path: &Path) -> Result<Vec<u32>, TemplateFileError> {
     Reader::open(path)?.list("seen")
 }
 
+pub(super) fn write_sigma(path: &Path, sigma: &[f64]) -> Result<(), WriteError> {
+    Npz::write(path, |npz| npz.add("sigma", sigma.len(), sigma.to_vec()))
+}
+
+pub(super) fn read_sigma(path: &Path, vertices: usize) -> Result<Vec<f64>, TemplateFileError> {
+    let sigma: Vec<f64> = Reader::open(path)?.list("sigma")?;
+    expect(path, "vertices", vertices, sigma.len())?;
+    match sigma.iter().find(|s| s.is_nan() || **s < 0.0) {
+        Some(bad) => Err(damaged(path, format!("a standard deviation is {bad}"))),
+        None => Ok(sigma),
+    }
+}
+
 pub(super) fn write_albedo(path: &Path, texels: &SurfaceTexels) -> Result<(), WriteError> {
     Npz::write(path, |npz| {
         let n = texels.value.len();

@@ -1,13 +1,19 @@
 //! Isotropic remeshing: split long edges, collapse short ones, even out valences, smooth within the
-//! surface, project back (Botsch and Kobbelt 2004). Boundaries stay on the input's boundary.
+//! surface, project back (Botsch and Kobbelt 2004). Boundaries stay on the input's boundary. On request
+//! edges are shorter where the surface bends ([`RemeshOptions::adaptive`]).
 
+mod diagonals;
+mod outline;
 mod passes;
+mod sizing;
 
-use super::boundary::boundary_loops;
 use super::surface_points::ClosestPoints;
 use super::{Mesh, Topology, TopologyError};
 use crate::geometry::Point3;
+pub use diagonals::fit_diagonals;
+use outline::Outline;
 use serde::{Deserialize, Serialize};
+use sizing::Sizing;
 use std::sync::Arc;
 
 /// How a surface is remeshed.
@@ -19,11 +25,14 @@ pub struct RemeshOptions {
     /// Boundary vertices where the boundary turns by more than this within one edge length of the
     /// result on either side stay in place, degrees in `(0, 180]`.
     pub corner_deg: f64,
+    /// How far edge lengths follow the curvature `k` of the surface, in `[0, 1]`: 0 = all of one length,
+    /// 1 = `√(8 e / k)`, whose chords all miss the surface by the same `e`. Half to twice the mean.
+    pub adaptive: f64,
 }
 
 impl Default for RemeshOptions {
     fn default() -> Self {
-        Self { rounds: 12, corner_deg: 60.0 }
+        Self { rounds: 12, corner_deg: 60.0, adaptive: 0.0 }
     }
 }
 
@@ -61,15 +70,22 @@ struct Working {
     faces: Vec<[u32; 3]>,
     /// Corners of the boundary, which never move or vanish.
     fixed: Vec<bool>,
+    /// Edge length wanted at each vertex over the mean.
+    size: Vec<f64>,
 }
 
 impl Working {
     fn topology(&self) -> Topology {
         Topology::from_checked(self.positions.len(), self.faces.clone())
     }
+
+    /// Length wanted of an edge over the mean: that of its more demanding end.
+    fn edge_size(&self, a: u32, b: u32) -> f64 {
+        self.size[a as usize].min(self.size[b as usize])
+    }
 }
 
-/// A mesh of nearly equilateral faces with about `target_vertices` vertices (within 5 % unless the
+/// A mesh of nearly equilateral faces, of one size unless [`RemeshOptions::adaptive`], with about `target_vertices` vertices (within 5 % unless the
 /// shape forbids it) on the input's surface. Unused vertices of the input are dropped; topology
 /// (components, boundaries, handles) is kept.
 pub fn remesh(
@@ -83,7 +99,9 @@ pub fn remesh(
     let surface = ClosestPoints::new(&input);
     let mut length = first_length(&input, target_vertices)?;
     let outline = Outline::new(&input, options.corner_deg, length);
+    let sizing = (options.adaptive > 0.0).then(|| Sizing::new(&input, length, options.adaptive));
     let mut work = Working {
+        size: sizing.as_ref().map_or(vec![1.0; input.positions.len()], |s| s.size.clone()),
         positions: input.positions.clone(),
         faces: input.topology.faces.clone(),
         fixed: outline.corners.clone(),
@@ -94,6 +112,13 @@ pub fn remesh(
         passes::collapse(&mut work, 4.0 / 5.0 * length, 4.0 / 3.0 * length);
         passes::flip(&mut work);
         passes::smooth(&mut work, &surface, &outline);
+        if let Some(sizing) = &sizing {
+            work.size = work
+                .positions
+                .iter()
+                .map(|p| sizing.at(&surface, &input.topology.faces, p))
+                .collect();
+        }
         let count = work.positions.len();
         // A much finer input takes rounds to collapse: its count says nothing of the length yet.
         let collapsing = 4 * count < 3 * before;
@@ -156,6 +181,9 @@ fn validate(target: usize, options: &RemeshOptions) -> Result<(), RemeshError> {
     if !(options.corner_deg > 0.0 && options.corner_deg <= 180.0) {
         return Err(RemeshError::BadOption("corner_deg must lie in (0, 180]"));
     }
+    if !(0.0..=1.0).contains(&options.adaptive) {
+        return Err(RemeshError::BadOption("adaptive must lie in [0, 1]"));
+    }
     Ok(())
 }
 
@@ -170,50 +198,6 @@ fn first_length(mesh: &Mesh, n: usize) -> Result<f64, RemeshError> {
     let boundary: f64 = open.map(|(_, l)| l).sum();
     let (a, b, c) = (2.0 * n as f64, -boundary, -4.0 * area / 3f64.sqrt());
     Ok((-b + (b * b - 4.0 * a * c).sqrt()) / (2.0 * a))
-}
-
-/// The input's boundary, onto which boundary vertices are projected.
-struct Outline {
-    segments: Vec<[Point3; 2]>,
-    /// Per vertex of the input: a corner of the boundary.
-    corners: Vec<bool>,
-}
-
-impl Outline {
-    fn new(mesh: &Mesh, corner_deg: f64, length: f64) -> Self {
-        let mut segments = Vec::new();
-        let mut corners = vec![false; mesh.positions.len()];
-        for vertices in boundary_loops(&mesh.topology) {
-            let n = vertices.len();
-            let at = |k: usize| mesh.positions[vertices[k % n] as usize];
-            segments.extend((0..n).map(|k| [at(k), at(k + 1)]));
-            let turns: Vec<f64> = (0..n)
-                .map(|k| {
-                    // Steps finer than the result are ragged edges, not corners: look further.
-                    let ahead = (1..n).map(|j| at(k + j)).find(|p| (p - at(k)).norm() >= length);
-                    let behind =
-                        (1..n).map(|j| at(k + n - j)).find(|p| (p - at(k)).norm() >= length);
-                    let (ahead, behind) =
-                        (ahead.unwrap_or(at(k + 1)), behind.unwrap_or(at(k + n - 1)));
-                    (at(k) - behind).angle(&(ahead - at(k)))
-                })
-                .collect();
-            for k in 0..n {
-                let peak = turns[k] >= turns[(k + 1) % n] && turns[k] > turns[(k + n - 1) % n];
-                corners[vertices[k] as usize] |= peak && turns[k] > corner_deg.to_radians();
-            }
-        }
-        Self { segments, corners }
-    }
-
-    fn closest(&self, p: &Point3) -> Point3 {
-        let on = |[a, b]: &[Point3; 2]| {
-            let ab = b - a;
-            a + ab * ((p - a).dot(&ab) / ab.norm_squared().max(1e-300)).clamp(0.0, 1.0)
-        };
-        let points = self.segments.iter().map(on);
-        points.min_by(|a, b| (a - p).norm().total_cmp(&(b - p).norm())).unwrap_or(*p)
-    }
 }
 
 #[cfg(test)]

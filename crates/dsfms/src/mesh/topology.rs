@@ -135,6 +135,19 @@ impl Topology {
         (other != u32::MAX).then_some(other)
     }
 
+    /// The corners of an edge's two faces: the edge a→b of the first, its apex c, and the apex d of the
+    /// second; `None` on the boundary.
+    pub(crate) fn quad(&self, edge: usize) -> Option<[u32; 4]> {
+        let ([f, g], ends) = (self.edge_faces[edge], self.edges[edge]);
+        if g == u32::MAX {
+            return None;
+        }
+        let face = self.faces[f as usize];
+        let k = (0..3).find(|&k| !ends.contains(&face[k]))?;
+        let d = *self.faces[g as usize].iter().find(|v| !ends.contains(v))?;
+        Some([face[(k + 1) % 3], face[(k + 2) % 3], face[k], d])
+    }
+
     /// `V − E + F` over the vertices that faces use: 1 for a disc, 2 for a closed sphere.
     pub fn euler_characteristic(&self) -> i64 {
         let used = self.vertex_faces.iter().filter(|f| !f.is_empty()).count();

@@ -8,6 +8,7 @@
 mod click;
 mod error;
 mod outline;
+mod surface;
 mod views;
 
 pub use click::OrganClick;
@@ -16,12 +17,12 @@ pub use outline::OrganOutline;
 
 use super::Progress;
 use crate::camera::CameraModel;
-use crate::dense::{DenseOptions, PosedFrame, depth_maps, surface, worthwhile};
+use crate::dense::DenseOptions;
 use crate::geometry::{Isometry, Point3};
 use crate::image::{Frame, Mask, ToneCurve, viewport};
 use crate::light::{Coat, LightModel};
 use crate::mesh::Mesh;
-use crate::mesh::remesh::{RemeshOptions, remesh};
+use crate::mesh::remesh::RemeshOptions;
 use crate::sfm::{self, Features2d, SfmOptions, SfmStage};
 use crate::template::albedo::AlbedoOptions;
 use crate::template::anchor::AnchorOptions;
@@ -31,6 +32,7 @@ use crate::template::scale::{Scale, ScaleError, ScaleReference, ScaleScene, find
 use crate::template::scale_mesh::fit_to_mesh;
 use crate::template::{Flattening, LengthUnit, SparsePoint, SurfaceTexels, Template};
 use serde::{Deserialize, Serialize};
+use surface::{Surface, dense_mesh};
 use views::Views;
 
 /// The exploration: frames of the organ at rest, one camera.
@@ -64,6 +66,9 @@ pub struct TemplateOptions {
     pub dense: DenseOptions,
     /// Remeshing to `vertices`.
     pub remesh: RemeshOptions,
+    /// Flip edges of the remeshed surface where the other diagonal of their two faces lies closer to
+    /// what stereo saw ([`crate::mesh::remesh::fit_diagonals`]).
+    pub fit_diagonals: bool,
     /// Conformal flattening.
     pub flatten: FlattenOptions,
     /// The organ as outlined on frames; empty = masks alone say what is organ.
@@ -87,6 +92,7 @@ impl Default for TemplateOptions {
             sfm: SfmOptions::default(),
             dense: DenseOptions::default(),
             remesh: RemeshOptions::default(),
+            fit_diagonals: true,
             flatten: FlattenOptions::default(),
             outlines: Vec::new(),
             click: None,
@@ -126,7 +132,7 @@ pub fn template_from_frames(
     let mut sparse =
         sfm::reconstruct(exploration.frames, &usable, exploration.camera, &options.sfm, &report)?;
     let points: Vec<Point3> = sparse.points.iter().map(|p| p.position).collect();
-    let mut mesh =
+    let Surface { mut mesh, mut sigma } =
         dense_mesh(exploration, &sparse.camera, &sparse.poses, &points, options, progress)?;
     // Reconstruction took long: a mark beside the surface costs the unit, not the template.
     let scale = measure(exploration, &sparse.camera, &sparse.poses, &mesh, options).unwrap_or_else(
@@ -138,6 +144,7 @@ pub fn template_from_frames(
     let unit = match &scale {
         Some(scale) => {
             apply(scale.factor, &mut mesh, &mut sparse);
+            sigma.iter_mut().for_each(|s| *s *= scale.factor);
             LengthUnit::Millimetre
         }
         None => LengthUnit::TemplateUnit,
@@ -151,6 +158,7 @@ pub fn template_from_frames(
     };
     let (mut template, light) = views.dress(mesh, unit, options, progress)?;
     template.points = sparse_points(&sparse);
+    template.sigma = sigma;
     let name = |(i, why): &(usize, String)| (exploration.frames[*i].name.clone(), why.clone());
     let rejected = sparse.rejected.iter().map(name).collect();
     Ok(BuiltTemplate { template, rejected, light, scale })
@@ -240,6 +248,7 @@ pub fn template_from_mesh(
         unit,
         mesh,
         seen: Vec::new(),
+        sigma: Vec::new(),
         flattening,
         albedo,
         features: None,
@@ -307,48 +316,6 @@ fn usable_masks(exploration: &Exploration) -> Vec<Option<Mask>> {
             (valid, organ) => valid.or(organ),
         })
         .collect()
-}
-
-fn dense_mesh(
-    exploration: &Exploration,
-    camera: &CameraModel,
-    poses: &[Option<Isometry>],
-    points: &[Point3],
-    options: &TemplateOptions,
-    progress: &dyn Progress,
-) -> Result<Mesh, TemplateError> {
-    let posed: Vec<PosedFrame> = poses
-        .iter()
-        .enumerate()
-        .filter_map(|(i, pose)| {
-            Some(PosedFrame {
-                frame: &exploration.frames[i],
-                camera,
-                pose: (*pose)?,
-                valid: exploration.valid.get(i).and_then(Option::as_ref),
-                organ: exploration.organ.get(i).and_then(Option::as_ref),
-            })
-        })
-        .collect();
-    let report = |done, total| progress.step("stereo", done, total);
-    let dense = DenseOptions {
-        // Which piece is the organ the user says, if anybody: it need not be the largest.
-        largest_only: options.dense.largest_only
-            && options.outlines.is_empty()
-            && options.click.is_none(),
-        ..options.dense.clone()
-    };
-    let posed = worthwhile(&posed, points, &dense);
-    let maps = depth_maps(&posed, points, &dense, &report)?;
-    progress.step("surface", 0, 2);
-    let fine = surface(&posed, &maps, &dense)?;
-    progress.step("surface", 1, 2);
-    let named = named(exploration.frames, poses);
-    let fine = outline::trim(fine.mesh, camera, &named, &options.outlines)?;
-    let fine = click::pick(fine, camera, &named, options.click.as_ref())?;
-    let mesh = remesh(&fine, options.vertices, &options.remesh)?;
-    progress.step("surface", 2, 2);
-    Ok(mesh)
 }
 
 fn try_flatten(

@@ -102,6 +102,7 @@ impl Case {
             unit: LengthUnit::Millimetre,
             mesh: organ.mesh,
             seen: Vec::new(),
+            sigma: Vec::new(),
             flattening: None,
             albedo: Some(organ.albedo),
             features: None,

@@ -60,6 +60,10 @@ pub struct Template {
     pub mesh: Mesh,
     /// Number of exploration frames that saw each vertex; empty when there were no frames.
     pub seen: Vec<u32>,
+    /// Standard deviation expected of each vertex across the surface, from what the depth maps of the
+    /// exploration say of it, in `unit`; infinity where none agrees (a closed hole). Empty where the
+    /// mesh was given.
+    pub sigma: Vec<f64>,
     /// Conformal flattening, where the topology allows it (cut automatically).
     pub flattening: Option<Flattening>,
     /// Albedo on the surface (eqs. 1, 2), linear units, up to one global factor shared with `light`.

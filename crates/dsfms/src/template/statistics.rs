@@ -31,6 +31,8 @@ pub struct TemplateStatistics {
     pub min_angle_deg: f64,
     /// Vertices that at least one exploration frame saw; `None` without frames.
     pub seen_vertices: Option<usize>,
+    /// Median of the standard deviations expected of the vertices; `None` where none is known.
+    pub median_sigma: Option<f64>,
     /// The flattening's distortion.
     pub flattening: Option<FlatteningStatistics>,
     /// Registered exploration frames.
@@ -96,6 +98,8 @@ pub fn template_statistics(template: &Template) -> TemplateStatistics {
             .fold(180.0, |m, a| f64::min(m, a.to_degrees())),
         seen_vertices: (!template.seen.is_empty())
             .then(|| template.seen.iter().filter(|&&n| n > 0).count()),
+        median_sigma: (!template.sigma.is_empty())
+            .then(|| quantile(&sorted(template.sigma.iter().copied()), 0.5)),
         flattening: template.flattening.as_ref().map(|map| {
             let ratios = sorted(map.quasi_conformal.iter().copied());
             let areas = sorted(map.log_area.iter().copied());

@@ -19,6 +19,9 @@ fn tiny() -> Template {
     Template {
         unit: LengthUnit::Millimetre,
         seen: (0..mesh.positions.len() as u32).collect(),
+        sigma: (0..mesh.positions.len())
+            .map(|i| if i == 7 { f64::INFINITY } else { 0.1 })
+            .collect(),
         flattening: Some(flatten(&mesh, &FlattenOptions::default()).unwrap()),
         mesh,
         albedo: Some(albedo),
@@ -63,6 +66,7 @@ fn assert_same(a: &Template, b: &Template) {
     assert_eq!(a.mesh.positions, b.mesh.positions);
     assert_eq!(a.mesh.topology, b.mesh.topology);
     assert_eq!(a.seen, b.seen);
+    assert_eq!(a.sigma, b.sigma);
     assert_eq!(a.points, b.points);
     assert_eq!(a.flattening, b.flattening);
     assert_eq!(a.albedo, b.albedo);
@@ -85,10 +89,11 @@ fn a_template_comes_back_bit_for_bit_and_can_be_replaced() {
     template.albedo = None;
     template.flattening = None;
     template.seen.clear();
+    template.sigma.clear();
     template.unit = LengthUnit::TemplateUnit;
     write_template(&path, &template).unwrap();
     assert_same(&read_template(&path).unwrap(), &template);
-    assert!(!path.join(ALBEDO).exists());
+    assert!(!path.join(ALBEDO).exists() && !path.join(SIGMA).exists());
     assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
 }
 
@@ -131,6 +136,14 @@ fn every_damage_is_named() {
     fs::remove_file(path.join(ALBEDO)).unwrap();
     assert!(matches!(read_template(&path), Err(TemplateFileError::Damaged { .. })));
     fs::write(path.join(ALBEDO), &albedo).unwrap();
+    for (sigma, what) in [(vec![0.1; 41], "holds 41"), (vec![-0.1; 42], "deviation is -0.1")] {
+        arrays::write_sigma(&path.join(SIGMA), &sigma).unwrap();
+        let wrong = read_template(&path).unwrap_err().to_string();
+        assert!(wrong.contains(SIGMA) && wrong.contains(what), "{wrong}");
+    }
+    // As templates were before.
+    fs::remove_file(path.join(SIGMA)).unwrap();
+    assert!(read_template(&path).unwrap().sigma.is_empty());
     let manifest = fs::read_to_string(path.join(MANIFEST)).unwrap();
     let edit = |from: &str, to: &str| {
         fs::write(path.join(MANIFEST), manifest.replace(from, to)).unwrap();
@@ -150,6 +163,7 @@ fn statistics_of_the_tiny_template() {
     assert_eq!((s.vertices, s.faces, s.components, s.boundary_loops), (42, 80, 1, 0));
     assert_eq!((s.euler_characteristic, s.frames, s.features), (2, 1, 2));
     assert_eq!(s.seen_vertices, Some(41));
+    assert_eq!(s.median_sigma, Some(0.1));
     assert_eq!(s.flattening.unwrap().flipped, 0);
     let albedo = s.albedo.unwrap();
     assert!(albedo.observed < 1.0 && albedo.observed > 0.99);

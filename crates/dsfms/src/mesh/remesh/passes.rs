@@ -7,16 +7,17 @@ use crate::mesh::Topology;
 use crate::mesh::normals::vertex_normals;
 use crate::mesh::surface_points::ClosestPoints;
 
-/// Split every edge longer than `longest` in the middle, until there is none (at most 8 halvings).
+/// Split every edge longer than `longest` (times what is wanted there) in the middle, until there is none (at most 8 halvings).
 pub(super) fn split(work: &mut Working, longest: f64) {
     for _ in 0..8 {
         let topology = work.topology();
         let mut middle = vec![u32::MAX; topology.edges.len()];
         for (e, &[a, b]) in topology.edges.iter().enumerate() {
             let (p, q) = (work.positions[a as usize], work.positions[b as usize]);
-            if (p - q).norm() > longest {
+            if (p - q).norm() > longest * work.edge_size(a, b) {
                 middle[e] = work.positions.len() as u32;
                 work.positions.push(nalgebra::center(&p, &q));
+                work.size.push(0.5 * (work.size[a as usize] + work.size[b as usize]));
                 work.fixed.push(false);
             }
         }
@@ -61,13 +62,14 @@ fn subdivide(points: &[Point3], face: [u32; 3], middles: [u32; 3], out: &mut Vec
     }
 }
 
-/// Collapse edges shorter than `shortest`, shortest first, where that keeps the topology, turns no
+/// Collapse edges shorter than `shortest` (times what is wanted there), shortest first, where that keeps the topology, turns no
 /// face over and makes no edge longer than `longest`.
 pub(super) fn collapse(work: &mut Working, shortest: f64, longest: f64) {
     for _ in 0..10 {
         let topology = work.topology();
-        let length =
-            |&[a, b]: &[u32; 2]| (work.positions[a as usize] - work.positions[b as usize]).norm();
+        let length = |&[a, b]: &[u32; 2]| {
+            (work.positions[a as usize] - work.positions[b as usize]).norm() / work.edge_size(a, b)
+        };
         let mut short: Vec<(f64, usize)> = topology.edges.iter().map(length).zip(0..).collect();
         short.retain(|(l, _)| *l < shortest);
         short.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -125,10 +127,11 @@ fn plan(work: &Working, t: &Topology, edge: usize) -> Option<(u32, u32, Point3)>
 /// No face around the edge turns over or becomes a needle, no edge becomes too long.
 fn harmless(work: &Working, t: &Topology, ends: [u32; 2], place: Point3, longest: f64) -> bool {
     let moved = |v: u32| if ends.contains(&v) { place } else { work.positions[v as usize] };
+    let size = |v: u32| work.edge_size(v, ends[0]).min(work.edge_size(v, ends[1]));
     ends.iter().all(|&end| {
         let short = t.one_ring[end as usize]
             .iter()
-            .all(|&v| ends.contains(&v) || (moved(v) - place).norm() <= longest);
+            .all(|&v| ends.contains(&v) || (moved(v) - place).norm() <= longest * size(v));
         short
             && t.vertex_faces[end as usize].iter().all(|&f| {
                 let face = t.faces[f as usize];
@@ -154,11 +157,13 @@ fn merge(work: &mut Working, gone: &[u32]) {
             name[v] = next;
             work.positions[next as usize] = work.positions[v];
             work.fixed[next as usize] = work.fixed[v];
+            work.size[next as usize] = work.size[v];
             next += 1;
         }
     }
     work.positions.truncate(next as usize);
     work.fixed.truncate(next as usize);
+    work.size.truncate(next as usize);
     let target = |v: u32| if gone[v as usize] == u32::MAX { v } else { gone[v as usize] };
     work.faces = work
         .faces
@@ -175,10 +180,7 @@ pub(super) fn flip(work: &mut Working) {
         let mut touched = vec![false; topology.vertex_count];
         let mut any = false;
         for (edge, &[f, g]) in topology.edge_faces.iter().enumerate() {
-            if g == u32::MAX {
-                continue;
-            }
-            let Some(quad) = quad(&topology, edge, f, g) else { continue };
+            let Some(quad) = topology.quad(edge) else { continue };
             if quad.iter().any(|&v| touched[v as usize]) || !improves(work, &topology, quad) {
                 continue;
             }
@@ -192,15 +194,6 @@ pub(super) fn flip(work: &mut Working) {
             return;
         }
     }
-}
-
-/// Edge a→b of face f with its apex c, and the apex d of g.
-fn quad(t: &Topology, edge: usize, f: u32, g: u32) -> Option<[u32; 4]> {
-    let ends = t.edges[edge];
-    let face = t.faces[f as usize];
-    let k = (0..3).find(|&k| !ends.contains(&face[k]))?;
-    let d = *t.faces[g as usize].iter().find(|v| !ends.contains(v))?;
-    Some([face[(k + 1) % 3], face[(k + 2) % 3], face[k], d])
 }
 
 fn improves(work: &Working, t: &Topology, [a, b, c, d]: [u32; 4]) -> bool {
@@ -250,12 +243,15 @@ pub(super) fn smooth(work: &mut Working, surface: &ClosestPoints, outline: &Outl
     }
 }
 
-/// To the mean of the neighbouring faces' centres, weighted by their areas.
+/// To the mean of the neighbouring faces' centres, weighted by their areas and by the density under
+/// which a centroidal Voronoi tessellation has cells of the size wanted, its power −4 (Du, Faber and
+/// Gunzburger 1999).
 fn to_centre(work: &Working, t: &Topology, v: usize) -> Vector3 {
     let (mut sum, mut weight) = (Vector3::zeros(), 0.0);
     for &f in &t.vertex_faces[v] {
         let [a, b, c] = t.faces[f as usize].map(|i| work.positions[i as usize]);
-        let area = area_normal(&a, &b, &c).norm();
+        let size = t.faces[f as usize].iter().map(|&i| work.size[i as usize]).sum::<f64>() / 3.0;
+        let area = area_normal(&a, &b, &c).norm() / size.powi(4);
         sum += ((a.coords + b.coords + c.coords) / 3.0 - work.positions[v].coords) * area;
         weight += area;
     }

@@ -56,6 +56,7 @@ impl Views<'_> {
         let template = Template {
             unit,
             seen: seen_counts(&mesh.topology, &visible),
+            sigma: Vec::new(),
             flattening,
             albedo: Some(albedo.texels),
             features: Some(features),
