@@ -19,6 +19,7 @@ pub mod guided;
 mod incremental;
 pub mod intrinsics;
 mod kornia;
+mod magsac;
 mod map;
 pub mod matching;
 pub mod options;
