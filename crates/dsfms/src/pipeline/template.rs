@@ -8,11 +8,13 @@
 mod click;
 mod error;
 mod outline;
+mod precision;
 mod views;
 
 pub use click::OrganClick;
 pub use error::TemplateError;
 pub use outline::OrganOutline;
+pub use precision::{FramePrecision, SparsePrecision};
 
 use super::Progress;
 use crate::camera::CameraModel;
@@ -109,6 +111,9 @@ pub struct BuiltTemplate {
     pub light: Option<LightFit>,
     /// The scale that was applied; `None` without known distances, or where none could be measured.
     pub scale: Option<Scale>,
+    /// How far cameras and sparse points may be off; `None` for given poses, and where too few sightings
+    /// tell.
+    pub precision: Option<SparsePrecision>,
 }
 
 /// Build a template from frames alone. Its unit is [`LengthUnit::TemplateUnit`], or mm where the
@@ -153,7 +158,9 @@ pub fn template_from_frames(
     template.points = sparse_points(&sparse);
     let name = |(i, why): &(usize, String)| (exploration.frames[*i].name.clone(), why.clone());
     let rejected = sparse.rejected.iter().map(name).collect();
-    Ok(BuiltTemplate { template, rejected, light, scale })
+    let covariance = sparse.covariance(options.sfm.refine).ok();
+    let precision = covariance.map(|c| SparsePrecision::of(&c, &sparse, exploration.frames, unit));
+    Ok(BuiltTemplate { template, rejected, light, scale, precision })
 }
 
 /// The scale that the known distances, or else the metric surface, ask for.
@@ -224,7 +231,7 @@ pub fn template_from_posed_frames(
         .filter(|&i| poses[i].is_none())
         .map(|i| (exploration.frames[i].name.clone(), "the pose file has no pose for it".into()))
         .collect();
-    Ok(BuiltTemplate { template, rejected, light, scale: None })
+    Ok(BuiltTemplate { template, rejected, light, scale: None, precision: None })
 }
 
 /// A template of a mesh and, where it is known, its albedo: no frames, no descriptors.

@@ -35,6 +35,7 @@ pub mod tracks;
 pub mod triangulation;
 pub mod two_view;
 
+pub use bundle::Covariance;
 pub use features::{Features2d, detect};
 pub use frames::{Progress, SfmStage};
 pub use intrinsics::RefineIntrinsics;

@@ -183,9 +183,12 @@ fn explain(
     rejected.sort_by_key(|r| r.0);
 }
 
+/// Loss of the last adjustment.
+pub(super) const LAST_LOSS: Loss = Loss::GemanMcClure(1.0);
+
 /// Last adjustment: a loss that gives far sightings no say, then only what fits.
 fn finish_adjustment(map: &mut Map, first: usize, options: &SfmOptions) {
-    for loss in [Loss::GemanMcClure(1.5), Loss::GemanMcClure(1.0)] {
+    for loss in [Loss::GemanMcClure(1.5), LAST_LOSS] {
         // As in `settle`: every sighting used has a finite error.
         let _ = map.adjust(&|v| v == first, loss, options.refine, 50);
         map.filter(&options.limits());
