@@ -20,7 +20,7 @@ use dsfms::pipeline::{
 };
 use dsfms::sfm::RefineIntrinsics;
 use dsfms::template::flatten::FlattenMethod;
-use found::precision_row;
+use found::{models_text, precision_row};
 use load::{Cameras, Loaded, load, parse_click, parse_outline};
 use mesh::{open_mesh, read_albedo, unit};
 use std::path::{Path, PathBuf};
@@ -251,6 +251,9 @@ fn from_frames(
     };
     if let Some(scale) = &built.scale {
         super::scale::report(scale, reporter);
+    }
+    if built.models.len() > 1 {
+        reporter.warn(&models_text(&built.models));
     }
     for (name, why) in &built.rejected {
         reporter.warn(&format!("frame {name} is left out: {why}"));

@@ -24,7 +24,7 @@ use crate::image::{Frame, Mask, ToneCurve, viewport};
 use crate::light::{Coat, LightModel};
 use crate::mesh::Mesh;
 use crate::mesh::remesh::{RemeshOptions, remesh};
-use crate::sfm::{self, Features2d, SfmOptions, SfmStage};
+use crate::sfm::{self, Features2d, FoundModel, SfmOptions, SfmStage};
 use crate::template::albedo::AlbedoOptions;
 use crate::template::anchor::AnchorOptions;
 use crate::template::flatten::{FlattenOptions, flatten};
@@ -107,6 +107,9 @@ pub struct BuiltTemplate {
     pub template: Template,
     /// Name of every frame that was left out, and why.
     pub rejected: Vec<(String, String)>,
+    /// The models that the frames fell into, the kept one first (indices count the frames given);
+    /// empty for given poses.
+    pub models: Vec<FoundModel>,
     /// The light and what else was tried; `None` where nothing could be measured.
     pub light: Option<LightFit>,
     /// The scale that was applied; `None` without known distances, or where none could be measured.
@@ -160,7 +163,7 @@ pub fn template_from_frames(
     let rejected = sparse.rejected.iter().map(name).collect();
     let covariance = sparse.covariance(options.sfm.refine).ok();
     let precision = covariance.map(|c| SparsePrecision::of(&c, &sparse, exploration.frames, unit));
-    Ok(BuiltTemplate { template, rejected, light, scale, precision })
+    Ok(BuiltTemplate { template, rejected, models: sparse.models, light, scale, precision })
 }
 
 /// The scale that the known distances, or else the metric surface, ask for.
@@ -231,7 +234,14 @@ pub fn template_from_posed_frames(
         .filter(|&i| poses[i].is_none())
         .map(|i| (exploration.frames[i].name.clone(), "the pose file has no pose for it".into()))
         .collect();
-    Ok(BuiltTemplate { template, rejected, light, scale: None, precision: None })
+    Ok(BuiltTemplate {
+        template,
+        rejected,
+        models: Vec::new(),
+        light,
+        scale: None,
+        precision: None,
+    })
 }
 
 /// A template of a mesh and, where it is known, its albedo: no frames, no descriptors.

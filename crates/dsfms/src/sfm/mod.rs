@@ -42,5 +42,5 @@ pub use intrinsics::RefineIntrinsics;
 pub use matching::{DescriptorMatch, match_descriptors};
 pub use options::{LocalContrast, SfmOptions};
 pub use reconstruct::{reconstruct, triangulate_known};
-pub use reconstruction::{Reconstruction, ScenePoint, SfmError, TrackedPixel};
+pub use reconstruction::{FoundModel, Reconstruction, ScenePoint, SfmError, TrackedPixel};
 pub use resection::{Resection, refine_pose, resect};

@@ -34,6 +34,15 @@ pub struct ScenePoint {
     pub error_px: f64,
 }
 
+/// Frames that share points, and how many points they found.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct FoundModel {
+    /// Indices of the frames, ascending.
+    pub frames: Vec<usize>,
+    /// Number of points.
+    pub points: usize,
+}
+
 /// Camera poses and sparse points. The world has the axes of the first registered camera and,
 /// unless poses were given, such a scale that the median depth is 50 units.
 #[derive(Clone, Debug)]
@@ -42,6 +51,9 @@ pub struct Reconstruction {
     pub poses: Vec<Option<Isometry>>,
     /// Index of each rejected frame and why.
     pub rejected: Vec<(usize, String)>,
+    /// The models that the frames fell into, which share too few points to be one: first that of
+    /// `poses` and `points`, the one of most frames, then those that were left out.
+    pub models: Vec<FoundModel>,
     /// Points, in a fixed order.
     pub points: Vec<ScenePoint>,
     /// The camera, refined where the options ask for it.
