@@ -110,7 +110,7 @@ fn errors(found: &Bundle, truth: &Bundle) -> (Vec<Vector6<f64>>, Vec<Vector3>) {
 
 #[test]
 fn solutions_of_noisy_sightings_spread_as_told() {
-    const RUNS: u64 = 60;
+    const RUNS: u64 = 40;
     let truth = part(6, 30);
     for loss in [Loss::Squared, Loss::GemanMcClure(1.5)] {
         let options = BundleOptions { loss, cost_tolerance: 1e-9, ..Default::default() };
