@@ -151,6 +151,7 @@ fn the_organ_by_click_has_the_same_bits_at_any_number_of_threads() {
         "features.npz",
         "flattening.npz",
         "sigma.npz",
+        "precision.json",
     ] {
         let [one, two] = ["one", "two"].map(|t| fs::read(frames.path(&format!("{t}/{file}"))));
         assert!(one.unwrap() == two.unwrap(), "{file} differs");
@@ -203,6 +204,12 @@ fn the_organ_by_polygon_takes_its_scale_from_a_metric_mesh() {
     frames.assert_disc("organ");
     let file = read_mesh(&frames.path("organ/template.ply")).unwrap();
     assert_eq!(file.unit, Some(MeshUnit::Millimetre));
+    let precision = fs::read(frames.path("organ/precision.json")).unwrap();
+    let precision: serde_json::Value = serde_json::from_slice(&precision).unwrap();
+    assert_eq!(precision["unit"], "millimetre");
+    let centre = |f: &serde_json::Value| f["centre"].as_f64().unwrap();
+    let centres: Vec<f64> = precision["frames"].as_array().unwrap().iter().map(centre).collect();
+    assert!(centres.len() == 6 && centres.iter().all(|c| *c > 0.0 && *c < 1.0), "{centres:?}");
     let n = file.mesh.positions.len() as f64;
     let depth = file.mesh.positions.iter().map(|p| p.coords.norm()).sum::<f64>() / n;
     let eye = poses()[0].inverse_transform_point(&Point3::origin());

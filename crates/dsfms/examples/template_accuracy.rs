@@ -10,7 +10,7 @@
 
 use dsfms::camera::Camera;
 use dsfms::eval::transformed;
-use dsfms::geometry::{Isometry, Point3, Similarity, Vector2, align_similarity, point_at};
+use dsfms::geometry::{Isometry, Point3, Similarity, Vector2, align_similarity, median, point_at};
 use dsfms::image::{ColorImage, Mask};
 use dsfms::io::albedo::read_albedo_image;
 use dsfms::io::camera::read_camera;
@@ -177,6 +177,7 @@ fn report(
     println!("| what | found |\n| --- | --- |");
     println!("| registered frames | {} of {} |", template.views.len(), names.len());
     let world = poses(template, truth)?;
+    sparse(built, &world, truth, on_organ);
     let positions = transformed(&world, &template.mesh.positions);
     let aligned = Mesh { topology: template.mesh.topology.clone(), positions };
     let distances = surface(&aligned, &truth.rest.mesh, on_organ);
@@ -230,6 +231,29 @@ fn poses(template: &Template, truth: &Truth) -> Outcome<Similarity> {
     let count = template.points.len();
     println!("| sparse points, mean reprojection error | {count}, {reprojection:.3} px |");
     Ok(world)
+}
+
+/// Points of the exploration against the true surface, and how far cameras and points are said to be off.
+fn sparse(
+    built: &BuiltTemplate,
+    world: &Similarity,
+    truth: &Truth,
+    on_organ: &dyn Fn(&Point3) -> bool,
+) {
+    let positions: Vec<Point3> = built.template.points.iter().map(|p| p.position).collect();
+    let closest = ClosestPoints::new(&truth.rest.mesh);
+    let of_organ = transformed(world, &positions).into_iter().filter(|p| on_organ(p));
+    let mut distances: Vec<f64> =
+        of_organ.filter_map(|p| Some(closest.closest(&p)?.distance)).collect();
+    let off = median(&mut distances).unwrap_or(f64::NAN);
+    println!("| sparse points on the organ to truth, median mm | {off:.4} |");
+    let Some(precision) = &built.precision else { return };
+    let (centre, rotation_deg) = precision.cameras();
+    let [centre, point] = [centre, precision.point_median].map(|v| world.scaling() * v);
+    println!(
+        "| expected: centres rms mm, rotations rms degrees | {centre:.4}, {rotation_deg:.4} |"
+    );
+    println!("| expected: sparse points, median mm | {point:.4} |");
 }
 
 /// Distance of every vertex from the truth.

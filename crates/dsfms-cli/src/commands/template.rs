@@ -1,12 +1,13 @@
 //! `dsfms template`: frames, or a mesh, to a template.
 
+mod found;
 mod load;
 mod mesh;
 
 use super::scale::ScaleArgs;
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
-use crate::outputs::prepare_folder;
+use crate::outputs::{prepare_folder, write_json};
 use crate::pictures::template::{write_pictures, write_textures};
 use crate::progress::Reporter;
 use crate::report::template::template_page;
@@ -18,8 +19,8 @@ use dsfms::pipeline::{
     template_from_frames, template_from_mesh, template_from_posed_frames,
 };
 use dsfms::sfm::RefineIntrinsics;
-use dsfms::template::Template;
 use dsfms::template::flatten::FlattenMethod;
+use found::{models_text, precision_row};
 use load::{Cameras, Loaded, load, parse_click, parse_outline};
 use mesh::{open_mesh, read_albedo, unit};
 use std::path::{Path, PathBuf};
@@ -50,7 +51,8 @@ of the same name or number. A mask that covers nearly all or nothing draws a war
 
 The result is a folder: template.toml, template.glb, template.ply and more. Without --mesh its
 lengths are in template units, similar to the truth at an unknown scale; a known distance
-(--scale-reference, --camera-step) or a metric mesh (--scale-mesh) makes them mm. pictures/ shows the flattening and the albedo.";
+(--scale-reference, --camera-step) or a metric mesh (--scale-mesh) makes them mm. pictures/ shows the flattening and the albedo;
+precision.json says how far camera poses and sparse points may be off (expected errors and covariances).";
 
 /// Build a template (rest shape, albedo, descriptors) from exploration frames or a mesh.
 #[derive(Debug, Args)]
@@ -146,20 +148,23 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
     prepare_folder(parent.unwrap_or(Path::new(".")))?;
     let options = options(args, global)?;
     let pictures = args.output.join("pictures");
-    let (template, loaded, complete) = match (args.frames.is_empty(), &args.mesh) {
+    let (template, precision, loaded, complete) = match (args.frames.is_empty(), &args.mesh) {
         (true, Some(mesh)) => {
             let mesh = open_mesh(mesh, reporter)?;
             let albedo =
                 args.albedo.as_deref().map(|p| read_albedo(p, &mesh, global)).transpose()?;
             let unit = unit(&mesh);
-            (template_from_mesh(mesh.mesh, unit, albedo, &options, reporter), None, true)
+            (template_from_mesh(mesh.mesh, unit, albedo, &options, reporter), None, None, true)
         }
         _ => {
-            let (template, loaded, complete) = from_frames(args, global, &options, reporter)?;
-            (template, Some(loaded), complete)
+            let (built, loaded, complete) = from_frames(args, global, &options, reporter)?;
+            (built.template, built.precision, Some(loaded), complete)
         }
     };
     write_template(&args.output, &template)?;
+    if let Some(precision) = &precision {
+        write_json(&args.output.join("precision.json"), precision)?;
+    }
     write_pictures(&template, &pictures)?;
     if let Some(loaded) = &loaded {
         write_textures(&template, &loaded.frames, &loaded.valid, &pictures)?;
@@ -172,6 +177,9 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
     reporter.finish();
     if !global.quiet {
         super::inspect::print(&template)?;
+        if let Some(precision) = &precision {
+            super::to_stdout(&precision_row(precision, template.unit))?;
+        }
     }
     Ok(if complete { Outcome::Ok } else { Outcome::Degraded })
 }
@@ -225,7 +233,7 @@ fn from_frames(
     global: &Global,
     options: &TemplateOptions,
     reporter: &Reporter,
-) -> anyhow::Result<(Template, Loaded, bool)> {
+) -> anyhow::Result<(BuiltTemplate, Loaded, bool)> {
     let Some(camera_path) = &args.camera else {
         return Err(Usage("frames need --camera".into()).into());
     };
@@ -253,15 +261,17 @@ fn from_frames(
         }
         _ => template_from_frames(&exploration, options, reporter)?,
     };
-    let BuiltTemplate { template, rejected, scale, .. } = built;
-    if let Some(scale) = &scale {
+    if let Some(scale) = &built.scale {
         super::scale::report(scale, reporter);
     }
-    for (name, why) in &rejected {
+    if built.models.len() > 1 {
+        reporter.warn(&models_text(&built.models));
+    }
+    for (name, why) in &built.rejected {
         reporter.warn(&format!("frame {name} is left out: {why}"));
     }
     let asked = !options.scale.is_empty() || metric.is_some();
-    let scaled = scale.is_some() || !asked;
-    let complete = rejected.is_empty() && loaded.complete && scaled;
-    Ok((template, loaded, complete))
+    let scaled = built.scale.is_some() || !asked;
+    let complete = built.rejected.is_empty() && loaded.complete && scaled;
+    Ok((built, loaded, complete))
 }

@@ -7,8 +7,9 @@ pub mod template;
 pub use progress::{Progress, Silent};
 pub use reconstruct::{ReconstructOptions, reconstruct};
 pub use template::{
-    BuiltTemplate, Exploration, OrganClick, OrganOutline, TemplateError, TemplateOptions,
-    template_from_frames, template_from_mesh, template_from_posed_frames,
+    BuiltTemplate, Exploration, FramePrecision, OrganClick, OrganOutline, SparsePrecision,
+    TemplateError, TemplateOptions, template_from_frames, template_from_mesh,
+    template_from_posed_frames,
 };
 
 use crate::camera::CameraModel;

@@ -8,12 +8,14 @@
 mod click;
 mod error;
 mod outline;
+mod precision;
 mod surface;
 mod views;
 
 pub use click::OrganClick;
 pub use error::TemplateError;
 pub use outline::OrganOutline;
+pub use precision::{FramePrecision, SparsePrecision};
 
 use super::Progress;
 use crate::camera::CameraModel;
@@ -23,7 +25,7 @@ use crate::image::{Frame, Mask, ToneCurve, viewport};
 use crate::light::{Coat, LightModel};
 use crate::mesh::Mesh;
 use crate::mesh::remesh::RemeshOptions;
-use crate::sfm::{self, Features2d, SfmOptions, SfmStage};
+use crate::sfm::{self, Features2d, FoundModel, SfmOptions, SfmStage};
 use crate::template::albedo::AlbedoOptions;
 use crate::template::anchor::AnchorOptions;
 use crate::template::flatten::{FlattenOptions, flatten};
@@ -111,10 +113,16 @@ pub struct BuiltTemplate {
     pub template: Template,
     /// Name of every frame that was left out, and why.
     pub rejected: Vec<(String, String)>,
+    /// The models that the frames fell into, the kept one first (indices count the frames given);
+    /// empty for given poses.
+    pub models: Vec<FoundModel>,
     /// The light and what else was tried; `None` where nothing could be measured.
     pub light: Option<LightFit>,
     /// The scale that was applied; `None` without known distances, or where none could be measured.
     pub scale: Option<Scale>,
+    /// How far cameras and sparse points may be off; `None` for given poses, and where too few sightings
+    /// tell.
+    pub precision: Option<SparsePrecision>,
 }
 
 /// Build a template from frames alone. Its unit is [`LengthUnit::TemplateUnit`], or mm where the
@@ -161,7 +169,9 @@ pub fn template_from_frames(
     template.sigma = sigma;
     let name = |(i, why): &(usize, String)| (exploration.frames[*i].name.clone(), why.clone());
     let rejected = sparse.rejected.iter().map(name).collect();
-    Ok(BuiltTemplate { template, rejected, light, scale })
+    let covariance = sparse.covariance(options.sfm.refine).ok();
+    let precision = covariance.map(|c| SparsePrecision::of(&c, &sparse, exploration.frames, unit));
+    Ok(BuiltTemplate { template, rejected, models: sparse.models, light, scale, precision })
 }
 
 /// The scale that the known distances, or else the metric surface, ask for.
@@ -232,7 +242,14 @@ pub fn template_from_posed_frames(
         .filter(|&i| poses[i].is_none())
         .map(|i| (exploration.frames[i].name.clone(), "the pose file has no pose for it".into()))
         .collect();
-    Ok(BuiltTemplate { template, rejected, light, scale: None })
+    Ok(BuiltTemplate {
+        template,
+        rejected,
+        models: Vec::new(),
+        light,
+        scale: None,
+        precision: None,
+    })
 }
 
 /// A template of a mesh and, where it is known, its albedo: no frames, no descriptors.

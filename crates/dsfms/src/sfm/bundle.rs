@@ -11,6 +11,10 @@
 //! alone. All sums run over a fixed partition in a fixed order, so the result has the same bits at any
 //! number of threads.
 
+mod covariance;
+
+pub use covariance::{Covariance, covariance};
+
 use super::intrinsics::{self, COUNT, RefineIntrinsics};
 use super::resection::{pose_jacobian, retract};
 use super::schur::{Eliminate, Layout, Row, Step, solve};
@@ -107,6 +111,11 @@ pub enum BundleError {
     /// No free unknown is observed.
     #[error("nothing to adjust: no observations")]
     Empty,
+    /// There is no covariance.
+    #[error(
+        "the sightings do not determine all poses and points; use more of them, from different places"
+    )]
+    Undetermined,
 }
 
 /// Minimise the bundle's cost in place; never returns a state that costs more than the start.
@@ -118,14 +127,7 @@ pub fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<Summary, B
     for camera in &mut bundle.cameras {
         *camera = intrinsics::prepared(camera, &options.refine);
     }
-    let per_view = bundle.observations.len() as f64 / bundle.poses.len().max(1) as f64;
-    let sigmas = |camera: &CameraModel| {
-        intrinsics::prior_sigmas(camera, per_view).map(|sigma| sigma * options.prior_scale)
-    };
-    let prior = Prior {
-        sigmas: bundle.cameras.iter().map(sigmas).collect(),
-        active: options.refine.active(),
-    };
+    let prior = Prior::new(bundle, options);
     let both = bundle.cameras.iter().zip(&bundle.priors);
     let mut offset: Vec<_> = both.map(|(c, prior)| intrinsics::difference(c, prior)).collect();
     let prior_before = prior.cost(&offset);
@@ -191,6 +193,20 @@ struct Prior {
 }
 
 impl Prior {
+    fn new(bundle: &Bundle, options: &BundleOptions) -> Self {
+        let per_view = bundle.observations.len() as f64 / bundle.poses.len().max(1) as f64;
+        let sigmas = |camera: &CameraModel| {
+            intrinsics::prior_sigmas(camera, per_view).map(|sigma| sigma * options.prior_scale)
+        };
+        let sigmas = bundle.cameras.iter().map(sigmas).collect();
+        Self { sigmas, active: options.refine.active() }
+    }
+
+    /// `1/σ²` of every active parameter, camera by camera.
+    fn weights(&self) -> impl Iterator<Item = f64> {
+        self.sigmas.iter().flat_map(|sigmas| self.active.iter().map(|&k| sigmas[k].powi(-2)))
+    }
+
     /// Offset and deviation of every active parameter, camera by camera.
     fn pairs(&self, offset: &[[f64; COUNT]]) -> impl Iterator<Item = (f64, f64)> {
         let cameras = offset.iter().zip(&self.sigmas);

@@ -1,7 +1,7 @@
 //! From the growing map to the value the stage returns.
 
 use super::map::Map;
-use super::reconstruction::{Reconstruction, ScenePoint, TrackedPixel};
+use super::reconstruction::{FoundModel, Reconstruction, ScenePoint, TrackedPixel};
 use crate::geometry::Point2;
 use crate::image::Frame;
 
@@ -18,12 +18,14 @@ pub(super) fn normalise(map: &mut Map, first: usize) {
     }
 }
 
-/// The reconstruction as the stage returns it.
+/// The reconstruction as the stage returns it; `others`: models that were left out.
 pub(super) fn collect(
     map: Map,
     frames: &[Frame],
     rejected: Vec<(usize, String)>,
+    others: Vec<FoundModel>,
 ) -> Reconstruction {
+    let models = std::iter::once(map.summary()).chain(others).collect();
     let errors = map.errors();
     let mut sums = vec![(0.0, 0usize); frames.len()];
     for &(_, view, error) in &errors {
@@ -47,6 +49,7 @@ pub(super) fn collect(
     Reconstruction {
         points: points.collect(),
         rejected,
+        models,
         reprojection_px: sums.iter().map(|(s, n)| (s / (*n).max(1) as f64).sqrt()).collect(),
         features: map.features.to_vec(),
         poses: map.poses,

@@ -3,6 +3,7 @@
 use super::bundle::{Bundle, BundleError, BundleObservation, BundleOptions, adjust};
 use super::features::Features2d;
 use super::intrinsics::RefineIntrinsics;
+use super::reconstruction::FoundModel;
 use super::tracks::Member;
 use super::triangulation::{Sighting, TriangulationLimits, largest_parallax_deg, triangulate};
 use crate::camera::{Camera, CameraModel};
@@ -47,6 +48,12 @@ impl Map<'_> {
 
     pub fn points(&self) -> usize {
         self.tracks.iter().filter(|t| t.point.is_some()).count()
+    }
+
+    /// Its frames and how many points they found.
+    pub fn summary(&self) -> FoundModel {
+        let frames = (0..self.poses.len()).filter(|&v| self.poses[v].is_some()).collect();
+        FoundModel { frames, points: self.points() }
     }
 
     /// Number of sightings that agree with their point.

@@ -6,7 +6,7 @@ use super::frames::{Progress, SfmStage, check_input, check_usable, detect_all, u
 use super::incremental::{grow, settle};
 use super::map::Map;
 use super::matching::UnitDescriptors;
-use super::reconstruction::{Reconstruction, SfmError};
+use super::reconstruction::{FoundModel, Reconstruction, SfmError};
 use super::rematch::rematch;
 use super::tracks::{PairMatches, build_tracks};
 use super::two_view::{VerifiedPair, verify_pairs};
@@ -63,7 +63,8 @@ fn attempt(
     let descriptors: Vec<_> =
         features.iter().map(|f| UnitDescriptors::new(&f.descriptors)).collect();
     let pairs = verify_pairs(camera, &features, &descriptors, options, progress);
-    let mut map = largest_model(camera, &features, &pairs, options, progress, &mut rejected)?;
+    let (mut map, others) =
+        largest_model(camera, &features, &pairs, options, progress, &mut rejected)?;
     let first = map.poses.iter().position(Option::is_some).unwrap_or(0);
     if options.refine.any() {
         settle(&mut map, first, options, options.refine, 2, 50);
@@ -74,7 +75,7 @@ fn attempt(
     }
     finish_adjustment(&mut map, first, options);
     normalise(&mut map, first);
-    Ok(collect(map, frames, rejected))
+    Ok(collect(map, frames, rejected, others))
 }
 
 /// Points and features for poses that are known: features, matching along epipolar lines and
@@ -113,10 +114,11 @@ pub fn triangulate_known(
     // Without points there is nothing to adjust, and the caller sees an empty cloud.
     let _ = map.adjust(&|_| true, Loss::GemanMcClure(1.5), none, 20);
     map.filter(&options.limits());
-    Ok(collect(map, frames, rejected))
+    Ok(collect(map, frames, rejected, Vec::new()))
 }
 
-/// Grow models until no pair of unregistered frames starts another; keep the largest.
+/// Grow models until no pair of unregistered frames starts another; keep the largest, and list the
+/// others in the order in which they were found.
 fn largest_model<'a>(
     camera: &CameraModel,
     features: &'a [Features2d],
@@ -124,7 +126,7 @@ fn largest_model<'a>(
     options: &SfmOptions,
     progress: Progress,
     rejected: &mut Vec<(usize, String)>,
-) -> Result<Map<'a>, SfmError> {
+) -> Result<(Map<'a>, Vec<FoundModel>), SfmError> {
     const MAX_MODELS: usize = 4;
     let counts: Vec<usize> = features.iter().map(Features2d::len).collect();
     let matched: Vec<PairMatches> =
@@ -152,7 +154,8 @@ fn largest_model<'a>(
         });
     };
     explain(&models, best, pairs, rejected);
-    Ok(models.swap_remove(best))
+    let kept = models.remove(best);
+    Ok((kept, models.iter().map(Map::summary).collect()))
 }
 
 /// Say of every frame outside the chosen model why it is outside.
@@ -183,9 +186,12 @@ fn explain(
     rejected.sort_by_key(|r| r.0);
 }
 
+/// Loss of the last adjustment.
+pub(super) const LAST_LOSS: Loss = Loss::GemanMcClure(1.0);
+
 /// Last adjustment: a loss that gives far sightings no say, then only what fits.
 fn finish_adjustment(map: &mut Map, first: usize, options: &SfmOptions) {
-    for loss in [Loss::GemanMcClure(1.5), Loss::GemanMcClure(1.0)] {
+    for loss in [Loss::GemanMcClure(1.5), LAST_LOSS] {
         // As in `settle`: every sighting used has a finite error.
         let _ = map.adjust(&|v| v == first, loss, options.refine, 50);
         map.filter(&options.limits());
@@ -217,7 +223,12 @@ mod tests {
 
     /// Gaussian blobs of several sizes on a wavy sheet.
     fn frame(pose: &Isometry, index: usize) -> Frame {
-        let mut random = Random::new(11, 0);
+        frame_of(11, pose, index)
+    }
+
+    /// Of the sheet with the blobs of a seed.
+    fn frame_of(sheet: u64, pose: &Isometry, index: usize) -> Frame {
+        let mut random = Random::new(sheet, 0);
         let mut unit = || random.below(1_000_000) as f64 / 1e6 - 0.5;
         let mut grey = vec![0.4; SIZE[0] * SIZE[1]];
         for _ in 0..500 {
@@ -277,6 +288,21 @@ mod tests {
         for (f, t) in found.iter().zip(&truth) {
             assert!((fit * f - t).norm() < 0.2, "{}", (fit * f - t).norm());
         }
+    }
+
+    #[test]
+    fn frames_of_two_places_are_two_models_and_the_larger_is_kept() {
+        // The last three poses have parallax enough among themselves.
+        let mut frames: Vec<Frame> =
+            poses()[2..].iter().enumerate().map(|(i, p)| frame_of(23, p, i)).collect();
+        frames.extend(poses().iter().enumerate().map(|(i, p)| frame_of(11, p, 3 + i)));
+        let found = run(&frames, 2).unwrap();
+        let [kept, other] = &found.models[..] else { panic!("{:?}", found.models) };
+        assert_eq!((&kept.frames[..], &other.frames[..]), (&[3, 4, 5, 6, 7][..], &[0, 1, 2][..]));
+        assert_eq!(kept.points, found.points.len());
+        assert!(other.points >= SfmOptions::default().min_matches, "{}", other.points);
+        assert_eq!(found.rejected.iter().map(|r| r.0).collect::<Vec<_>>(), other.frames);
+        assert!(found.rejected.iter().all(|r| r.1.contains("separate model of 3 frames")));
     }
 
     #[test]

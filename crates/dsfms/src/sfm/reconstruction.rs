@@ -1,6 +1,12 @@
 //! What structure from motion returns, and how it fails.
 
+use super::RefineIntrinsics;
+use super::bundle::{
+    Bundle, BundleError, BundleObservation, BundleOptions, Covariance, covariance,
+};
 use super::features::Features2d;
+use super::map::sigma_of_scale;
+use super::reconstruct::LAST_LOSS;
 use crate::camera::{CameraError, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3};
 
@@ -28,6 +34,15 @@ pub struct ScenePoint {
     pub error_px: f64,
 }
 
+/// Frames that share points, and how many points they found.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct FoundModel {
+    /// Indices of the frames, ascending.
+    pub frames: Vec<usize>,
+    /// Number of points.
+    pub points: usize,
+}
+
 /// Camera poses and sparse points. The world has the axes of the first registered camera and,
 /// unless poses were given, such a scale that the median depth is 50 units.
 #[derive(Clone, Debug)]
@@ -36,6 +51,9 @@ pub struct Reconstruction {
     pub poses: Vec<Option<Isometry>>,
     /// Index of each rejected frame and why.
     pub rejected: Vec<(usize, String)>,
+    /// The models that the frames fell into, which share too few points to be one: first that of
+    /// `poses` and `points`, the one of most frames, then those that were left out.
+    pub models: Vec<FoundModel>,
     /// Points, in a fixed order.
     pub points: Vec<ScenePoint>,
     /// The camera, refined where the options ask for it.
@@ -55,6 +73,40 @@ impl Reconstruction {
     /// Number of sightings of all points.
     pub fn sightings(&self) -> usize {
         self.points.iter().map(|p| p.track.len()).sum()
+    }
+
+    /// Covariance of the poses of the registered frames, in their order, and of the points, as
+    /// [`bundle::covariance`](super::bundle::covariance) defines them; lengths in the units of the poses.
+    ///
+    /// `refined`: the intrinsics that were refined.
+    ///
+    /// # Errors
+    /// [`BundleError::Undetermined`] where the sightings are too few.
+    pub fn covariance(&self, refined: RefineIntrinsics) -> Result<Covariance, BundleError> {
+        let mut view_of = vec![usize::MAX; self.poses.len()];
+        let registered = (0..self.poses.len()).filter(|&f| self.poses[f].is_some());
+        registered.enumerate().for_each(|(view, frame)| view_of[frame] = view);
+        let sighting = |point: usize, seen: &TrackedPixel| {
+            let scale = self.features[seen.frame].scale[seen.feature] as f64;
+            let (view, sigma_px) = (view_of[seen.frame], sigma_of_scale(scale));
+            BundleObservation { view, point, pixel: seen.pixel, sigma_px }
+        };
+        let points = self.points.iter().enumerate();
+        let poses: Vec<Isometry> = self.poses.iter().flatten().copied().collect();
+        let bundle = Bundle {
+            cameras: vec![self.camera.clone()],
+            priors: vec![self.camera.clone()],
+            camera_of: vec![0; poses.len()],
+            fixed: vec![false; poses.len()],
+            poses,
+            observations: points
+                .flat_map(|(i, p)| p.track.iter().map(move |seen| (i, seen)))
+                .map(|(i, seen)| sighting(i, seen))
+                .collect(),
+            points: self.points.iter().map(|p| p.position).collect(),
+        };
+        let options = BundleOptions { loss: LAST_LOSS, refine: refined, ..Default::default() };
+        covariance(&bundle, &options)
     }
 
     /// Mean reprojection error over all sightings, px.

@@ -50,6 +50,42 @@ impl Layout {
         let cameras = bundle.cameras.len();
         Self { eliminate, free, points, cameras, intrinsics: active.to_vec() }
     }
+
+    /// Every pose unknown, the points eliminated.
+    pub fn whole(bundle: &Bundle, active: &[usize]) -> Self {
+        let free = vec![true; bundle.poses.len()];
+        Self { free, eliminate: Eliminate::Points, ..Self::new(bundle, active) }
+    }
+
+    /// Size of the reduced system of a [`whole`](Self::whole) layout.
+    pub fn kept(&self) -> usize {
+        6 * self.free.len() + self.cameras * self.intrinsics.len()
+    }
+
+    /// What a [`whole`](Self::whole) layout eliminates with one point, from the point's rows.
+    pub fn point_block(&self, rows: &[Row]) -> PointBlock {
+        let mut block = PointBlock { own: SMatrix::zeros(), couplings: Vec::new() };
+        for row in rows {
+            block.own += row.by_point.transpose() * row.by_point;
+            let by_pose = row.by_point.transpose() * row.by_pose;
+            let pose = (0..6).map(|k| (6 * row.view + k, by_pose.column(k).into_owned()));
+            block.couplings.extend(pose);
+            let first = 6 * self.free.len() + row.camera * self.intrinsics.len();
+            let intrinsics = self.intrinsics.iter().enumerate();
+            block.couplings.extend(intrinsics.map(|(i, &k)| {
+                (first + i, row.by_point.transpose() * row.by_intrinsics.column(k))
+            }));
+        }
+        block
+    }
+}
+
+/// Normal matrix of one point and its coupling to every kept unknown it meets.
+pub(super) struct PointBlock {
+    /// `V`.
+    pub own: SMatrix<f64, 3, 3>,
+    /// Row in the reduced system, and the column of `Wᵀ` there; a row may come more than once.
+    pub couplings: Vec<(usize, SVector<f64, 3>)>,
 }
 
 /// A damped step and the drop of the cost that the linear model promises for it.
@@ -86,6 +122,18 @@ pub(super) fn solve(
             Some(Step { poses, points, intrinsics, promise })
         }
     }
+}
+
+/// The undamped reduced matrix (lower triangle) of a [`Layout::whole`]; `None` where the sightings of
+/// a point do not determine it.
+pub(super) fn reduced(rows: &[Row], layout: &Layout, prior: &[(f64, f64)]) -> Option<DMatrix<f64>> {
+    let point = |row: &Row| (row.point, row.by_point);
+    let pose = |row: &Row| (row.view, row.by_pose);
+    let all = vec![true; layout.points];
+    let system = System::new(&layout.free, &all, layout, 0.0, pose, point);
+    let mut total = system.reduced(rows, &system.spans(rows))?;
+    system.add_prior(&mut total, prior);
+    Some(total.matrix)
 }
 
 /// Kept blocks of `K` unknowns, eliminated ones of `E`; `kept` and `gone` tell the block of a row and
@@ -173,16 +221,8 @@ where
     }
 
     fn solve(&self, rows: &[Row], prior: &[(f64, f64)]) -> Option<Solution<K, E>> {
-        /// Fixed, so that the order of summation does not depend on the number of threads.
-        const PARTS: usize = 8;
         let spans = self.spans(rows);
-        let part = spans.len().div_ceil(PARTS).max(1);
-        let partials: Vec<Option<Partial>> =
-            spans.par_chunks(part).map(|spans| self.reduce(rows, spans)).collect();
-        let mut total = Partial::zero(self.size());
-        for partial in partials {
-            total.add(&partial?);
-        }
+        let mut total = self.reduced(rows, &spans)?;
         let change = self.reduced_step(&mut total, prior)?;
         let own: Vec<Option<(SVector<f64, E>, f64)>> =
             spans.par_iter().map(|s| self.back_substitute(&rows[s.clone()], &change)).collect();
@@ -202,21 +242,39 @@ where
         change.iter().all(|v| v.is_finite()).then_some((kept, eliminated, intrinsics, promise))
     }
 
+    /// The reduced system of all eliminated blocks.
+    fn reduced(&self, rows: &[Row], spans: &[Range<usize>]) -> Option<Partial> {
+        /// Fixed, so that the order of summation does not depend on the number of threads.
+        const PARTS: usize = 8;
+        let part = spans.len().div_ceil(PARTS).max(1);
+        let partials: Vec<Option<Partial>> =
+            spans.par_chunks(part).map(|spans| self.reduce(rows, spans)).collect();
+        let mut total = Partial::zero(self.size());
+        for partial in partials {
+            total.add(&partial?);
+        }
+        Some(total)
+    }
+
     /// Prior and damping into the reduced system, and its solution.
     fn reduced_step(&self, total: &mut Partial, prior: &[(f64, f64)]) -> Option<DVector<f64>> {
-        for (i, &(weight, gradient)) in prior.iter().enumerate() {
-            let at = self.intrinsics_at + i;
-            total.matrix[(at, at)] += weight;
-            total.diagonal[at] += weight;
-            total.right[at] += gradient;
-            total.gradient[at] += gradient;
-        }
+        self.add_prior(total, prior);
         for i in 0..self.size() {
             total.matrix[(i, i)] += self.damping * total.diagonal[i] + 1e-12;
         }
         match self.size() {
             0 => Some(DVector::zeros(0)),
             _ => Some(-std::mem::take(&mut total.matrix).cholesky()?.solve(&total.right)),
+        }
+    }
+
+    fn add_prior(&self, total: &mut Partial, prior: &[(f64, f64)]) {
+        for (i, &(weight, gradient)) in prior.iter().enumerate() {
+            let at = self.intrinsics_at + i;
+            total.matrix[(at, at)] += weight;
+            total.diagonal[at] += weight;
+            total.right[at] += gradient;
+            total.gradient[at] += gradient;
         }
     }
 

@@ -35,6 +35,19 @@ impl Loss {
             }
         }
     }
+
+    /// `d(s·ρ′)/ds = ρ′ + s·ρ″`: curvature of `ρ/2`, mean over the two components of a residual in
+    /// the plane. Negative where a bounded loss gives in.
+    pub fn slope(self, s: f64) -> f64 {
+        let weight = self.evaluate(s).1;
+        match self {
+            Self::Squared => 1.0,
+            Self::Norm => weight - 0.5 * s * weight.powi(3),
+            Self::Huber(k) if s <= k * k => 1.0,
+            Self::Huber(_) => 0.5 * weight,
+            Self::GemanMcClure(k) => weight * (k * k - s) / (k * k + s),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -48,6 +61,9 @@ mod tests {
                 let h = 1e-6 * s;
                 let numeric = (loss.evaluate(s + h).0 - loss.evaluate(s - h).0) / (2.0 * h);
                 assert!((numeric - loss.evaluate(s).1).abs() < 1e-6, "{loss:?} at {s}");
+                let pull = |s: f64| s * loss.evaluate(s).1;
+                let numeric = (pull(s + h) - pull(s - h)) / (2.0 * h);
+                assert!((numeric - loss.slope(s)).abs() < 1e-6, "slope of {loss:?} at {s}");
             }
         }
     }

@@ -5,7 +5,7 @@ use crate::sfm::random::Random;
 use crate::sfm::triangulation::centre_of;
 
 /// Eight cameras on an arc about 80 points, seen without noise.
-fn scene() -> Bundle {
+pub(super) fn scene() -> Bundle {
     let camera = CameraModel {
         size: [640, 480],
         focal: [548.0, 549.0],
@@ -137,7 +137,7 @@ fn either_elimination_gives_the_same_step() {
     assert_eq!(a.poses[0].norm(), 0.0);
 }
 
-fn tight() -> BundleOptions {
+pub(super) fn tight() -> BundleOptions {
     let loss = Loss::Squared;
     BundleOptions { cost_tolerance: 1e-14, loss, max_steps: 200, ..Default::default() }
 }

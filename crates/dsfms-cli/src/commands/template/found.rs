@@ -1,0 +1,50 @@
+//! What is said of the exploration: models found, precision.
+
+use dsfms::pipeline::SparsePrecision;
+use dsfms::sfm::FoundModel;
+use dsfms::template::LengthUnit;
+
+/// `2 models that share too few points: frames 1-20 (5230 points, kept), 25-40 (812 points); ...`
+pub fn models_text(models: &[FoundModel]) -> String {
+    let each = models.iter().enumerate().map(|(i, model)| {
+        let kept = if i == 0 { ", kept" } else { "" };
+        format!("{} ({} points{kept})", runs_text(&model.frames), model.points)
+    });
+    format!(
+        "{} models that share too few points: frames {}; numbered from 1 in the order given",
+        models.len(),
+        each.collect::<Vec<_>>().join(", ")
+    )
+}
+
+/// Ascending indices as runs that count from 1: `1-3 5`.
+fn runs_text(indices: &[usize]) -> String {
+    let runs = indices.chunk_by(|a, b| a + 1 == *b).map(|run| match run {
+        [first, .., last] => format!("{}-{}", first + 1, last + 1),
+        _ => run.iter().map(|i| (i + 1).to_string()).collect(),
+    });
+    runs.collect::<Vec<_>>().join(" ")
+}
+
+/// A row below those of `inspect`.
+pub fn precision_row(precision: &SparsePrecision, unit: LengthUnit) -> String {
+    let (centre, rotation_deg) = precision.cameras();
+    let (points, unit) = (precision.point_median, unit.label());
+    format!(
+        "{:<14}camera centres {centre:.4} {unit}, rotations {rotation_deg:.4} deg (rms), \
+         sparse points {points:.4} {unit} (median): expected errors, see precision.json\n",
+        "precision"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn models_are_named_by_runs_of_frames() {
+        let model = |frames: &[usize], points| FoundModel { frames: frames.to_vec(), points };
+        let text = models_text(&[model(&[0, 1, 2, 4], 90), model(&[6, 7], 20)]);
+        assert!(text.contains("frames 1-3 5 (90 points, kept), 7-8 (20 points)"), "{text}");
+    }
+}
