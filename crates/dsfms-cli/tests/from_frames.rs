@@ -97,7 +97,7 @@ impl Frames {
             let value = |p: usize| [(255.0 * grey(pose, p).clamp(0.0, 0.95)) as u8; 3];
             common::save(&frames.path(&format!("frames/f_{i}.png")), SIZE, value);
         }
-        let file = CameraFile { camera: camera(), tone: None, light: None };
+        let file = CameraFile { camera: camera(), tone: None, light: None, vignetting: None };
         write_camera(&frames.path("camera.json"), &file).unwrap();
         frames
     }

@@ -20,6 +20,7 @@ use dsfms::pipeline::{
 use dsfms::sfm::RefineIntrinsics;
 use dsfms::template::Template;
 use dsfms::template::flatten::FlattenMethod;
+use dsfms::template::light_fit::Vignetting;
 use load::{Cameras, Loaded, load, parse_click, parse_outline};
 use mesh::{open_mesh, read_albedo, unit};
 use std::path::{Path, PathBuf};
@@ -91,6 +92,9 @@ pub struct TemplateArgs {
     /// Albedo of the mesh: an image in its UV, or a CSV with one value (or r,g,b) per vertex.
     #[arg(long, value_name = "FILE", requires = "mesh", conflicts_with = "poses")]
     albedo: Option<PathBuf>,
+    /// Estimate the lens's vignetting along with the light, where the camera file does not say.
+    #[arg(long, conflicts_with = "albedo")]
+    estimate_vignetting: bool,
     /// Refine focal length, principal point and radial distortion along with the poses.
     #[arg(long, conflicts_with = "mesh")]
     self_calibrate: bool,
@@ -195,6 +199,9 @@ fn options(args: &TemplateArgs, global: &Global) -> anyhow::Result<TemplateOptio
     options.click = args.organ_click.clone();
     options.scale = args.scale.references()?;
     options.flatten.method = args.flatten.into();
+    if args.estimate_vignetting {
+        options.light.vignetting = Vignetting::Estimated;
+    }
     options.sfm.seed = global.seed;
     options.dense.seed = global.seed;
     if args.self_calibrate {
@@ -220,6 +227,11 @@ fn from_frames(
     let cameras = Cameras::open(camera_path, args, global)?;
     let loaded = load(args, &cameras, camera_path, reporter)?;
     let camera = &cameras.common;
+    let mut options = options.clone();
+    if let Some(a) = camera.file.vignetting {
+        options.light.vignetting = Vignetting::Known(a);
+    }
+    let options = &options;
     let metric = args.scale_mesh.as_deref().map(|p| open_mesh(p, reporter)).transpose()?;
     let exploration = Exploration {
         frames: &loaded.frames,
