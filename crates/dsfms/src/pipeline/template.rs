@@ -282,6 +282,7 @@ fn sfm_stage(stage: SfmStage) -> &'static str {
         SfmStage::Matching => "matching",
         SfmStage::Registration => "camera poses",
         SfmStage::GuidedMatching => "guided matching",
+        SfmStage::OpticalFlow => "optical flow",
     }
 }
 
