@@ -8,7 +8,7 @@ pub use progress::{Progress, Silent};
 pub use reconstruct::{ReconstructOptions, reconstruct};
 pub use template::{
     BuiltTemplate, Exploration, OrganClick, OrganOutline, TemplateError, TemplateOptions,
-    template_from_frames, template_from_mesh, template_from_posed_frames,
+    template_from_frames, template_from_mesh, template_from_posed_frames, template_from_poses,
 };
 
 use crate::camera::CameraModel;
