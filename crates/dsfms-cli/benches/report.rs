@@ -98,7 +98,7 @@ fn prepare(folder: &Path, vertices: usize, frames: usize) {
         &extras,
     )
     .expect("a mesh");
-    let file = CameraFile { camera: camera.clone(), tone: None, light: None };
+    let file = CameraFile { camera: camera.clone(), tone: None, light: None, vignetting: None };
     write_camera(&folder.join("camera.json"), &file).expect("a camera");
     let faces = &mesh.topology.faces;
     let albedo = |v: u32| {

@@ -8,6 +8,7 @@ mod exit;
 mod figure;
 mod formats;
 mod inputs;
+mod memory;
 mod outputs;
 mod pictures;
 mod progress;

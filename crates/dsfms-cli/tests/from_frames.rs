@@ -97,7 +97,7 @@ impl Frames {
             let value = |p: usize| [(255.0 * grey(pose, p).clamp(0.0, 0.95)) as u8; 3];
             common::save(&frames.path(&format!("frames/f_{i}.png")), SIZE, value);
         }
-        let file = CameraFile { camera: camera(), tone: None, light: None };
+        let file = CameraFile { camera: camera(), tone: None, light: None, vignetting: None };
         write_camera(&frames.path("camera.json"), &file).unwrap();
         frames
     }
@@ -215,6 +215,33 @@ fn the_organ_by_polygon_takes_its_scale_from_a_metric_mesh() {
     let eye = poses()[0].inverse_transform_point(&Point3::origin());
     let true_depth = (Point3::new(0.0, 0.0, 46.0) - eye).norm();
     assert!((depth / true_depth - 1.0).abs() < 0.05, "{depth} mm, {true_depth} expected");
+}
+
+#[test]
+fn known_poses_without_a_mesh_keep_their_world_and_nothing_is_left_to_guess() {
+    let frames = Frames::new();
+    let pose = |(i, pose): (usize, &Isometry)| {
+        let (r, t) = (pose.rotation.to_rotation_matrix(), pose.translation.vector);
+        let rows: Vec<Vec<f64>> =
+            (0..3).map(|i| r.matrix().row(i).iter().copied().collect()).collect();
+        serde_json::json!({ "image": format!("f_{i}.png"), "R": rows, "t": [t.x, t.y, t.z] })
+    };
+    let list: Vec<_> = poses().iter().enumerate().map(pose).collect();
+    fs::write(frames.path("poses.json"), serde_json::Value::from(list).to_string()).unwrap();
+    let arguments = ["--poses", "poses.json", "--organ-click", "120,90@f_4"];
+    frames.template(&[&arguments[..], &["--albedo-rule", "minimum"]].concat(), "2", "known");
+    let mesh = read_mesh(&frames.path("known/template.ply")).unwrap().mesh;
+    let mut misses: Vec<f64> =
+        mesh.positions.iter().map(|p| (p.z - disc(p.x, p.y)).abs()).collect();
+    misses.sort_by(f64::total_cmp);
+    // A pixel is 0.17 units on the disc.
+    assert!(misses[misses.len() / 2] < 0.2, "median {}", misses[misses.len() / 2]);
+    let shown = frames
+        .dsfms(&["template", "frames", "--poses", "poses.json", "--camera", "camera.json"])
+        .args(["--self-calibrate", "-o", "t"])
+        .assert()
+        .failure();
+    assert!(String::from_utf8_lossy(&shown.get_output().stderr).contains("--poses"));
 }
 
 #[test]

@@ -90,7 +90,8 @@ pub fn run(args: &CalibrateArgs, global: &Global, reporter: &Reporter) -> anyhow
     reporter.step("board and intrinsics", 0, 1);
     let found = calibrate(&frames, &board, &options)?;
     reporter.step("board and intrinsics", 1, 1);
-    let file = CameraFile { camera: found.camera.clone(), tone: None, light: None };
+    let file =
+        CameraFile { camera: found.camera.clone(), tone: None, light: None, vignetting: None };
     write_camera(&args.output, &file)?;
     write_pictures(&folder, &frames, &found)?;
     write_json(&folder.join("report.json"), &report(&frames, &board, &found))?;

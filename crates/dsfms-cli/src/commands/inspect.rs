@@ -69,7 +69,11 @@ fn rows(template: &Template, s: &TemplateStatistics) -> Vec<(&'static str, Strin
         Some(px) => format!("{}, median reprojection error {px:.2} px", s.frames),
         None => s.frames.to_string(),
     };
-    let light = template.light.as_ref().map_or("none".into(), |l| format!("{l:?}"));
+    let vignetting = match template.coat.vignetting {
+        0.0 => String::new(),
+        a => format!("; vignetting 1 {a:+.3} r²"),
+    };
+    let light = template.light.as_ref().map_or("none".into(), |l| format!("{l:?}{vignetting}"));
     let seen = s.seen_vertices.map_or("not known".into(), |n| format!("{n} vertices"));
     let sigma = s.median_sigma.map_or("not known".into(), |sigma| format!("median {sigma:.3}"));
     vec![

@@ -235,6 +235,10 @@ fn prepare<'a>(
             let input = inputs::camera(path, global)?;
             // A template of a bare mesh knows no light; the camera file may.
             template.light = template.light.or(input.file.light);
+            // The frames' own lens, which need not be that of the exploration.
+            if let Some(a) = input.file.vignetting {
+                template.coat.vignetting = a;
+            }
             (input.file.camera, input.tone)
         }
         None => {

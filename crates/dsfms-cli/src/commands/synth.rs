@@ -173,7 +173,7 @@ fn write(folder: &Path, case: &Case) -> anyhow::Result<()> {
     let (camera, tone) = (case.camera.clone(), Some(ToneCurve::Srgb));
     write_camera(
         &at("camera.json"),
-        &CameraFile { camera, tone, light: case.template.light.clone() },
+        &CameraFile { camera, tone, light: case.template.light.clone(), vignetting: None },
     )?;
     write_matches(&at("matches.csv"), &case.matches)?;
     let uv = planar_uv(mesh);

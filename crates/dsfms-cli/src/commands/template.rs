@@ -7,6 +7,7 @@ mod mesh;
 use super::scale::ScaleArgs;
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
+use crate::memory::peak_mb;
 use crate::outputs::{prepare_folder, write_json};
 use crate::pictures::template::{write_pictures, write_textures};
 use crate::progress::Reporter;
@@ -16,10 +17,12 @@ use dsfms::io::poses::{PoseList, match_poses, read_poses};
 use dsfms::io::template::write_template;
 use dsfms::pipeline::{
     BuiltTemplate, Exploration, OrganClick, OrganOutline, Progress, TemplateOptions,
-    template_from_frames, template_from_mesh, template_from_posed_frames,
+    template_from_frames, template_from_mesh, template_from_posed_frames, template_from_poses,
 };
 use dsfms::sfm::RefineIntrinsics;
+use dsfms::template::albedo::Combine;
 use dsfms::template::flatten::FlattenMethod;
+use dsfms::template::light_fit::Vignetting;
 use found::{models_text, precision_row};
 use load::{Cameras, Loaded, load, parse_click, parse_outline};
 use mesh::{open_mesh, read_albedo, unit};
@@ -43,6 +46,8 @@ Examples:
   dsfms template exploration/ --camera camera.json --organ-masks masks/ --scale-mesh liver.stl -o organ.template
   # On a mesh of your own, in the world of known camera poses
   dsfms template exploration/ --camera camera.json --mesh organ.ply --poses poses.json -o organ.template
+  # The camera poses are known (a tracked laparoscope, COLMAP), the surface is not
+  dsfms template exploration/ --camera camera.json --poses poses.json -o organ.template
   # A mesh whose albedo is known: an image in its UV, or a CSV with one value (or r,g,b) a vertex
   dsfms template --mesh organ.obj --albedo albedo.png -o organ.template
 
@@ -93,15 +98,22 @@ pub struct TemplateArgs {
     /// Surface to use: PLY, OBJ, STL or glTF; its vertex order and faces are kept.
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
-    /// Camera poses of the frames in the mesh's frame: poses.json, or COLMAP's images.txt,
-    /// images.bin or model folder.
-    #[arg(long, value_name = "FILE", requires = "mesh")]
+    /// Known camera poses of the frames, in the mesh's frame if there is one: poses.json, or COLMAP's
+    /// images.txt, images.bin or model folder. Without --mesh the surface is in their world and
+    /// unit, called template units unless a known distance makes them mm.
+    #[arg(long, value_name = "FILE")]
     poses: Option<PathBuf>,
     /// Albedo of the mesh: an image in its UV, or a CSV with one value (or r,g,b) per vertex.
     #[arg(long, value_name = "FILE", requires = "mesh", conflicts_with = "poses")]
     albedo: Option<PathBuf>,
+    /// Estimate the lens's vignetting along with the light, where the camera file does not say.
+    #[arg(long, conflicts_with = "albedo")]
+    estimate_vignetting: bool,
+    /// What the albedos of single frames become.
+    #[arg(long, value_enum, default_value_t, conflicts_with = "albedo")]
+    albedo_rule: AlbedoRule,
     /// Refine focal length, principal point and radial distortion along with the poses.
-    #[arg(long, conflicts_with = "mesh")]
+    #[arg(long, conflicts_with_all = ["mesh", "poses"])]
     self_calibrate: bool,
     #[command(flatten)]
     scale: ScaleArgs,
@@ -137,6 +149,24 @@ impl From<Flatten> for FlattenMethod {
             Flatten::Bff => Self::Bff,
             Flatten::Lscm => Self::Lscm,
             Flatten::Spectral => Self::Spectral,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum AlbedoRule {
+    /// Mean that leaves outliers out, weighted by how squarely each frame sees the place.
+    #[default]
+    Robust,
+    /// The smallest (the paper's eq. 2): no highlight gets in, noise and shadows do.
+    Minimum,
+}
+
+impl From<AlbedoRule> for Combine {
+    fn from(rule: AlbedoRule) -> Self {
+        match rule {
+            AlbedoRule::Robust => Self::Robust,
+            AlbedoRule::Minimum => Self::Minimum,
         }
     }
 }
@@ -180,6 +210,9 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
         if let Some(precision) = &precision {
             super::to_stdout(&precision_row(precision, template.unit))?;
         }
+        if let Some(peak) = peak_mb() {
+            super::to_stdout(&format!("{:<14}{peak:.0} MB\n", "peak memory"))?;
+        }
     }
     Ok(if complete { Outcome::Ok } else { Outcome::Degraded })
 }
@@ -188,10 +221,10 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
 fn check(args: &TemplateArgs) -> anyhow::Result<()> {
     let wrong = |text: &str| Err(Usage(text.into()).into());
     match (args.frames.is_empty(), &args.mesh, &args.poses, &args.camera) {
+        (true, _, Some(_), _) => wrong("--poses belongs to frames; give the frames too"),
         (true, None, ..) => {
             wrong("give exploration frames (a folder, files or a video), or --mesh")
         }
-        (true, Some(_), Some(_), _) => wrong("--poses belongs to frames; give the frames too"),
         (false, Some(_), None, _) => wrong("frames on a given --mesh need --poses"),
         (false, _, _, None) => wrong("frames need --camera"),
         _ if !(100..=50_000).contains(&args.vertices) => {
@@ -214,6 +247,10 @@ fn options(args: &TemplateArgs, global: &Global) -> anyhow::Result<TemplateOptio
     options.scale = args.scale.references()?;
     options.remesh.adaptive = args.adaptive.unwrap_or_default();
     options.flatten.method = args.flatten.into();
+    options.albedo.combine = args.albedo_rule.into();
+    if args.estimate_vignetting {
+        options.light.vignetting = Vignetting::Estimated;
+    }
     options.sfm.seed = global.seed;
     options.dense.seed = global.seed;
     options.dense.peel_hidden = args.peel_hidden;
@@ -240,6 +277,11 @@ fn from_frames(
     let cameras = Cameras::open(camera_path, args, global)?;
     let loaded = load(args, &cameras, camera_path, reporter)?;
     let camera = &cameras.common;
+    let mut options = options.clone();
+    if let Some(a) = camera.file.vignetting {
+        options.light.vignetting = Vignetting::Known(a);
+    }
+    let options = &options;
     let metric = args.scale_mesh.as_deref().map(|p| open_mesh(p, reporter)).transpose()?;
     let exploration = Exploration {
         frames: &loaded.frames,
@@ -250,15 +292,19 @@ fn from_frames(
         light: camera.file.light.as_ref(),
         metric: metric.as_ref().map(|m| &m.mesh),
     };
+    let poses = |path: &Path| -> anyhow::Result<_> {
+        let poses = read_poses(path, PoseList::Exploration)?;
+        let names: Vec<&str> = loaded.frames.iter().map(|f| f.name.as_str()).collect();
+        Ok(match_poses(&poses, &names))
+    };
     let built = match (&args.mesh, &args.poses) {
-        (Some(mesh), Some(poses)) => {
+        (Some(mesh), Some(path)) => {
             let mesh = open_mesh(mesh, reporter)?;
-            let poses = read_poses(poses, PoseList::Exploration)?;
-            let names: Vec<&str> = loaded.frames.iter().map(|f| f.name.as_str()).collect();
-            let poses = match_poses(&poses, &names);
+            let poses = poses(path)?;
             let unit = unit(&mesh);
             template_from_posed_frames(&exploration, mesh.mesh, unit, &poses, options, reporter)?
         }
+        (None, Some(path)) => template_from_poses(&exploration, &poses(path)?, options, reporter)?,
         _ => template_from_frames(&exploration, options, reporter)?,
     };
     if let Some(scale) = &built.scale {

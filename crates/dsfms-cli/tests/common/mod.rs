@@ -33,7 +33,7 @@ impl Case {
                 .unwrap();
         };
         write(&case.path("organ.ply"), &organ.mesh.positions);
-        let file = CameraFile { camera: camera.clone(), tone: None, light: None };
+        let file = CameraFile { camera: camera.clone(), tone: None, light: None, vignetting: None };
         write_camera(&case.path("camera.json"), &file).unwrap();
         let attraction = Attraction {
             direction: -Vector3::z(),

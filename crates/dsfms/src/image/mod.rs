@@ -1,8 +1,10 @@
 //! Pixels in memory: encoded frames, linear colour, one-channel planes, masks, tone curves.
 
+pub mod corners;
 pub mod distance;
 pub mod exposure;
 pub mod filter;
+pub mod flow;
 pub mod mask;
 pub mod outline;
 pub mod picture;

@@ -4,7 +4,8 @@ use super::coat::WET_TISSUE;
 use super::{Coat, Coated, Light, LightModel, PointLight, Spot, specular_angle};
 use crate::geometry::{Point3, Vector3};
 
-const WET: Coat = Coat { refractive_index: WET_TISSUE, ambient: 0.05 };
+const WET: Coat = Coat { refractive_index: WET_TISSUE, ambient: 0.05, vignetting: 0.0 };
+const DARK_CORNERS: Coat = Coat { vignetting: -0.7, ..WET };
 
 /// `d_normal` and `d_point` at scattered points with scattered normals, and darkness behind.
 fn check_light(light: &impl Light) {
@@ -59,7 +60,8 @@ fn every_light_passes() {
             let light = point_light(spot, positions);
             light.validate().unwrap();
             check_light(&light);
-            check_light(&Coated { light, coat: WET });
+            check_light(&Coated { light: light.clone(), coat: WET });
+            check_light(&Coated { light, coat: DARK_CORNERS });
         }
     }
 }

@@ -1,13 +1,16 @@
-//! Tissue under a light: the wet film that makes it glossy, and the light from all around.
+//! Tissue under a light: the wet film that makes it glossy, the light from all around, and what the lens
+//! takes of it.
 //!
 //! ```text
-//! I = gain · α · T(N, x) · (s(N, x) + a)
+//! I = gain · α · V(x) · T(N, x) · (s(N, x) + a)
 //! ```
 //!
 //! `T` is what passes the film on the way in and out relative to normal incidence (Fresnel): 1 face
 //! on, 0.98 at 45 degrees, 0.9 at 60, 0.74 at 70 for a refractive index of 1.4 and a light at the
-//! camera. `a` is the light that the surroundings throw back, in units of the shading.
+//! camera. `a` is the light that the surroundings throw back, in units of the shading. `V` is the
+//! vignetting of the lens ([`vignetting`]).
 
+use super::vignetting::vignetting;
 use super::{Light, LightModel, Shade};
 use crate::geometry::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -15,7 +18,8 @@ use serde::{Deserialize, Serialize};
 /// Refractive index of wet soft tissue in visible light (1.36 to 1.42).
 pub const WET_TISSUE: f64 = 1.4;
 
-/// What tissue makes of the light that reaches it. The default is Lambert's surface in the dark.
+/// What tissue makes of the light that reaches it, and the lens of what it sends back. The default is
+/// Lambert's surface in the dark behind a perfect lens.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Coat {
@@ -23,11 +27,19 @@ pub struct Coat {
     pub refractive_index: f64,
     /// Light from all around, in units of the shading.
     pub ambient: f64,
+    /// Vignetting `a` of the lens, `V = 1 + a r²` with r in focal lengths from the principal point; 0 = none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub vignetting: f64,
+}
+
+/// So that what knows nothing of vignetting reads a template without.
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 impl Default for Coat {
     fn default() -> Self {
-        Self { refractive_index: 1.0, ambient: 0.0 }
+        Self { refractive_index: 1.0, ambient: 0.0, vignetting: 0.0 }
     }
 }
 
@@ -51,12 +63,26 @@ impl Light for Coated {
 }
 
 impl Coat {
-    /// `T · (s + a)` with its derivatives; 0 where the light itself does not reach.
+    /// `V · T · (s + a)` with its derivatives; 0 where the light itself does not reach.
     pub fn shade(&self, light: &LightModel, point: &Point3, normal: &Vector3) -> Shade {
         let bare = light.shade(point, normal);
         if *self == Self::default() || bare.value == 0.0 {
             return bare;
         }
+        let sent = self.sent(light, bare, point, normal);
+        if self.vignetting == 0.0 {
+            return sent;
+        }
+        let (passed, slope) = vignetting(self.vignetting, point);
+        Shade {
+            value: sent.value * passed,
+            d_normal: sent.d_normal * passed,
+            d_point: sent.d_point * passed + slope * sent.value,
+        }
+    }
+
+    /// `T · (s + a)`, what reaches the lens; `bare`: `s`.
+    fn sent(&self, light: &LightModel, bare: Shade, point: &Point3, normal: &Vector3) -> Shade {
         let seen = Cosine::towards(&Point3::origin(), point, normal);
         let lit = match light {
             LightModel::Collinear => Cosine::along(-Vector3::z(), normal),
@@ -137,7 +163,7 @@ mod tests {
 
     #[test]
     fn ambient_light_adds_to_the_shading() {
-        let coat = Coat { refractive_index: 1.0, ambient: 0.25 };
+        let coat = Coat { ambient: 0.25, ..Coat::default() };
         let (point, normal) = (Point3::new(0.0, 0.0, 60.0), Vector3::new(0.6, 0.0, -0.8));
         let shade = coat.shade(&LightModel::Collinear, &point, &normal);
         assert!((shade.value - 1.05).abs() < 1e-12);

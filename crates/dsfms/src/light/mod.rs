@@ -42,6 +42,7 @@ pub mod coat;
 pub mod collinear;
 pub mod model;
 pub mod point;
+pub mod vignetting;
 
 pub use coat::{Coat, Coated};
 pub use model::{LightError, LightModel, PointLight, Spot};

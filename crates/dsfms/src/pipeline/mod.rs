@@ -9,7 +9,7 @@ pub use reconstruct::{ReconstructOptions, reconstruct};
 pub use template::{
     BuiltTemplate, Exploration, FramePrecision, OrganClick, OrganOutline, SparsePrecision,
     TemplateError, TemplateOptions, template_from_frames, template_from_mesh,
-    template_from_posed_frames,
+    template_from_posed_frames, template_from_poses,
 };
 
 use crate::camera::CameraModel;

@@ -1,7 +1,7 @@
 //! From exploration frames to the template (paper §4, §5).
 //!
 //! ```text
-//! frames ─► sfm ─► dense ─► remesh ─┐
+//! frames ─► sfm ─► dense ─► remesh ─┐      (sfm: with known poses, triangulation alone)
 //! frames, mesh, poses ──────────────┴► flatten ─► light, gains, albedo ─► features ─► Template
 //! ```
 
@@ -137,8 +137,47 @@ pub fn template_from_frames(
     let exploration = &Exploration { valid: &valid, ..*exploration };
     let usable = usable_masks(exploration);
     let report = |stage, done, total| progress.step(sfm_stage(stage), done, total);
-    let mut sparse =
+    let sparse =
         sfm::reconstruct(exploration.frames, &usable, exploration.camera, &options.sfm, &report)?;
+    from_sparse(exploration, &usable, sparse, options, progress)
+}
+
+/// Build a template from frames whose poses are known (`camera_from_world`, `None` for frames to leave
+/// out) but whose surface is not: neither poses nor intrinsics are changed, and the mesh is in the poses'
+/// world and unit. Its unit is called [`LengthUnit::TemplateUnit`] unless the options hold known distances.
+pub fn template_from_poses(
+    exploration: &Exploration,
+    poses: &[Option<Isometry>],
+    options: &TemplateOptions,
+    progress: &dyn Progress,
+) -> Result<BuiltTemplate, TemplateError> {
+    check(options)?;
+    if poses.iter().flatten().count() < 2 {
+        return Err(TemplateError::TooFewPoses {
+            found: poses.iter().flatten().count(),
+            frames: exploration.frames.len(),
+        });
+    }
+    let valid = valid_masks(exploration, &options.sfm);
+    let exploration = &Exploration { valid: &valid, ..*exploration };
+    let usable = usable_masks(exploration);
+    let report = |stage, done, total| progress.step(sfm_stage(stage), done, total);
+    let (frames, camera) = (exploration.frames, exploration.camera);
+    let sparse = sfm::triangulate_known(frames, &usable, camera, poses, &options.sfm, &report)?;
+    if sparse.points.is_empty() {
+        return Err(TemplateError::NoPoints { frames: sparse.registered() });
+    }
+    from_sparse(exploration, &usable, sparse, options, progress)
+}
+
+/// From poses and points to the template: surface, scale, albedo, descriptors. `usable`: one per frame.
+fn from_sparse(
+    exploration: &Exploration,
+    usable: &[Option<Mask>],
+    mut sparse: sfm::Reconstruction,
+    options: &TemplateOptions,
+    progress: &dyn Progress,
+) -> Result<BuiltTemplate, TemplateError> {
     let points: Vec<Point3> = sparse.points.iter().map(|p| p.position).collect();
     let Surface { mut mesh, mut sigma } =
         dense_mesh(exploration, &sparse.camera, &sparse.poses, &points, options, progress)?;
@@ -159,7 +198,7 @@ pub fn template_from_frames(
     };
     let views = Views {
         exploration: &Exploration { camera: &sparse.camera, ..*exploration },
-        usable: &usable,
+        usable,
         poses: &sparse.poses,
         reprojection_px: &sparse.reprojection_px,
         features: &sparse.features,
@@ -308,6 +347,7 @@ fn sfm_stage(stage: SfmStage) -> &'static str {
         SfmStage::Matching => "matching",
         SfmStage::Registration => "camera poses",
         SfmStage::GuidedMatching => "guided matching",
+        SfmStage::OpticalFlow => "optical flow",
     }
 }
 

@@ -7,7 +7,8 @@ use crate::image::exposure::saturation;
 use crate::image::filter::blur;
 use crate::image::{Frame, Mask, Plane};
 
-/// Keypoints of one frame; all vectors have the same length.
+/// Keypoints of one frame; all vectors have the same length, but for the descriptors where corners were
+/// followed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Features2d {
     /// Positions, px.
@@ -16,7 +17,8 @@ pub struct Features2d {
     pub scale: Vec<f32>,
     /// Dominant gradient direction, radians, clockwise from +x.
     pub angle: Vec<f32>,
-    /// RootSIFT (Arandjelović, Zisserman 2012), `round(512·√(h/‖h‖₁))` capped at 255.
+    /// RootSIFT (Arandjelović, Zisserman 2012), `round(512·√(h/‖h‖₁))` capped at 255. Corners
+    /// followed by optical flow come last and have none.
     pub descriptors: Vec<[u8; 128]>,
 }
 
@@ -42,8 +44,7 @@ pub fn detect(frame: &Frame, mask: Option<&Mask>, options: &SfmOptions) -> Featu
         LocalContrast::Always => local_contrast(&grey),
         _ => kornia::equalise(&grey, options.clahe_clip, options.clahe_tiles),
     };
-    let blocked =
-        (!options.keep_saturated).then(|| saturation(frame).dilate(options.saturation_margin_px));
+    let blocked = highlights(frame, options);
     let usable = |p: &Point2| {
         mask.is_none_or(|m| m.at_pixel(p)) && blocked.as_ref().is_none_or(|m| !m.at_pixel(p))
     };
@@ -56,8 +57,13 @@ pub fn detect(frame: &Frame, mask: Option<&Mask>, options: &SfmOptions) -> Featu
     }
 }
 
+/// Highlights and their surroundings, which move with the camera; `None` where they may be used.
+pub(super) fn highlights(frame: &Frame, options: &SfmOptions) -> Option<Mask> {
+    (!options.keep_saturated).then(|| saturation(frame).dilate(options.saturation_margin_px))
+}
+
 /// Grey less its mean, over its spread, both of the neighbourhood: in `[0, 1]` about 0.5.
-fn local_contrast(grey: &Plane) -> Plane {
+pub(super) fn local_contrast(grey: &Plane) -> Plane {
     /// Standard deviations of the windows of mean and spread, over the image width.
     const WINDOWS: [f64; 2] = [0.01, 0.02];
     /// Spread below which there is nothing but quantisation and noise.

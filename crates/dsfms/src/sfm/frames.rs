@@ -19,6 +19,8 @@ pub enum SfmStage {
     Registration,
     /// Pairs compared along epipolar lines.
     GuidedMatching,
+    /// Neighbouring frames between which corners were followed by optical flow.
+    OpticalFlow,
 }
 
 /// Receives the stage, the number of things done and of all things; may be called from any thread.
@@ -54,25 +56,39 @@ pub(super) fn check_input(
     Ok(())
 }
 
-/// Features of every frame inside its mask and the viewport.
+/// Where frames may be looked at: inside their masks and the viewport.
+pub(super) struct ValidAreas<'a> {
+    masks: &'a [Option<Mask>],
+    lit: Option<Mask>,
+}
+
+impl<'a> ValidAreas<'a> {
+    pub fn new(frames: &[Frame], masks: &'a [Option<Mask>], options: &SfmOptions) -> Self {
+        /// The blurred rim gives strong keypoints that move with the camera.
+        const RIM_PX: f64 = 8.0;
+        let lit = if options.find_viewport { viewport(frames) } else { None };
+        Self { masks, lit: lit.map(|m| m.erode(RIM_PX)) }
+    }
+
+    /// That of a frame; `None` = everywhere.
+    pub fn of(&self, frame: usize) -> Option<Mask> {
+        match (self.masks.get(frame).and_then(Option::as_ref), &self.lit) {
+            (Some(own), Some(lit)) => Some(own.and(lit)),
+            (own, lit) => own.or(lit.as_ref()).cloned(),
+        }
+    }
+}
+
+/// Features of every frame inside its valid area.
 pub(super) fn detect_all(
     frames: &[Frame],
-    masks: &[Option<Mask>],
+    areas: &ValidAreas,
     options: &SfmOptions,
     progress: Progress,
 ) -> Vec<Features2d> {
-    /// The blurred rim gives strong keypoints that move with the camera.
-    const RIM_PX: f64 = 8.0;
-    let lit = if options.find_viewport { viewport(frames) } else { None };
-    let lit = lit.map(|m| m.erode(RIM_PX));
     let count = Counter::new(SfmStage::Features, frames.len(), progress);
     let one = |(i, frame): (usize, &Frame)| {
-        let own = masks.get(i).and_then(Option::as_ref);
-        let mask = match (own, &lit) {
-            (Some(own), Some(lit)) => Some(own.and(lit)),
-            (own, lit) => own.or(lit.as_ref()).cloned(),
-        };
-        let features = detect(frame, mask.as_ref(), options);
+        let features = detect(frame, areas.of(i).as_ref(), options);
         count.next();
         features
     };

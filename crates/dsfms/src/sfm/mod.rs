@@ -2,7 +2,7 @@
 //! and sparse points.
 //!
 //! ```text
-//! detect ─► verify pairs ─► tracks ─► grow (pair, resection, triangulation, adjustment)
+//! detect ─► verify pairs (─► optical flow) ─► tracks ─► grow (pair, resection, triangulation, adjustment)
 //!        ─► guided matching along epipolar lines ─► final bundle adjustment
 //! ```
 //!
@@ -14,6 +14,7 @@ pub mod bundle;
 mod collect;
 pub mod essential;
 pub mod features;
+mod followed;
 mod frames;
 pub mod guided;
 mod incremental;

@@ -58,6 +58,9 @@ pub struct SfmOptions {
     pub min_parallax_deg: f64,
     /// Match again along epipolar lines once the poses are known.
     pub guided: bool,
+    /// Between neighbouring frames with fewer verified matches than this, corners are followed by optical
+    /// flow too; 0 = never. Four times `min_matches` by default: fewer are lost on the way to a pose.
+    pub flow_below: usize,
 }
 
 /// When local contrast replaces the equalisation.
@@ -99,6 +102,7 @@ impl Default for SfmOptions {
             max_reprojection_px: 2.5,
             min_parallax_deg: 1.5,
             guided: true,
+            flow_below: 64,
         }
     }
 }

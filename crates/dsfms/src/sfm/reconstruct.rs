@@ -2,7 +2,10 @@
 
 use super::collect::{collect, normalise};
 use super::features::Features2d;
-use super::frames::{Progress, SfmStage, check_input, check_usable, detect_all, unusable};
+use super::followed::{follow_where_few, join};
+use super::frames::{
+    Progress, SfmStage, ValidAreas, check_input, check_usable, detect_all, unusable,
+};
 use super::incremental::{grow, settle};
 use super::map::Map;
 use super::matching::UnitDescriptors;
@@ -57,12 +60,15 @@ fn attempt(
     options: &SfmOptions,
     progress: Progress,
 ) -> Result<Reconstruction, SfmError> {
-    let features = detect_all(frames, masks, options, progress);
-    let mut rejected = unusable(frames, &features);
-    check_usable(frames, &rejected)?;
+    let areas = ValidAreas::new(frames, masks, options);
+    let mut features = detect_all(frames, &areas, options, progress);
     let descriptors: Vec<_> =
         features.iter().map(|f| UnitDescriptors::new(&f.descriptors)).collect();
-    let pairs = verify_pairs(camera, &features, &descriptors, options, progress);
+    let mut pairs = verify_pairs(camera, &features, &descriptors, options, progress);
+    let tracks = follow_where_few(frames, &areas, &pairs, options, progress);
+    let followed = join(&tracks, camera, &mut features, &descriptors, &mut pairs, options);
+    let mut rejected = unusable(frames, &features);
+    check_usable(frames, &rejected)?;
     let (mut map, others) =
         largest_model(camera, &features, &pairs, options, progress, &mut rejected)?;
     let first = map.poses.iter().position(Option::is_some).unwrap_or(0);
@@ -70,7 +76,7 @@ fn attempt(
         settle(&mut map, first, options, options.refine, 2, 50);
     }
     if options.guided {
-        rematch(&mut map, &descriptors, options, progress);
+        rematch(&mut map, &descriptors, &followed, options, progress);
         settle(&mut map, first, options, options.refine, 2, 30);
     }
     finish_adjustment(&mut map, first, options);
@@ -94,7 +100,8 @@ pub fn triangulate_known(
     if poses.len() != frames.len() {
         return Err(SfmError::Count { what: "poses", found: poses.len(), frames: frames.len() });
     }
-    let features = detect_all(frames, masks, options, progress);
+    let areas = ValidAreas::new(frames, masks, options);
+    let features = detect_all(frames, &areas, options, progress);
     let mut rejected = unusable(frames, &features);
     let missing = (0..frames.len()).filter(|&v| poses[v].is_none());
     rejected.extend(missing.map(|v| (v, "no pose was given".to_string())));
@@ -109,7 +116,7 @@ pub fn triangulate_known(
         poses: poses.to_vec(),
         tracks: Vec::new(),
     };
-    rematch(&mut map, &descriptors, options, progress);
+    rematch(&mut map, &descriptors, &[], options, progress);
     let none = RefineIntrinsics::default();
     // Without points there is nothing to adjust, and the caller sees an empty cloud.
     let _ = map.adjust(&|_| true, Loss::GemanMcClure(1.5), none, 20);
@@ -303,6 +310,25 @@ mod tests {
         assert!(other.points >= SfmOptions::default().min_matches, "{}", other.points);
         assert_eq!(found.rejected.iter().map(|r| r.0).collect::<Vec<_>>(), other.frames);
         assert!(found.rejected.iter().all(|r| r.1.contains("separate model of 3 frames")));
+    }
+
+    #[test]
+    fn where_there_are_no_features_corners_are_followed() {
+        // Nothing has such a contrast.
+        let blind = SfmOptions { contrast_threshold: 1.0, ..Default::default() };
+        let run =
+            |options: &SfmOptions| reconstruct(&frames(), &[], &camera(), options, &|_, _, _| ());
+        let without = run(&SfmOptions { flow_below: 0, ..blind.clone() });
+        assert!(matches!(without, Err(SfmError::TooFewFeatures { usable: 0, .. })));
+        let found = run(&blind).unwrap();
+        assert_eq!(found.registered(), 5, "{:?}", found.rejected);
+        let centres: Vec<Point3> = found.poses.iter().flatten().map(centre_of).collect();
+        let truth: Vec<Point3> = poses().iter().map(centre_of).collect();
+        let fit = align_similarity(&centres, &truth).unwrap();
+        for (f, t) in centres.iter().zip(&truth) {
+            assert!((fit * f - t).norm() < 0.4, "{}", (fit * f - t).norm());
+        }
+        assert!(found.features.iter().all(|f| f.descriptors.is_empty()));
     }
 
     #[test]

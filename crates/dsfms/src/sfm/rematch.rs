@@ -11,16 +11,19 @@ use super::two_view::{chosen_pairs, mean_focal};
 use crate::camera::Camera;
 use rayon::prelude::*;
 
-/// Match all registered pairs again along epipolar lines; new tracks, new points.
+/// Match all registered pairs again along epipolar lines; new tracks, new points. `followed`: verified
+/// matches of features beyond the described ones, which join as they are.
 pub(super) fn rematch(
     map: &mut Map,
     descriptors: &[UnitDescriptors],
+    followed: &[PairMatches],
     options: &SfmOptions,
     progress: Progress,
 ) {
     let views: Vec<Option<GuidedView>> = (0..map.poses.len())
         .map(|v| {
-            let rays = map.features[v].points.iter().map(|p| map.camera.unproject(p)).collect();
+            let described = &map.features[v].points[..descriptors[v].len()];
+            let rays = described.iter().map(|p| map.camera.unproject(p)).collect();
             Some(GuidedView { pose: map.poses[v]?, rays, descriptors: descriptors[v].clone() })
         })
         .collect();
@@ -40,7 +43,8 @@ pub(super) fn rematch(
         count.next();
         PairMatches { a, b, matches }
     };
-    let matched: Vec<PairMatches> = pairs.par_iter().with_max_len(1).map(guided).collect();
+    let mut matched: Vec<PairMatches> = pairs.par_iter().with_max_len(1).map(guided).collect();
+    matched.extend_from_slice(followed);
     let counts: Vec<usize> = map.features.iter().map(Features2d::len).collect();
     map.tracks = build_tracks(&counts, &matched).into_iter().map(MapTrack::new).collect();
     map.triangulate(&options.limits());

@@ -66,8 +66,7 @@ pub fn verify_pairs(
     options: &SfmOptions,
     progress: Progress,
 ) -> Vec<VerifiedPair> {
-    let rays: Vec<Vec<Option<Vector3>>> =
-        features.iter().map(|f| f.points.iter().map(|p| camera.unproject(p)).collect()).collect();
+    let rays = sightlines(camera, features);
     let heads: Vec<_> = descriptors.iter().map(|d| d.head(options.preview_features)).collect();
     // The strongest features alone tell whether frames see the same thing.
     let preview = |a: usize, b: usize| {
@@ -91,7 +90,16 @@ pub fn verify_pairs(
     found.into_iter().flatten().collect()
 }
 
-fn verify_pair(
+/// Unit sightlines of the features of every frame; `None` where the lens has no inverse.
+pub(super) fn sightlines(
+    camera: &CameraModel,
+    features: &[Features2d],
+) -> Vec<Vec<Option<Vector3>>> {
+    features.iter().map(|f| f.points.iter().map(|p| camera.unproject(p)).collect()).collect()
+}
+
+/// The relative pose of frames `[a, b]` and the matches that agree with it; `None` for too few.
+pub(super) fn verify_pair(
     camera: &CameraModel,
     [a, b]: [usize; 2],
     rays: [&[Option<Vector3>]; 2],

@@ -43,6 +43,8 @@ pub struct AlbedoOptions {
     pub gain_spots: usize,
     /// Light from all around that the organ reflects, in units of the shading (0 = none).
     pub ambient: f64,
+    /// Vignetting `a` of the lens, `1 + a r²` with r in focal lengths from the principal point (0 = none).
+    pub vignetting: f64,
     /// Refractive index of the wet film on the organ, at least 1 (1 = Lambert without a film);
     /// default that of wet tissue.
     pub refractive_index: f64,
@@ -60,6 +62,7 @@ impl Default for AlbedoOptions {
             gain_sigma: 0.3,
             gain_spots: 6000,
             ambient: 0.0,
+            vignetting: 0.0,
             refractive_index: WET_TISSUE,
         }
     }
@@ -108,9 +111,10 @@ pub enum AlbedoError {
 }
 
 impl AlbedoOptions {
-    /// The tissue as the options describe it.
+    /// Tissue and lens as the options describe them.
     pub fn coat(&self) -> Coat {
-        Coat { refractive_index: self.refractive_index, ambient: self.ambient }
+        let Self { refractive_index, ambient, vignetting, .. } = *self;
+        Coat { refractive_index, ambient, vignetting }
     }
 }
 

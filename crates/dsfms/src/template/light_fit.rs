@@ -2,8 +2,10 @@
 //!
 //! The same surface point seen by a camera in known motion changes its brightness only with the
 //! light, which moves along: with the albedo eliminated, ratios of brightness over views give the
-//! light's offset from the camera, its spot profile and the light reflected from all around. Several
-//! models are fitted and the one with the best Bayesian information criterion is kept.
+//! light's offset from the camera, its spot profile and the light reflected from all around, and the
+//! vignetting of the lens. Several models are fitted and the one with the best Bayesian information
+//! criterion is kept. Vignetting and the spot of a light at the camera do nearly the same; which of them
+//! is named then matters to neither albedo nor prediction.
 
 use super::albedo::{AlbedoError, check_views};
 use super::known_light::centred_gains;
@@ -35,6 +37,24 @@ pub struct LightFitOptions {
     /// Refractive index of the wet film on the organ, at least 1 (1 = Lambert without a film);
     /// default that of wet tissue.
     pub refractive_index: f64,
+    /// Vignetting of the lens.
+    pub vignetting: Vignetting,
+}
+
+/// What is known of the vignetting `1 + a r²`, r in focal lengths from the principal point.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Vignetting {
+    /// `a`, e.g. of a picture of an evenly lit wall; 0 = none.
+    Known(f64),
+    /// Nothing: every light is tried without it and with an `a` of its own.
+    Estimated,
+}
+
+impl Default for Vignetting {
+    fn default() -> Self {
+        Self::Known(0.0)
+    }
 }
 
 impl Default for LightFitOptions {
@@ -47,6 +67,7 @@ impl Default for LightFitOptions {
             ambient: true,
             offset_sigma: 0.1,
             refractive_index: coat::WET_TISSUE,
+            vignetting: Vignetting::default(),
         }
     }
 }
@@ -60,6 +81,8 @@ pub struct LightCandidate {
     pub light: LightModel,
     /// Light from all around that the surface reflects, in units of the shading.
     pub ambient: f64,
+    /// Vignetting `a` of the lens.
+    pub vignetting: f64,
     /// Robust relative standard deviation of one observation.
     pub relative_residual: f64,
     /// Free parameters, gains not counted.
@@ -75,6 +98,8 @@ pub struct LightFit {
     pub light: LightModel,
     /// The best candidate's ambient part, in units of the shading: `I = gain · α · (s + ambient)`.
     pub ambient: f64,
+    /// The best candidate's vignetting `a` of the lens.
+    pub vignetting: f64,
     /// Its robust relative residual.
     pub relative_residual: f64,
     /// Exposure gain of every view under it; geometric mean 1.
@@ -87,6 +112,12 @@ pub struct LightFit {
 
 /// Fewer spots than this say nothing about a light.
 const MIN_SPOTS: usize = 50;
+
+/// Prior standard deviation of the vignetting.
+const VIGNETTING_SIGMA: f64 = 0.5;
+
+/// No lens takes more (cos⁴ is −2), and none brightens its corners much.
+const VIGNETTING_BOUNDS: [f64; 2] = [-2.0, 0.2];
 
 /// Estimate the light. `mesh` in the template frame; `initial` (from a camera file) serves as one
 /// candidate, as starting point and as centre of the prior on the offset.
@@ -142,6 +173,7 @@ fn choose(fits: &[(ParametricLight, LogFit)], spots: &[Vec<Observation>]) -> Lig
     LightFit {
         light: best.light.clone(),
         ambient: best.ambient,
+        vignetting: best.vignetting,
         relative_residual: best.relative_residual,
         gains: centred_gains(&fit.log_gains),
         observations: [spots.len(), spots.iter().map(Vec::len).sum()],
@@ -175,10 +207,11 @@ enum SpotFamily {
 }
 
 /// A family with its free parameters: `[x, y, z] / distance`, then those of the spot (exponent/2;
-/// or inner angle and width in rad), then ambient.
+/// or inner angle and width in rad), then ambient, then vignetting.
 struct ParametricLight {
     family: Family,
     ambient: bool,
+    vignetting: Vignetting,
     /// Positions are in units of this; also the reference distance.
     distance: f64,
     /// Start and prior mean of the offset, over `distance`.
@@ -207,11 +240,17 @@ fn models(
     for offset in [false, true] {
         families.extend([Isotropic, Cosine, Linear].map(|spot| Family::Near { offset, spot }));
     }
+    let vignettings = match options.vignetting {
+        Vignetting::Estimated => vec![Vignetting::Known(0.0), Vignetting::Estimated],
+        known => vec![known],
+    };
     families
         .into_iter()
-        .map(|family| ParametricLight {
+        .flat_map(|family| vignettings.iter().map(move |v| (family.clone(), *v)))
+        .map(|(family, vignetting)| ParametricLight {
             family,
             ambient: options.ambient,
+            vignetting,
             distance,
             origin,
             spot,
@@ -241,12 +280,20 @@ impl ParametricLight {
         if self.ambient {
             theta.push(0.02);
         }
+        if self.vignetting == Vignetting::Estimated {
+            theta.push(0.0);
+        }
         theta
     }
 
-    /// Light and ambient part at `theta`.
-    fn decode(&self, theta: &[f64]) -> (LightModel, f64) {
-        let ambient = if self.ambient { theta[theta.len() - 1] } else { 0.0 };
+    /// Light and coat at `theta`.
+    fn decode(&self, theta: &[f64]) -> (LightModel, Coat) {
+        let after = self.spot_range().end;
+        let ambient = if self.ambient { theta[after] } else { 0.0 };
+        let vignetting = match self.vignetting {
+            Vignetting::Known(a) => a,
+            Vignetting::Estimated => theta[theta.len() - 1],
+        };
         let light = match &self.family {
             Family::Fixed(_, light) => light.clone(),
             Family::Near { offset, spot } => {
@@ -258,12 +305,14 @@ impl ParametricLight {
                 point_light(place, self.distance, decode_spot(*spot, rest))
             }
         };
-        (light, ambient)
+        (light, Coat { refractive_index: self.refractive_index, ambient, vignetting })
     }
 
     fn name(&self) -> String {
+        let free = self.vignetting == Vignetting::Estimated;
+        let vignetting = if free { " + vignetting" } else { "" };
         let (place, spot) = match &self.family {
-            Family::Fixed(name, _) => return (*name).to_owned(),
+            Family::Fixed(name, _) => return format!("{name}{vignetting}"),
             Family::Near { offset: false, spot } => ("at the camera", spot),
             Family::Near { offset: true, spot } => ("offset", spot),
         };
@@ -272,15 +321,16 @@ impl ParametricLight {
             SpotFamily::Cosine => " + cosine spot",
             SpotFamily::Linear => " + linear spot",
         };
-        format!("{place}{profile}")
+        format!("{place}{profile}{vignetting}")
     }
 
     fn candidate(&self, fit: &LogFit, bic: f64) -> LightCandidate {
-        let (light, ambient) = self.decode(&fit.theta);
+        let (light, coat) = self.decode(&fit.theta);
         LightCandidate {
             name: self.name(),
             light,
-            ambient,
+            ambient: coat.ambient,
+            vignetting: coat.vignetting,
             relative_residual: fit.scale,
             parameters: fit.theta.len(),
             bic,
@@ -309,8 +359,7 @@ impl ShadingModel for ParametricLight {
     type At = (LightModel, Coat);
 
     fn at(&self, theta: &[f64]) -> Self::At {
-        let (light, ambient) = self.decode(theta);
-        (light, Coat { refractive_index: self.refractive_index, ambient })
+        self.decode(theta)
     }
 
     fn log_shading(&self, o: &Observation, (light, coat): &Self::At) -> f64 {
@@ -324,12 +373,14 @@ impl ShadingModel for ParametricLight {
     fn priors(&self) -> Vec<(f64, f64)> {
         let start = self.start();
         let spot = self.spot_range();
+        let ambient = self.ambient.then_some(spot.end);
         let sigma = |i: usize| match i {
             _ if spot.contains(&i) => 1.0,
             _ if i < spot.start => self.offset_sigma,
-            _ => 0.05, // ambient
+            _ if ambient == Some(i) => 0.05,
+            _ => VIGNETTING_SIGMA,
         };
-        let mean = |i: usize, s: f64| if self.ambient && i + 1 == start.len() { 0.0 } else { s };
+        let mean = |i: usize, s: f64| if ambient == Some(i) { 0.0 } else { s };
         start.iter().enumerate().map(|(i, &s)| (mean(i, s), sigma(i))).collect()
     }
 
@@ -344,51 +395,14 @@ impl ShadingModel for ParametricLight {
             }
             _ => {}
         }
-        if let (true, Some(ambient)) = (self.ambient, theta.last_mut()) {
-            *ambient = ambient.clamp(0.0, 1.0);
+        if self.ambient {
+            theta[spot.end] = theta[spot.end].clamp(0.0, 1.0);
+        }
+        if let (Vignetting::Estimated, Some(a)) = (self.vignetting, theta.last_mut()) {
+            *a = a.clamp(VIGNETTING_BOUNDS[0], VIGNETTING_BOUNDS[1]);
         }
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::test_scene::{bounds, patch, pictures};
-    use super::*;
-
-    #[test]
-    fn finds_an_offset_light_from_nothing() {
-        let mesh = patch();
-        let place = Point3::new(2.0, -4.0, 1.0);
-        let light = point_light(place, 50.0, Spot::CosinePower { exponent: 2.0 });
-        let pictures = pictures(&mesh, &light, [1.0, 1.1, 0.95, 1.0, 0.9]);
-        let views: Vec<_> = pictures.iter().map(|p| p.view()).collect();
-        let options = LightFitOptions {
-            bounds: bounds(),
-            normal_smoothing: 0,
-            spots: 300,
-            ..Default::default()
-        };
-        let fit = fit_light(&mesh, &views, None, &options).unwrap();
-        let LightModel::Point(found) = &fit.light else { panic!("{:?}", fit.candidates) };
-        assert!((found.positions[0] - place).norm() < 1.5, "{:?}", fit.candidates);
-        assert!(fit.relative_residual < 0.02 && fit.ambient < 0.03);
-        let collinear = fit.candidates.iter().find(|c| c.name == "collinear").unwrap();
-        assert!(collinear.relative_residual > 2.0 * fit.relative_residual);
-    }
-
-    #[test]
-    fn a_distant_light_is_recognised() {
-        let mesh = patch();
-        let pictures = pictures(&mesh, &LightModel::Collinear, [1.0; 5]);
-        let views: Vec<_> = pictures.iter().map(|p| p.view()).collect();
-        let options = LightFitOptions {
-            bounds: bounds(),
-            normal_smoothing: 0,
-            spots: 200,
-            gain_sigma: 0.02,
-            ..Default::default()
-        };
-        let fit = fit_light(&mesh, &views, None, &options).unwrap();
-        assert_eq!(fit.light, LightModel::Collinear, "{:?}", fit.candidates);
-    }
-}
+mod tests;

@@ -6,7 +6,7 @@ use super::spots::{smoothed_normals, surface_point};
 use crate::camera::{CameraModel, Lens};
 use crate::geometry::{Isometry, Point3, Vector3};
 use crate::image::{Frame, ToneCurve};
-use crate::light::LightModel;
+use crate::light::{Coat, LightModel};
 use crate::mesh::{Mesh, Topology};
 use crate::raster::rasterize;
 use std::sync::Arc;
@@ -58,24 +58,28 @@ pub fn bounds() -> ObservationBounds {
 
 /// Five views, tilted by 17 degrees to all sides, at different distances.
 pub fn pictures(mesh: &Mesh, light: &LightModel, gains: [f64; 5]) -> Vec<Picture> {
+    pictures_of(mesh, light, AlbedoOptions::default().coat(), gains)
+}
+
+/// The same of other tissue or through another lens.
+pub fn pictures_of(mesh: &Mesh, light: &LightModel, coat: Coat, gains: [f64; 5]) -> Vec<Picture> {
     let tilts = [[0.0, 0.0], [0.3, 0.0], [-0.3, 0.1], [0.1, 0.3], [0.0, -0.3]];
     let distances = [45.0, 50.0, 60.0, 48.0, 55.0];
     (0..5)
         .map(|i| {
             let axis = Vector3::new(tilts[i][0], tilts[i][1], 0.0);
             let pose = Isometry::new(Vector3::new(0.0, 0.0, distances[i]), axis);
-            picture(mesh, light, pose, gains[i])
+            picture(mesh, light, coat, pose, gains[i])
         })
         .collect()
 }
 
-pub fn picture(mesh: &Mesh, light: &LightModel, pose: Isometry, gain: f64) -> Picture {
+fn picture(mesh: &Mesh, light: &LightModel, coat: Coat, pose: Isometry, gain: f64) -> Picture {
     let camera =
         CameraModel { size: SIZE, focal: [90.0; 2], centre: [47.0, 36.0], lens: Lens::Pinhole };
     let positions: Vec<_> = mesh.positions.iter().map(|p| pose * p).collect();
     let raster = rasterize(&camera, &mesh.topology, &positions);
     let normals = smoothed_normals(mesh, 0);
-    let coat = AlbedoOptions::default().coat();
     let tone = ToneCurve::Srgb.table();
     let encode = |light: f64| tone.partition_point(|&t| f64::from(t) < light).min(255) as u8;
     let rgb = raster.render([0; 3], |face, w| {

@@ -1,9 +1,10 @@
 //! What a shape of the template should look like, and where it has texture to hold on to.
 
-use super::flow::{Pyramid, RADIUS, correlation};
 use super::mips::Mips;
 use crate::camera::CameraModel;
 use crate::geometry::{Point2, Point3, Vector2, Vector3};
+use crate::image::corners::{CornerGrid, corners};
+use crate::image::flow::{Pyramid, correlation, whole};
 use crate::image::{Mask, Plane};
 use crate::light::Light;
 use crate::mesh::Mesh;
@@ -14,14 +15,8 @@ use rayon::prelude::*;
 /// Sizes of the image that patches are followed through.
 pub const LEVELS: usize = 3;
 
-/// One anchor is sought in every square of this side, px of the working image.
-const CELL: usize = 10;
-
-/// Of every so-manieth pixel across and down.
-const STRIDE: usize = 4;
-
-/// Anchors at most.
-const MOST: usize = 700;
+/// Where anchors are sought, px of the working image.
+const GRID: CornerGrid = CornerGrid { cell: 10, stride: 4, most: 700 };
 
 /// The working image is halved until its diagonal is no longer than this, px.
 const DIAGONAL: f64 = 1000.0;
@@ -123,7 +118,7 @@ impl Look {
         let data = pixels.iter().map(|p| if p.1.is_nan() { mean } else { p.1 }).collect();
         let known = Mask { size: raster.size, data: pixels.iter().map(|p| p.0).collect() };
         let render = Pyramid::new(Plane { size: raster.size, data }, LEVELS);
-        let corners = corners(&render.levels[0], &known);
+        let corners = corners(&render.levels[0], &known, &GRID);
         let anchors = corners.into_iter().filter_map(|[x, y]| {
             let (face, barycentric) = raster.surface(x, y)?;
             Some(Anchor { face, barycentric, pixel: Point2::new(x as f64, y as f64) })
@@ -153,55 +148,4 @@ impl Look {
 pub(super) fn edge_px(camera: &CameraModel, edge: f64, shape: &[Point3]) -> f64 {
     let depth = shape.iter().map(|p| p.z).sum::<f64>() / shape.len().max(1) as f64;
     edge * 0.5 * (camera.focal[0] + camera.focal[1]) / depth.max(1e-300)
-}
-
-/// Whether the middle, the corners and the sides of a patch lie in a mask.
-pub fn whole(mask: &Mask, at: Point2) -> bool {
-    let r = f64::from(RADIUS);
-    [-r, 0.0, r]
-        .iter()
-        .all(|dy| [-r, 0.0, r].iter().all(|dx| mask.at_pixel(&Point2::new(at.x + dx, at.y + dy))))
-}
-
-/// The place with the most texture in its weakest direction of every cell, best first.
-fn corners(plane: &Plane, known: &Mask) -> Vec<[usize; 2]> {
-    let [w, h] = plane.size;
-    let margin = RADIUS as usize + 2;
-    let cells: Vec<[usize; 2]> = (margin..h.saturating_sub(margin))
-        .step_by(CELL)
-        .flat_map(|y| (margin..w.saturating_sub(margin)).step_by(CELL).map(move |x| [x, y]))
-        .collect();
-    let best_of = |&[x0, y0]: &[usize; 2]| -> Option<(f32, [usize; 2])> {
-        let places = (y0..(y0 + CELL).min(h - margin))
-            .step_by(STRIDE)
-            .flat_map(|y| (x0..(x0 + CELL).min(w - margin)).step_by(STRIDE).map(move |x| [x, y]));
-        const R: usize = RADIUS as usize;
-        let line = |x: usize, y: usize| [x - R, x, x + R].into_iter().all(|x| known.at(x, y));
-        let inside = |&[x, y]: &[usize; 2]| [y - R, y, y + R].into_iter().all(|y| line(x, y));
-        let scored = places.filter(inside).map(|p| (texture(plane, p), p));
-        scored.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)))
-    };
-    let mut found: Vec<(f32, [usize; 2])> = cells.par_iter().filter_map(best_of).collect();
-    found.retain(|c| c.0 > 1e-6);
-    found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    found.truncate(MOST);
-    found.into_iter().map(|c| c.1).collect()
-}
-
-/// Smaller eigenvalue of the structure tensor over half a patch.
-fn texture(plane: &Plane, [x, y]: [usize; 2]) -> f32 {
-    let reach = RADIUS as usize / 2;
-    let row = |y: usize, margin: usize| {
-        let side = 2 * (reach + margin) + 1;
-        &plane.data[y * plane.size[0] + x - reach - margin..][..side]
-    };
-    let (mut a, mut b, mut c) = (0.0, 0.0, 0.0);
-    for v in y - reach..=y + reach {
-        let across = row(v, 1).windows(3).map(|w| w[2] - w[0]);
-        let down = row(v + 1, 0).iter().zip(row(v - 1, 0)).map(|(below, above)| below - above);
-        for (dx, dy) in across.zip(down) {
-            (a, b, c) = (a + dx * dx, b + dx * dy, c + dy * dy);
-        }
-    }
-    0.5 * (a + c - ((a - c).powi(2) + 4.0 * b * b).sqrt())
 }

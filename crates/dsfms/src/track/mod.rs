@@ -6,7 +6,6 @@
 //! found anew by its descriptors. Every surface is then looked at: where the frame does not agree
 //! with the albedo rendered at it, it is not shown as good.
 
-pub mod flow;
 pub mod look;
 mod mips;
 mod prepare;

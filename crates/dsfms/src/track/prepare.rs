@@ -2,10 +2,10 @@
 //! there is one.
 
 use super::TrackError;
-use super::flow::Pyramid;
 use super::look::{LEVELS, Seen, Working};
 use super::reduce::{Reduced, Tables, any, halve_mask, halved, stretch};
 use crate::camera::CameraModel;
+use crate::image::flow::Pyramid;
 use crate::image::viewport::INSTRUMENT_MARGIN;
 use crate::image::{Frame, Mask, Picture, ToneCurve, viewport};
 use crate::sfm::{Features2d, SfmOptions, detect};

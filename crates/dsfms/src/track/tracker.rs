@@ -1,13 +1,13 @@
 //! The state between frames, and one frame's way through find, follow and verdict.
 
-use super::flow::{correlation, follow, settle};
-use super::look::{Anchor, Look, Working, whole};
+use super::look::{Anchor, Look, Working};
 use super::mips::Mips;
 use super::prepare::{Preparation, Prepared, View};
 use super::verdict::judge;
 use super::{Surface, TrackError, TrackOptions, TrackStatus, Tracked, Way};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3, Vector2, align_rigid_robust, median, point_at};
+use crate::image::flow::{correlation, follow, settle, whole};
 use crate::image::{Frame, Mask, ToneCurve};
 use crate::light::Coated;
 use crate::mesh::laplacian::Laplacian;

@@ -81,7 +81,7 @@ pub fn make(args: &VideoArgs, global: &Global, reporter: &Reporter) -> anyhow::R
     let seed = args.options.seed;
     let clip = Clip::new(&args.organ.part(args.vertices, seed)?, &args.options);
     let tone = Some(ToneCurve::Srgb);
-    let camera = CameraFile { camera: clip.camera.clone(), tone, light: None };
+    let camera = CameraFile { camera: clip.camera.clone(), tone, light: None, vignetting: None };
     write_camera(&args.path("camera.json"), &camera)?;
     let extras = PlyExtras { precision: Precision::Double, ..Default::default() };
     let (topology, unit) = (&clip.rest.topology, LengthUnit::Millimetre);

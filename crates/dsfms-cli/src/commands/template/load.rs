@@ -84,7 +84,8 @@ impl Cameras {
             );
             return Err(Usage(problem).into());
         }
-        let file = CameraFile { camera: own.common.clone(), tone: None, light: None };
+        let file =
+            CameraFile { camera: own.common.clone(), tone: None, light: None, vignetting: None };
         let tone = global.tone.map(Into::into).unwrap_or_default();
         Ok(Self { common: CameraInput { file, tone }, own: Some(own) })
     }

@@ -36,8 +36,8 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     let live = args.input == [PathBuf::from("-")];
     check(args, live)?;
     prepare_folder(&args.output)?;
-    let template = read_template(&args.template)?;
-    let (camera, tone) = camera(args, global, &template)?;
+    let mut template = read_template(&args.template)?;
+    let (camera, tone) = camera(args, global, &mut template)?;
     let base = if args.realtime { TrackOptions::realtime() } else { TrackOptions::default() };
     let mut options = match &args.options {
         Some(path) => inputs::options(path, |text| base.with_toml(text))?,
@@ -97,10 +97,13 @@ fn source(args: &TrackArgs, live: bool) -> Source {
 fn camera(
     args: &TrackArgs,
     global: &Global,
-    template: &Template,
+    template: &mut Template,
 ) -> anyhow::Result<(CameraModel, ToneCurve)> {
     if let Some(path) = &args.camera {
         let input = inputs::camera(path, global)?;
+        if let Some(a) = input.file.vignetting {
+            template.coat.vignetting = a;
+        }
         return Ok((input.file.camera, input.tone));
     }
     let camera = template.camera.clone();

@@ -23,7 +23,7 @@ pub(super) fn read(path: &Path) -> Result<CameraFile, InputError> {
         );
         return Err(InputError::format(path, problem));
     }
-    Ok(CameraFile { camera: camera.clone(), tone: None, light: None })
+    Ok(CameraFile { camera: camera.clone(), tone: None, light: None, vignetting: None })
 }
 
 /// The cameras of a COLMAP model whose images have different ones.

@@ -24,6 +24,7 @@ pub(super) fn read(path: &Path, value: &Value) -> Result<CameraFile, InputError>
         camera,
         tone: tone.map(|value| tone::read(path, value)).transpose()?,
         light: fields.get("light").map(|value| light::read(path, value)).transpose()?,
+        vignetting: fields.get("vignetting").map(|_| fields.number("vignetting")).transpose()?,
     })
 }
 
@@ -130,6 +131,9 @@ pub(super) fn write(file: &CameraFile) -> Value {
     }
     if let Some(light) = &file.light {
         out["light"] = light::write(light);
+    }
+    if let Some(a) = file.vignetting {
+        out["vignetting"] = json!(a);
     }
     out
 }

@@ -2,7 +2,7 @@
 //!
 //! The JSON holds `width`, `height`, `fx`, `fy`, `cx`, `cy` (a complete file), and optionally
 //! `distortion` (`k1 k2 p1 p2 k3`, or `k1` to `k4` with a `distortion_model` that says fisheye),
-//! `pixel_convention`, `tone_curve` and `light`. Unknown fields are ignored.
+//! `pixel_convention`, `tone_curve`, `light` and `vignetting` (`a` of `1 + a r²`, r in focal lengths). Unknown fields are ignored.
 
 mod colmap;
 mod fields;
@@ -35,6 +35,9 @@ pub struct CameraFile {
     pub tone: Option<ToneCurve>,
     /// Light, where the file names one.
     pub light: Option<LightModel>,
+    /// Vignetting `a` of the lens, `1 + a r²` with r in focal lengths from the principal point, where the
+    /// file names one; negative where corners are dark, at least -2.
+    pub vignetting: Option<f64>,
 }
 
 /// Read a camera file; the format is told from its content. A folder is taken for a COLMAP model.
@@ -74,6 +77,10 @@ fn checked(path: &Path, file: CameraFile) -> Result<CameraFile, InputError> {
     file.camera.validate().map_err(camera)?;
     if let Some(light) = &file.light {
         light.validate().map_err(|source| InputError::Light { path: path.into(), source })?;
+    }
+    if let Some(a) = file.vignetting.filter(|a| !(-2.0..=0.2).contains(a)) {
+        let problem = format!("is {a}; expected -2 (dark corners) to 0.2, the a of 1 + a r^2");
+        return Err(InputError::field(path, "vignetting", problem));
     }
     Ok(file)
 }

@@ -59,7 +59,7 @@ pub(super) fn read(path: &Path, value: &Value) -> Result<CameraFile, InputError>
         centre: [*cx, *cy],
         lens: lens(&fields)?,
     };
-    Ok(CameraFile { camera, tone: None, light: None })
+    Ok(CameraFile { camera, tone: None, light: None, vignetting: None })
 }
 
 fn size(fields: &Fields) -> Result<[usize; 2], InputError> {

@@ -32,7 +32,7 @@ fn plain() -> CameraModel {
 #[test]
 fn six_numbers_are_complete() {
     let file = read("camera.json", PLAIN).unwrap();
-    assert_eq!(file, CameraFile { camera: plain(), tone: None, light: None });
+    assert_eq!(file, CameraFile { camera: plain(), tone: None, light: None, vignetting: None });
 }
 
 #[test]
@@ -82,12 +82,17 @@ fn written_files_read_back() {
         (Lens::Pinhole, Some(ToneCurve::Linear), Some(light(Spot::Isotropic))),
         (Lens::Pinhole, Some(ToneCurve::Srgb), Some(LightModel::Collinear)),
     ] {
-        let file = CameraFile { camera: CameraModel { lens, ..plain() }, tone, light };
+        let file = CameraFile {
+            camera: CameraModel { lens, ..plain() },
+            tone,
+            light,
+            vignetting: Some(-0.25),
+        };
         write_camera(&path, &file).unwrap();
         assert_eq!(read_camera(&path).unwrap(), file);
     }
     let nowhere = dir.path().join("no").join("camera.json");
-    let file = CameraFile { camera: plain(), tone: None, light: None };
+    let file = CameraFile { camera: plain(), tone: None, light: None, vignetting: None };
     assert!(write_camera(&nowhere, &file).unwrap_err().to_string().contains("cannot be written"));
 }
 

@@ -57,7 +57,7 @@ fn tiny() -> Template {
             reference_distance: 50.0,
             spot: Spot::Linear { inner_deg: 10.0, outer_deg: 52.0 },
         })),
-        coat: Coat { refractive_index: 1.4, ambient: 0.03 },
+        coat: Coat { refractive_index: 1.4, ambient: 0.03, vignetting: -0.2 },
     }
 }
 

@@ -28,6 +28,24 @@ pub enum TemplateError {
         /// Frames given.
         frames: usize,
     },
+    /// Known poses of too few frames to see depth.
+    #[error(
+        "{found} of the {frames} frames have a pose in the pose file, at least 2 are needed without a mesh; poses are matched to frames by file name or number"
+    )]
+    TooFewPoses {
+        /// Frames with a pose.
+        found: usize,
+        /// Frames given.
+        frames: usize,
+    },
+    /// Known poses that nothing in the frames agrees with.
+    #[error(
+        "no point of the {frames} frames agrees with the given poses and camera; expected camera_from_world (x right, y down, z forward) of these very frames; without --poses they are estimated"
+    )]
+    NoPoints {
+        /// Frames with a pose.
+        frames: usize,
+    },
     /// Structure from motion failed.
     #[error("structure from motion: {0}")]
     Sfm(#[from] SfmError),

@@ -47,7 +47,8 @@ impl Views<'_> {
             registered.iter().map(|r| self.albedo_view(r, &tone)).collect();
         let light = fit_light(&mesh, &views, self.exploration.light, &options.light)?;
         progress.step("light and albedo", 1, 2);
-        let shading = AlbedoOptions { ambient: light.ambient, ..options.albedo.clone() };
+        let (ambient, vignetting) = (light.ambient, light.vignetting);
+        let shading = AlbedoOptions { ambient, vignetting, ..options.albedo.clone() };
         let albedo = estimate_albedo(&mesh, &views, &light.light, &shading)?;
         progress.step("light and albedo", 2, 2);
         let features = anchor_features(&mesh, &self.feature_views(&registered), &options.anchor);

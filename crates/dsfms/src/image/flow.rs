@@ -1,10 +1,11 @@
-//! Where patches of the rendered template are in a frame: pyramidal Lucas-Kanade alignment by
-//! translation, indifferent to brightness and contrast of the patch, and normalised
-//! cross-correlation to tell whether it worked.
+//! Where patches of an image are in another (of the rendered template in a frame, of a frame in the
+//! next): pyramidal Lucas-Kanade alignment by translation (inverse compositional, Baker and Matthews
+//! 2004), indifferent to brightness and contrast of the patch, and normalised cross-correlation to tell
+//! whether it worked.
 
+use super::filter::halve;
+use super::{Mask, Plane};
 use crate::geometry::{Point2, Vector2};
-use crate::image::Plane;
-use crate::image::filter::halve;
 
 /// Half the side of a patch less the centre, px of each level.
 pub const RADIUS: i32 = 8;
@@ -112,6 +113,34 @@ pub fn correlation(a: &Plane, at: Point2, b: &Plane, place: Point2) -> Option<f6
     Some(product / (spread_a * spread_b))
 }
 
+/// The place of `b`, a whole number of pixels and at most `reach` of them along each axis from `start`, whose
+/// patch correlates best with that of `a` about `at`: where steps alone would not get. `None` where there is
+/// no patch with any contrast.
+pub fn most_alike(a: &Plane, at: Point2, b: &Plane, start: Point2, reach: i32) -> Option<Point2> {
+    let left = patch(a, at)?;
+    let mean = total(&left) / COUNT as f64;
+    let mut best: Option<(f64, Point2)> = None;
+    for (x, y) in (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (x, y))) {
+        let place = start + Vector2::new(f64::from(x), f64::from(y));
+        let Some(right) = patch(b, place) else { continue };
+        let (right_mean, spread) = moments(&right);
+        // The spread of the left patch is the same for all.
+        let alike = (dot(&left, &right) / COUNT as f64 - mean * right_mean) / spread;
+        if spread >= 1e-6 && best.is_none_or(|(most, _)| alike > most) {
+            best = Some((alike, place));
+        }
+    }
+    best.map(|(_, place)| place)
+}
+
+/// Whether the middle, the corners and the sides of a patch lie in a mask.
+pub fn whole(mask: &Mask, at: Point2) -> bool {
+    let r = f64::from(RADIUS);
+    [-r, 0.0, r]
+        .iter()
+        .all(|dy| [-r, 0.0, r].iter().all(|dx| mask.at_pixel(&Point2::new(at.x + dx, at.y + dy))))
+}
+
 /// Values of a patch less that of its middle, so that single precision is enough for its spread;
 /// `None` outside the image.
 fn patch(plane: &Plane, at: Point2) -> Option<[f32; COUNT]> {
@@ -213,6 +242,15 @@ mod tests {
         assert!((settled - found).norm() < 0.05, "{settled}");
         assert!(correlation(&a.levels[0], at, &b.levels[0], found).unwrap() > 0.99);
         assert!(correlation(&a.levels[0], at, &b.levels[0], at).unwrap() < 0.9);
+    }
+
+    #[test]
+    fn the_most_alike_place_is_found_however_far() {
+        let a = texture([0.0, 0.0], 1.0, 0.0);
+        let b = texture([17.0, -14.0], 0.6, 0.1);
+        let at = Point2::new(60.25, 50.0);
+        assert_eq!(most_alike(&a, at, &b, at, 20), Some(Point2::new(77.25, 36.0)));
+        assert_eq!(most_alike(&a, at, &Plane::filled([120, 100], 0.4), at, 20), None);
     }
 
     #[test]
