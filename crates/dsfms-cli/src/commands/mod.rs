@@ -22,12 +22,8 @@ use anyhow::Context;
 /// Run the command that was asked for.
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let global = &arguments.global;
-    if let Some(threads) = global.threads {
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(threads.into())
-            .build_global()
-            .context("cannot start the worker threads")?;
-    }
+    let live = matches!(&arguments.command, Command::Track(args) if args.realtime);
+    start_threads(global.threads.map(usize::from), live)?;
     let reporter = Reporter::new(global.quiet);
     let result = match &arguments.command {
         Command::Calibrate(args) => calibrate::run(args, global, &reporter),
@@ -54,4 +50,22 @@ pub fn to_stdout(text: &str) -> anyhow::Result<()> {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error.into()),
         _ => Ok(()),
     }
+}
+
+/// The worker threads; `apart`: each on a core of its own where there are enough, since a live source
+/// cannot wait for a scheduler that packs threads together.
+fn start_threads(threads: Option<usize>, apart: bool) -> anyhow::Result<()> {
+    let cores = if apart { core_affinity::get_core_ids().unwrap_or_default() } else { Vec::new() };
+    let count = threads.unwrap_or(cores.len());
+    let mut builder = rayon::ThreadPoolBuilder::new().num_threads(count);
+    if count <= cores.len() {
+        builder = builder.start_handler(move |thread| {
+            // Where that is refused, threads run as they would have.
+            cores.get(thread).map(|core| core_affinity::set_for_current(*core));
+        });
+    }
+    if threads.is_some() || apart {
+        builder.build_global().context("cannot start the worker threads")?;
+    }
+    Ok(())
 }

@@ -8,7 +8,8 @@
 //! ```
 //!
 //! Frames are decoded first, so that decoding does not count; they are prepared on one thread and
-//! solved on another, as `dsfms track` does. `--rate 25` offers a frame every 40 ms, which gives the
+//! solved on another, as `dsfms track --realtime` does, whose options they are where `--options` names no
+//! others. `--rate 25` offers a frame every 40 ms, which gives the
 //! latency of a live source; without it frames follow as fast as they are solved. `--loop N` goes
 //! forth and back through the frames until N have been tracked, and watches memory.
 
@@ -40,6 +41,9 @@ struct Args {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args = args()?;
+    if args.options.awake {
+        own_cores()?;
+    }
     let clip = match &args.inputs[..] {
         [one] if one == "synthetic" => Clip::synthetic(args.vertices, args.frames),
         [template, frames] => read(template, frames, args.frames)?,
@@ -54,6 +58,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         clip.print_cold(&tracked, args.method, args.cold_every);
     }
     Ok(())
+}
+
+/// Worker threads on a core each, as `dsfms track --realtime` has them.
+fn own_cores() -> Result<(), rayon::ThreadPoolBuildError> {
+    let cores = core_affinity::get_core_ids().unwrap_or_default();
+    let builder = rayon::ThreadPoolBuilder::new().num_threads(cores.len());
+    let pin = move |k: usize| _ = core_affinity::set_for_current(cores[k]);
+    builder.start_handler(pin).build_global()
 }
 
 fn args() -> Result<Args, Box<dyn std::error::Error>> {

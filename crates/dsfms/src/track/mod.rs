@@ -6,6 +6,7 @@
 //! found anew by its descriptors. Every surface is then looked at: where the frame does not agree
 //! with the albedo rendered at it, it is not shown as good.
 
+mod awake;
 pub mod look;
 mod mips;
 mod prepare;
@@ -41,6 +42,9 @@ pub struct TrackOptions {
     /// A frame that is followed but degraded is also searched by descriptors when the last such
     /// search lies this many frames back.
     pub search_every: usize,
+    /// One more thread does not sleep while a frame is solved, and frames are prepared on it: less time a
+    /// frame for more of the processor, where it has the cores.
+    pub awake: bool,
 }
 
 impl Default for TrackOptions {
@@ -52,6 +56,7 @@ impl Default for TrackOptions {
             correlation: 0.7,
             patience: 10,
             search_every: 10,
+            awake: false,
         }
     }
 }
@@ -59,7 +64,7 @@ impl Default for TrackOptions {
 impl TrackOptions {
     /// For a live source: coarser and about twice as fast.
     pub fn realtime() -> Self {
-        Self { video: VideoOptions::realtime(), ..Self::default() }
+        Self { video: VideoOptions::realtime(), awake: true, ..Self::default() }
     }
 
     /// Options from TOML; what the text does not name keeps its default.

@@ -46,6 +46,8 @@ pub struct Preparation {
     working: Working,
     /// Shading is read.
     shading: bool,
+    /// On a thread of the pool.
+    pooled: bool,
     /// When the viewport was looked for, and what was found.
     viewport: Option<(usize, Option<Mask>)>,
     /// Frames given.
@@ -111,9 +113,10 @@ impl Preparation {
         tone: &ToneCurve,
         working: &Working,
         shading: bool,
+        pooled: bool,
     ) -> Self {
         let (size, tables, working) = (camera.size, Tables::of(tone), working.clone());
-        Self { size, tables, working, shading, viewport: None, count: 0 }
+        Self { size, tables, working, shading, pooled, viewport: None, count: 0 }
     }
 
     /// The next frame; `instrument`: `true` where an instrument covers the organ.
@@ -131,12 +134,19 @@ impl Preparation {
                 return Err(TrackError::SizeMismatch { name, found, expected });
             }
         }
-        let start = Instant::now();
         self.count += 1;
+        Ok(match self.pooled {
+            true => rayon::scope(|_| self.prepare_here(frame, instrument)),
+            false => self.prepare_here(frame, instrument),
+        })
+    }
+
+    fn prepare_here(&mut self, frame: Frame, instrument: Option<&Mask>) -> Prepared {
+        let start = Instant::now();
         let brightest = frame.rgb.iter().flatten().copied().max().unwrap_or(0);
         let view = (brightest >= BLACK).then(|| self.view(&frame, instrument));
         let seconds = start.elapsed().as_secs_f64();
-        Ok(Prepared { frame, seconds, brightest, view })
+        Prepared { frame, seconds, brightest, view }
     }
 
     fn view(&mut self, frame: &Frame, instrument: Option<&Mask>) -> View {

@@ -1,5 +1,6 @@
 //! The state between frames, and one frame's way through find, follow and verdict.
 
+use super::awake::awake;
 use super::look::{Anchor, Look, Working};
 use super::mips::Mips;
 use super::prepare::{Preparation, Prepared, View};
@@ -127,7 +128,7 @@ impl<'a> Tracker<'a> {
         let finest = blurs.copied().fold(options.video.blur, f64::min);
         let working = Working::of(camera, finest, options.video.least_blur_px);
         let shading = method == Method::Joint;
-        let preparation = Preparation::new(camera, tone, &working, shading);
+        let preparation = Preparation::new(camera, tone, &working, shading, options.awake);
         Ok(Self {
             template,
             albedo: Mips::new(template.albedo.as_ref().ok_or(TrackError::NoAlbedo)?),
@@ -168,8 +169,12 @@ impl<'a> Tracker<'a> {
 
     /// The next frame, prepared by [`preparation`](Self::preparation).
     pub fn solve(&mut self, prepared: &Prepared) -> Tracked {
-        // On a thread of the pool its many small parallel loops cost no hand-over.
-        rayon::scope(|_| self.solve_here(prepared))
+        if self.options.awake {
+            awake(|| self.solve_here(prepared))
+        } else {
+            // On a thread of the pool its many small parallel loops cost no hand-over.
+            rayon::scope(|_| self.solve_here(prepared))
+        }
     }
 
     fn solve_here(&mut self, prepared: &Prepared) -> Tracked {
