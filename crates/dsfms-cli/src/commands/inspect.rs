@@ -75,7 +75,7 @@ fn rows(template: &Template, s: &TemplateStatistics) -> Vec<(&'static str, Strin
     };
     let light = template.light.as_ref().map_or("none".into(), |l| format!("{l:?}{vignetting}"));
     let seen = s.seen_vertices.map_or("not known".into(), |n| format!("{n} vertices"));
-    let sigma = s.median_sigma.map_or("not known".into(), |sigma| format!("median {sigma:.3}"));
+    let sigma = s.median_sigma.map_or("not known".into(), |sigma| format!("median {sigma:.3} expected"));
     vec![
         ("unit", unit.to_string()),
         ("vertices", format!("{}, {} faces, mean edge {:.3}", s.vertices, s.faces, s.mean_edge)),
@@ -89,7 +89,7 @@ fn rows(template: &Template, s: &TemplateStatistics) -> Vec<(&'static str, Strin
         ("extent", format!("{x:.2} x {y:.2} x {z:.2}, area {:.1}", s.area)),
         ("min angle", format!("{:.1} deg", s.min_angle_deg)),
         ("seen", seen),
-        ("expected error", sigma),
+        ("error", sigma),
         ("flattening", flattening),
         ("frames", frames),
         ("albedo", albedo),
