@@ -144,6 +144,9 @@ fn the_organ_by_click_has_the_same_bits_at_any_number_of_threads() {
     frames.template(&click, "1", "one");
     frames.template(&click, "2", "two");
     frames.assert_disc("one");
+    let atlas = image::open(frames.path("one/pictures/atlas.png")).unwrap().to_rgb8();
+    let colours: std::collections::BTreeSet<_> = atlas.pixels().map(|p| p.0).collect();
+    assert!(atlas.dimensions() == (2048, 2048) && colours.len() > 100, "{}", colours.len());
     for file in [
         "template.ply",
         "template.toml",

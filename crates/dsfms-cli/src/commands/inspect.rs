@@ -75,7 +75,8 @@ fn rows(template: &Template, s: &TemplateStatistics) -> Vec<(&'static str, Strin
     };
     let light = template.light.as_ref().map_or("none".into(), |l| format!("{l:?}{vignetting}"));
     let seen = s.seen_vertices.map_or("not known".into(), |n| format!("{n} vertices"));
-    let sigma = s.median_sigma.map_or("not known".into(), |sigma| format!("median {sigma:.3} expected"));
+    let sigma =
+        s.median_sigma.map_or("not known".into(), |sigma| format!("median {sigma:.3} expected"));
     vec![
         ("unit", unit.to_string()),
         ("vertices", format!("{}, {} faces, mean edge {:.3}", s.vertices, s.faces, s.mean_edge)),

@@ -4,8 +4,10 @@ use super::plot::{Area, INK, PAPER, colour_bar, diverging};
 use super::text::text;
 use crate::draw::{error_colour, line};
 use crate::outputs::{prepare_folder, write_png};
+use anyhow::Context;
 use dsfms::geometry::{Point2, Vector2, barycentric};
 use dsfms::image::{Frame, Mask, viewport};
+use dsfms::template::bake::bake;
 use dsfms::template::texture::{Texture, TextureView};
 use dsfms::template::{Flattening, SurfaceTexels, Template, View};
 use image::{Rgb, RgbImage};
@@ -15,6 +17,9 @@ use std::path::{Path, PathBuf};
 const SIDE: u32 = 900;
 /// Least height of a picture's charts, px: room for the colour bar.
 const MIN_HEIGHT: u32 = 320;
+/// Side of a texture atlas, and how far its charts are grown, px.
+const ATLAS: u32 = 2048;
+const ATLAS_MARGIN: usize = 8;
 const TOP: u32 = 44;
 const MARGIN: u32 = 20;
 /// Room for a colour bar with its labels, px.
@@ -44,7 +49,8 @@ pub fn write_pictures(template: &Template, folder: &Path) -> anyhow::Result<Vec<
 }
 
 /// Write the look of the surface in its frames: `texture.png`, every face from its best view, and
-/// `texture_blended.png`, all views. `valid` holds one mask a frame, or nothing.
+/// `texture_blended.png`, all views; the same as plain images laid out by the UV of `template.glb`,
+/// `atlas.png` and `atlas_blended.png`. `valid` holds one mask a frame, or nothing.
 pub fn write_textures(
     template: &Template,
     frames: &[Frame],
@@ -73,12 +79,34 @@ pub fn write_textures(
         let charts = Charts::new(map, 0);
         charts.fill(&mut canvas, |f, w| colour(f, w).unwrap_or(UNSEEN));
         charts.title(&mut canvas, title);
-        write_png(&folder.join(name), &canvas)
+        write_png(&folder.join(name), &canvas)?;
+        let atlas = atlas(template, map, colour)?;
+        write_png(&folder.join(name.replace("texture", "atlas")), &atlas)
     };
     let title = "texture: each face from its best view; grey: not seen without glare";
     draw("texture.png", title, &|f, w| texture.best(f, w))?;
     let title = "texture: all views, blended by resolution; grey: not seen without glare";
     draw("texture_blended.png", title, &|f, w| texture.blended(f, w))
+}
+
+/// Colours as one image over UV, row 0 at v = 1, charts grown over their rims for bilinear lookups.
+fn atlas(
+    template: &Template,
+    map: &Flattening,
+    colour: &dyn Fn(usize, [f64; 3]) -> Option<[u8; 3]>,
+) -> anyhow::Result<RgbImage> {
+    let faces = template.mesh.topology.faces.len();
+    let resolution = template.albedo.as_ref().map(|a| a.resolution.clone());
+    let mut texels = SurfaceTexels::new(resolution.unwrap_or_else(|| vec![16; faces]));
+    for face in 0..faces {
+        let first = texels.offset[face] as usize;
+        for (texel, b) in (first..).zip(texels.centres(face)) {
+            texels.value[texel] = colour(face, b).unwrap_or(UNSEEN).map(f32::from);
+        }
+    }
+    let baked = bake(&texels, map, ATLAS as usize, ATLAS_MARGIN)?;
+    let pixels = baked.image.data.iter().flatten().map(|v| v.round() as u8).collect();
+    RgbImage::from_raw(ATLAS, ATLAS, pixels).context("an atlas of another size than its pixels")
 }
 
 /// Charts coloured by a value per place, above the empty part of `[0, 1]²`; several stand side by
