@@ -1,4 +1,5 @@
-//! A small clip of known truth: a moving camera, a growing push, a black frame and a cut.
+//! A small clip of known truth: a moving camera, a growing push, a black frame and a cut; smoke, blur
+//! and an organ that leaves the view.
 
 use dsfms::camera::CameraModel;
 use dsfms::geometry::{Isometry, Point3, Vector3};
@@ -155,6 +156,53 @@ fn joint_from_the_last_shape_is_as_good_as_alone_survives_black_and_ignores_thre
         assert!(warm < 1.2 * cold + 0.05, "frame {k}: {warm:.3} mm, alone {cold:.3} mm");
     }
     assert_eq!(one[4].status, TrackStatus::Lost);
+}
+
+/// The frame through smoke that is denser to the right.
+fn veiled(frame: &Frame) -> Frame {
+    let width = frame.size[0];
+    let veil = |(i, p): (usize, &[u8; 3])| {
+        let dense = 0.2 + 0.4 * (i % width) as f64 / width as f64;
+        p.map(|v| (f64::from(v) * (1.0 - dense) + 170.0 * dense) as u8)
+    };
+    Frame { rgb: frame.rgb.iter().enumerate().map(veil).collect(), ..frame.clone() }
+}
+
+/// The mean of the frame moved sideways by up to so many pixels.
+fn smeared(frame: &Frame, by: usize) -> Frame {
+    let mean = |i: usize| {
+        let row = &frame.rgb[i.saturating_sub(by)..(i + by + 1).min(frame.rgb.len())];
+        [0, 1, 2].map(|c| (row.iter().map(|p| usize::from(p[c])).sum::<usize>() / row.len()) as u8)
+    };
+    Frame { rgb: (0..frame.rgb.len()).map(mean).collect(), ..frame.clone() }
+}
+
+/// The frame turned away until a corner of the organ is left, on a dim background.
+fn turned_away(frame: &Frame) -> Frame {
+    let [w, h] = frame.size;
+    let at = |i: usize| match (i % w + w * 7 / 10, i / w + h * 7 / 10) {
+        (x, y) if x < w && y < h => frame.rgb[y * w + x],
+        _ => [20, 12, 10],
+    };
+    Frame { rgb: (0..w * h).map(at).collect(), ..frame.clone() }
+}
+
+#[test]
+fn smoke_and_blur_are_told_and_an_organ_out_of_view_is_lost_and_found() {
+    let clip = clip();
+    let good = &clip.frames[1];
+    let mut frames = vec![good.clone(); 12];
+    frames.extend([veiled(good), smeared(good, 6), turned_away(good), good.clone()]);
+    let clip = Clip { frames, ..clip_of(&clip) };
+    let found = joint(&clip, 2);
+    let told: Vec<_> = found.iter().map(|t| (t.status, &t.reasons)).collect();
+    assert!(told[..12].iter().all(|t| t.0 == TrackStatus::Ok), "{told:?}");
+    for k in [12, 13] {
+        assert!(told[k].0 != TrackStatus::Ok, "frame {k}: {told:?}");
+        assert!(told[k].1[0].contains("brightness"), "frame {k}: {told:?}");
+    }
+    assert_eq!(told[14].0, TrackStatus::Lost, "{told:?}");
+    assert_eq!(told[15].0, TrackStatus::Ok, "{told:?}");
 }
 
 /// Camera, template and truth of a clip.

@@ -141,6 +141,8 @@ pub struct Joined {
     pub ambient: f64,
     /// Photometric samples of the last round.
     pub samples: usize,
+    /// Mean of `|image − prediction| / image` over them.
+    pub residual: f64,
     /// The last solve.
     pub summary: Summary,
 }
@@ -159,7 +161,7 @@ pub fn join(
     let hold = hold(scene, matches, &scene.posed, depth_sigma, &photo.light.light, options);
     let mut state = Unknowns { vertices: start.to_vec(), globals: vec![0.0, 0.0] };
     let mut expected = photo.expected_log_gain;
-    let (mut last, mut workspace) = (None, Workspace::default());
+    let (mut last, mut residual, mut workspace) = (None, 0.0, Workspace::default());
     let last_stage = options.blurs.len().saturating_sub(1);
     let mut reposed: Option<Scene> = None;
     let rings = FaceRings::of(&scene.rest.topology);
@@ -173,18 +175,21 @@ pub fn join(
             expected.get_or_insert(seen.log_gain);
         }
         let gain = expected.unwrap_or(seen.log_gain);
+        let count = seen.samples.len();
+        let shading =
+            Photometric::new(photo.camera, photo.light, &seen.image, &rings, seen.samples);
         let problem = || {
-            let image = &seen.image;
-            let photometric =
-                Photometric::new(photo.camera, photo.light, image, &rings, seen.samples.clone());
             let held = cues.on(held(scene, matches, options.match_px, options), options);
-            shaded(held, scene, hold.clone(), photometric, gain, options)
+            shaded(held, scene, hold.clone(), shading.clone(), gain, options)
         };
         let mirrors = if (1..last_stage).contains(&stage) { options.mirrors } else { 0 };
-        let (next, summary) =
-            settle(problem, &mut workspace, &scene.rest.topology, start, state, mirrors);
+        let topology = &scene.rest.topology;
+        let (next, summary) = settle(problem, &mut workspace, topology, start, state, mirrors);
         state = next;
-        last = Some((summary, seen.samples.len()));
+        if stage == last_stage {
+            residual = shading.mean_residual(topology, &state.vertices, &state.globals);
+        }
+        last = Some((summary, count));
         // A near light tells the distance of everything, so the shape now knows the pose better than
         // the matches did; under a distant one only the matches hold it.
         if matches!(photo.light.light, LightModel::Point(_)) {
@@ -197,6 +202,7 @@ pub fn join(
         ambient: state.globals[1],
         vertices: state.vertices,
         samples,
+        residual,
         summary,
     }
 }

@@ -77,7 +77,7 @@ pub fn register_in(
     let summary = loop {
         let scene = reposed.as_ref().unwrap_or(scene);
         let problem = Problem { scene, matches, motion, options };
-        let (next, summary) = problem.solve(memory, state, &losses, 1e-5);
+        let (next, summary) = problem.solve(memory, state, &losses, 1e-4);
         state = next;
         let moved = displacement(scene, matches, &state, 3.0 * options.robust_px[1]);
         if options.literal || motion <= hold || moved <= 1.1 * motion || round == ROUNDS {

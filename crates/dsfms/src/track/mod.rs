@@ -14,6 +14,7 @@ mod reduce;
 pub mod shapes;
 mod surface;
 mod tracker;
+mod usual;
 pub mod verdict;
 
 use crate::geometry::{Isometry, Point3};
@@ -147,7 +148,8 @@ pub struct Surface {
     /// Their mean distance, px.
     pub reprojection_px: f64,
     /// Mean relative difference of the frame's brightness from what template, light and exposure
-    /// predict at the surface; `None` for the method without shading.
+    /// predict at the surface; `None` for the method without shading, and where nothing could be used for
+    /// it.
     pub photometric: Option<f64>,
     /// How far the depth of the surface is uncertain for the solve of eq. 3, of the visible radius:
     /// it grows with the motion that no rigid pose explains.

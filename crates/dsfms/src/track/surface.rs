@@ -41,6 +41,7 @@ impl Tracker<'_> {
             let joined =
                 clock.time("joint", || join(&scene, start, hold, &kept, &photo, &options.joint));
             (draft.vertices, draft.ambient) = (joined.vertices, joined.ambient);
+            draft.photometric = (joined.samples > 0).then_some(joined.residual);
             draft.measure(&scene);
         }
         Ok(draft)
@@ -171,7 +172,7 @@ impl Tracker<'_> {
                     residual_px,
                     reprojection_px: 0.0,
                     depth_uncertainty: depth_sigma / scene.radius(),
-                    photometric: Some(found.residual),
+                    photometric: (found.samples > 0).then_some(found.residual),
                     ambient: found.ambient,
                 };
                 draft.measure(&scene);

@@ -4,6 +4,7 @@ use super::awake::awake;
 use super::look::{Anchor, Look, Working};
 use super::mips::Mips;
 use super::prepare::{Preparation, Prepared, View};
+use super::usual::Usual;
 use super::verdict::judge;
 use super::{Surface, TrackError, TrackOptions, TrackStatus, Tracked, Way};
 use crate::camera::{Camera, CameraModel};
@@ -48,6 +49,7 @@ pub struct Tracker<'a> {
     pub(super) memory: Memory,
     preparation: Preparation,
     pub(super) last: Option<Last>,
+    usual: Usual,
     /// Frames given.
     count: usize,
     /// Frame of the last search by descriptors beside a degraded surface.
@@ -141,6 +143,7 @@ impl<'a> Tracker<'a> {
             memory: Memory::default(),
             preparation,
             last: None,
+            usual: Usual::default(),
             count: 0,
             searched: None,
             rarer: 1,
@@ -324,7 +327,8 @@ impl<'a> Tracker<'a> {
         };
         let last = self.last.as_ref().filter(|l| way == Way::Followed && l.frame + 1 == self.count);
         let before = last.map(|l| l.vertices.as_slice());
-        let (status, reasons) = judge(rest, &surface, before, &self.options.verdict);
+        let (usual, options) = (self.usual.median(), &self.options.verdict);
+        let (status, reasons) = judge(rest, &surface, before, usual, options);
         Candidate { status, reasons, surface, look, ambient }
     }
 
@@ -339,6 +343,9 @@ impl<'a> Tracker<'a> {
             Err(reason) => lost(vec![reason]),
             Ok(c) if c.status == TrackStatus::Lost => lost(c.reasons),
             Ok(c) => {
+                if let (TrackStatus::Ok, Some(residual)) = (c.status, c.surface.photometric) {
+                    self.usual.add(residual);
+                }
                 let before = self
                     .last
                     .as_ref()

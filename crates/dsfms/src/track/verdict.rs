@@ -17,6 +17,9 @@ pub struct VerdictOptions {
     pub kept: f64,
     /// Largest median residual, px; above, degraded.
     pub residual_px: f64,
+    /// Largest photometric residual, in medians of the good frames before; above, degraded: through
+    /// smoke, out of focus or beside new glare, shading misleads.
+    pub photometric: f64,
     /// Largest uncertainty of the depth, of the visible radius: two and a half times that of a
     /// surface which a rigid pose explains; above, degraded.
     pub depth: f64,
@@ -37,6 +40,7 @@ impl Default for VerdictOptions {
             agreement: [0.25, 0.5],
             kept: 0.5,
             residual_px: 2.5,
+            photometric: 2.5,
             depth: 0.1,
             strain: [0.3, 0.8],
             jump: 0.15,
@@ -45,11 +49,13 @@ impl Default for VerdictOptions {
     }
 }
 
-/// Judge a surface; `before` is that of the frame before, where there is one.
+/// Judge a surface; `before` is that of the frame before, where there is one, `usual` the photometric
+/// residual of good frames, where it is known.
 pub fn judge(
     rest: &Mesh,
     surface: &Surface,
     before: Option<&[Point3]>,
+    usual: Option<f64>,
     options: &VerdictOptions,
 ) -> (TrackStatus, Vec<String>) {
     let mut verdict = (TrackStatus::Ok, Vec::new());
@@ -84,6 +90,18 @@ pub fn judge(
     if surface.residual_px > options.residual_px {
         let reason = format!("median residual {:.1} px", surface.residual_px);
         object(TrackStatus::Degraded, reason);
+    }
+    match (surface.photometric, usual) {
+        (Some(residual), Some(usual)) if residual > options.photometric * usual => {
+            let times = residual / usual;
+            let reason =
+                format!("brightness {times:.1} times as far off as usual (smoke, blur, glare?)");
+            object(TrackStatus::Degraded, reason);
+        }
+        (None, Some(_)) => {
+            object(TrackStatus::Degraded, "nothing could be used for shading".into());
+        }
+        _ => {}
     }
     if surface.depth_uncertainty > options.depth {
         let percent = 100.0 * surface.depth_uncertainty;
@@ -143,7 +161,7 @@ mod tests {
             matches: (0..100).map(|i| (m, i < kept)).collect(),
             residual_px: 0.5,
             reprojection_px: 0.6,
-            photometric: None,
+            photometric: Some(0.03),
             depth_uncertainty: 0.04,
             agreement,
             places: 100,
@@ -155,13 +173,20 @@ mod tests {
     fn each_doubt_has_its_reason() {
         let mesh = patch(100, 1).mesh;
         let options = VerdictOptions::default();
-        let of = |s: &Surface| judge(&mesh, s, Some(&mesh.positions), &options);
+        let of = |s: &Surface| judge(&mesh, s, Some(&mesh.positions), Some(0.02), &options);
+        let unshaded = |s: &Surface| judge(&mesh, s, Some(&mesh.positions), None, &options);
         assert_eq!(of(&surface(&mesh, 90, 0.9)), (TrackStatus::Ok, vec![]));
         let (status, reasons) = of(&surface(&mesh, 40, 0.9));
         assert!(status == TrackStatus::Degraded && reasons[0].contains("40 of 100"));
         assert_eq!(of(&surface(&mesh, 90, 0.4)).0, TrackStatus::Degraded);
         assert_eq!(of(&surface(&mesh, 90, 0.1)).0, TrackStatus::Lost);
         assert_eq!(of(&surface(&mesh, 5, 0.4)).0, TrackStatus::Lost);
+        let lit = |photometric| Surface { photometric, ..surface(&mesh, 90, 0.9) };
+        assert_eq!(of(&lit(Some(0.04))).0, TrackStatus::Ok);
+        let (status, reasons) = of(&lit(Some(0.06)));
+        assert!(status == TrackStatus::Degraded && reasons[0].contains("3.0 times"), "{reasons:?}");
+        assert_eq!(of(&lit(None)).0, TrackStatus::Degraded);
+        assert_eq!(unshaded(&lit(None)).0, TrackStatus::Ok);
         let bent = Surface { depth_uncertainty: 0.2, ..surface(&mesh, 90, 0.9) };
         assert!(of(&bent).1[0].contains("20 %"));
         let mut stretched = surface(&mesh, 90, 0.9);
