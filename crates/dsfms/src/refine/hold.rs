@@ -9,8 +9,8 @@ use crate::camera::Camera;
 use crate::energy::Boundary;
 use crate::geometry::{Neighbours, Point3, Vector2};
 use crate::light::LightModel;
-use crate::register::objective::hold_depth;
 use crate::register::pose::rest_point;
+use crate::register::terms::hold_depth;
 use crate::register::{Match, Scene};
 use rayon::prelude::*;
 

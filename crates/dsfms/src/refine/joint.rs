@@ -16,7 +16,7 @@ use crate::energy::{
 use crate::geometry::Point3;
 use crate::light::LightModel;
 use crate::mesh::Topology;
-use crate::register::objective::{keep, motion, stay};
+use crate::register::terms::{keep, motion, stay};
 use crate::register::{Match, Prior, Scene};
 use crate::solver::{Loss, Options, Summary};
 use serde::{Deserialize, Deserializer, Serialize, de::Error};

@@ -6,7 +6,7 @@ use crate::energy::{
     Diffuse, GlobalsPrior, Objective, Reprojection, Smoothing, Specular, Stay, Unknowns, Workspace,
 };
 use crate::geometry::Point3;
-use crate::register::objective::hold_depth;
+use crate::register::terms::hold_depth;
 use crate::register::{Match, Scene};
 use crate::solver::{Loss, Options, Summary};
 

@@ -4,11 +4,13 @@
 //! noise and by the **visible** area, so one set of weights serves any organ, mesh resolution and
 //! unit.
 
+mod coarse;
 pub mod find;
 pub mod objective;
 pub mod options;
 pub mod pose;
 pub mod scene;
+pub mod terms;
 
 use crate::geometry::Point2;
 pub use find::find;

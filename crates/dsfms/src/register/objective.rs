@@ -1,17 +1,12 @@
 //! Eq. 3: motion, shearing, anisotropy, smoothing.
 
-use super::pose::rest_point;
-use super::{Match, Posed, Prior, RegisterOptions, Scene};
-use crate::camera::{Camera, CameraModel};
-use crate::energy::{
-    Anisotropy, Arap, Boundary, Isometric, Motion, Objective, Shearing, Smoothing, Stay, Stretch,
-    Unknowns, Workspace,
-};
-use crate::geometry::{Point3, Vector3, median};
-use crate::mesh::Mesh;
-use crate::mesh::decimate::{Decimated, decimate};
+use super::coarse::{Coarse, coarse_start};
+use super::terms::{hold_depth, keep, motion, stay};
+use super::{Match, Posed, RegisterOptions, Scene};
+use crate::camera::Camera;
+use crate::energy::{Objective, Smoothing, Unknowns, Workspace};
+use crate::geometry::{Point3, median};
 use crate::solver::{Loss, Options, Summary};
-use std::sync::Arc;
 
 /// The coarse shape V′.
 #[derive(Clone, Debug)]
@@ -36,13 +31,6 @@ const ROUNDS: usize = 4;
 pub struct RegisterMemory {
     coarse: Option<Coarse>,
     workspace: Workspace,
-}
-
-struct Coarse {
-    /// The mesh it was made from.
-    rest: Mesh,
-    decimated: Option<Decimated>,
-    memory: Box<RegisterMemory>,
 }
 
 /// Solve eq. 3 from the rigid pose.
@@ -170,18 +158,18 @@ pub fn explained(
 }
 
 /// Eq. 3 on one mesh.
-struct Problem<'a> {
-    scene: &'a Scene<'a>,
-    matches: &'a [Match],
+pub(super) struct Problem<'a> {
+    pub(super) scene: &'a Scene<'a>,
+    pub(super) matches: &'a [Match],
     /// How far the surface is expected to move, length units.
-    motion: f64,
-    options: &'a RegisterOptions,
+    pub(super) motion: f64,
+    pub(super) options: &'a RegisterOptions,
 }
 
 impl Problem<'_> {
     /// Anneal on a coarser mesh where there is one, else here from `start`, and solve the last loss
     /// here.
-    fn solve(
+    pub(super) fn solve(
         &self,
         memory: &mut RegisterMemory,
         start: Vec<Point3>,
@@ -238,57 +226,6 @@ impl Problem<'_> {
     }
 }
 
-/// Meshes of more vertices are first solved on a coarse one.
-const COARSE_ABOVE: usize = 900;
-
-/// Vertices of the coarsest mesh.
-const COARSE: usize = 300;
-
-/// Vertices of one mesh for each of the next coarser.
-const RATIO: usize = 16;
-
-/// How far a coarse mesh is solved: what is left is less than its own error.
-const COARSE_TOLERANCE: f64 = 1e-4;
-
-/// The annealing on a mesh of some of the vertices, carried to all of them: it finds the matches
-/// that count and all but the finest part of the shape. `None` for a mesh that is coarse already, or
-/// that cannot be made coarser.
-fn coarse_start(
-    memory: &mut Option<Coarse>,
-    fine: &Problem,
-    losses: &[Loss],
-) -> Option<Vec<Point3>> {
-    let Problem { scene, matches, motion, options } = *fine;
-    if scene.posed.len() <= COARSE_ABOVE || options.literal {
-        return None;
-    }
-    let same = |c: &Coarse| {
-        Arc::ptr_eq(&c.rest.topology, &scene.rest.topology)
-            && c.rest.positions == scene.rest.positions
-    };
-    if !memory.as_ref().is_some_and(same) {
-        let target = (scene.posed.len() / RATIO).max(COARSE);
-        let (rest, decimated) = (scene.rest.clone(), decimate(scene.rest, target));
-        *memory = Some(Coarse { rest, decimated, memory: Box::default() });
-    }
-    let Coarse { decimated, memory, .. } = memory.as_mut()?;
-    let decimated = decimated.as_ref()?;
-    let coarse = scene.on_some(&decimated.mesh, &decimated.kept);
-    let carried = |m: &Match| {
-        let (point, near) = (rest_point(scene.rest, m), scene.face(m)[0]);
-        let (face, barycentric) = decimated.locate(&point, near)?;
-        Some(Match { face, barycentric, pixel: m.pixel })
-    };
-    let matches: Vec<Match> = matches.iter().filter_map(carried).collect();
-    let problem = Problem { scene: &coarse, matches: &matches, motion, options };
-    let start = coarse.posed.clone();
-    let (found, _) = problem.solve(memory, start, losses, COARSE_TOLERANCE);
-    let displacement: Vec<Vector3> =
-        found.iter().zip(&coarse.posed).map(|(now, posed)| now - posed).collect();
-    let carried = decimated.prolong(scene.rest, &displacement);
-    Some(scene.posed.iter().zip(carried).map(|(p, d)| p + d).collect())
-}
-
 /// Root mean square distance of the matches that a shape explains within `limit_px` from where the
 /// rigid pose puts them, length units.
 fn displacement(scene: &Scene, matches: &[Match], shape: &[Point3], limit_px: f64) -> f64 {
@@ -313,67 +250,6 @@ fn losses(options: &RegisterOptions) -> Vec<Loss> {
         scales.push((scales[scales.len() - 1] * 0.4).max(fine));
     }
     scales.into_iter().map(Loss::GemanMcClure).collect()
-}
-
-/// What the surface keeps of its rest shape, with the loss of its strains; the second weight is that
-/// of stretch and counts for the conformal prior alone.
-pub fn keep<'a>(
-    objective: Objective<'a>,
-    scene: &'a Scene,
-    prior: Prior,
-    loss: Loss,
-    [weight, stretch]: [f64; 2],
-) -> Objective<'a> {
-    let rest = &scene.faces;
-    match prior {
-        Prior::Conformal => objective
-            .plus(weight, loss, Shearing { rest })
-            .plus(weight, loss, Anisotropy { rest })
-            .plus(stretch, loss, Stretch { rest }),
-        Prior::Isometric => objective.plus(weight, loss, Isometric { rest }),
-        Prior::Arap => {
-            let arap = Arap::new(&scene.laplacian, &scene.posed, scene.visible_area);
-            objective.plus(weight, loss, arap)
-        }
-    }
-}
-
-/// The motion term of a scene.
-pub fn motion<'a>(scene: &Scene<'a>, matches: &[Match], sigma_px: f64) -> Motion<'a, CameraModel> {
-    Motion {
-        camera: scene.camera,
-        faces: matches.iter().map(|m| scene.face(m)).collect(),
-        barycentrics: matches.iter().map(|m| m.barycentric).collect(),
-        pixels: matches.iter().map(|m| m.pixel).collect(),
-        sigma_px,
-    }
-}
-
-/// The depth of the matches held to that of a shape, each within its own tolerance (length units).
-pub fn hold_depth(
-    scene: &Scene,
-    matches: &[Match],
-    shape: &[Point3],
-    sigmas: Vec<f64>,
-) -> Boundary {
-    Boundary {
-        faces: matches.iter().map(|m| scene.face(m)).collect(),
-        barycentrics: matches.iter().map(|m| m.barycentric).collect(),
-        depths: matches.iter().map(|m| scene.point(m, shape).z).collect(),
-        sigmas,
-    }
-}
-
-/// Hidden vertices held to the rigid pose, each by its share of the visible area, within a
-/// twenty-fifth of the visible radius.
-pub fn stay(scene: &Scene) -> Stay {
-    let hidden: Vec<usize> = (0..scene.posed.len()).filter(|&v| !scene.visible[v]).collect();
-    Stay {
-        vertices: hidden.iter().map(|&v| [v as u32]).collect(),
-        reference: hidden.iter().map(|&v| scene.posed[v]).collect(),
-        weights: hidden.iter().map(|&v| scene.laplacian.mass[v] / scene.visible_area).collect(),
-        sigma: 0.04 * scene.radius(),
-    }
 }
 
 /// Motion that neighbouring matches share and the rigid pose cannot explain, carried to length units

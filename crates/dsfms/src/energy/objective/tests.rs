@@ -1,10 +1,12 @@
 use super::*;
 use crate::camera::{CameraModel, Lens};
+use crate::energy::Jacobian;
 use crate::energy::check::bent_patch;
 use crate::energy::{GlobalsPrior, Motion, RestFaces, Shearing, Smoothing, Stretch};
 use crate::geometry::Point2;
 use crate::mesh::laplacian::Laplacian;
 use crate::mesh::{Mesh, shapes};
+use nalgebra::SMatrix;
 use nalgebra::{DMatrix, DVector};
 
 fn camera() -> CameraModel {
