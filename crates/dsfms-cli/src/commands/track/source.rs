@@ -90,6 +90,12 @@ impl Source {
         (first.is_file() && is_video(first)).then(|| frame_rate(first)).flatten()
     }
 
+    /// A picture decoded: for a live source by the pool, whose second thread is awake while a frame is
+    /// solved and would be in the way of a third.
+    fn decoded<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        if self.realtime { rayon::scope(|_| work()) } else { work() }
+    }
+
     /// Start to read and prepare. The thread is not waited for: it may be within a read that never
     /// returns.
     pub fn start(self, rate: f64, preparation: Preparation) -> Reading {
@@ -140,7 +146,7 @@ impl Reader<'_> {
             } else {
                 let paths = find_frames(std::slice::from_ref(input))?;
                 for path in &paths {
-                    let more = match read_frame(path) {
+                    let more = match self.source.decoded(|| read_frame(path)) {
                         Ok(frame) => self.give(frame, Some(path), Some(paths.len())),
                         Err(error) => {
                             let name = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -188,7 +194,7 @@ impl Reader<'_> {
         let mut pictures = Pictures::new(std::io::stdin().lock());
         let mut first = None;
         while let Some(picture) = pictures.next().context("standard input")? {
-            let decoded = picture.and_then(|bytes| decode(&bytes));
+            let decoded = picture.and_then(|bytes| self.source.decoded(|| decode(&bytes)));
             let more = match decoded {
                 Ok((size, rgb)) if *first.get_or_insert(size) == size => {
                     self.give(Frame { name: self.name(), size, rgb }, None, None)
