@@ -14,14 +14,12 @@ use crate::mesh::Topology;
 use crate::raster::{Raster, rasterize};
 use rayon::prelude::*;
 
-/// The grid that parts are found on has edges longer by this.
-const COARSER: f64 = std::f64::consts::SQRT_2;
 /// Cosine to the sightline below which depths may not differ by more.
 const GRAZING: f64 = 0.25;
 /// Share of the frames that look at a place: what fewer find there, they find by accident.
 const CHANCE: f64 = 0.1;
 /// Half the width, in edges, of the necks at which parts are told apart.
-const NECK: usize = 4;
+const NECK: usize = 5;
 /// Share of what all frames show from which on a piece is a part and no crumb.
 const CONSIDERABLE: f64 = 0.05;
 
@@ -50,10 +48,7 @@ pub fn parts(
 ) -> Result<Parts, DenseError> {
     options.validate()?;
     let least = (options.min_support * maps.len() as f64) as f32;
-    let target_vertices = (options.target_vertices as f64 / COARSER.powi(2)) as usize;
-    let voxel = options.voxel.map(|voxel| COARSER * voxel);
-    let options = DenseOptions { target_vertices, voxel, ..options.clone() };
-    let mut volume = Volume::fuse(views, maps, &options);
+    let mut volume = Volume::fuse(views, maps, options);
     fit::run(&mut volume, options.smoothness as f32);
     let triangles = extract(&volume, least);
     drop(volume);
