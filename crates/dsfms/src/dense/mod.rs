@@ -14,6 +14,7 @@
 
 mod clean;
 mod consistency;
+mod contour;
 mod error;
 mod exchange;
 mod fit;
@@ -24,6 +25,7 @@ mod lanes;
 mod neighbours;
 mod observe;
 mod options;
+mod parts;
 mod patchmatch;
 mod plane;
 mod polish;
@@ -37,8 +39,10 @@ mod tetrahedra;
 mod view;
 mod volume;
 
+pub use contour::outlines;
 pub use error::DenseError;
 pub use options::DenseOptions;
+pub use parts::{Parts, parts};
 pub use surface::{DenseSurface, VertexSupport, surface};
 
 use crate::camera::CameraModel;

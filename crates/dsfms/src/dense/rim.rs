@@ -122,7 +122,7 @@ fn says(view: &PosedFrame, map: &DepthMap, point: &Point3) -> Option<bool> {
 }
 
 /// Unit normals of the vertices, by area; zero where there is none.
-fn normals(triangles: &Triangles) -> Vec<Vector3> {
+pub(super) fn normals(triangles: &Triangles) -> Vec<Vector3> {
     let mut normals = vec![Vector3::zeros(); triangles.positions.len()];
     for face in &triangles.faces {
         let [a, b, c] = face.map(|v| triangles.positions[v as usize]);

@@ -18,6 +18,24 @@ pub struct OrganClick {
     pub pixel: Point2,
 }
 
+impl OrganClick {
+    /// Name and pose of the clicked frame, of those registered.
+    pub(super) fn frame_of<'a>(
+        &self,
+        poses: &[(&'a str, Isometry)],
+    ) -> Result<(&'a str, Isometry), TemplateError> {
+        let stem = |name: &str| name.rsplit_once('.').map(|(stem, _)| stem.to_string());
+        let wanted = |name: &str| match &self.frame {
+            Some(frame) => name == frame || stem(frame).is_some_and(|s| s == name),
+            None => true,
+        };
+        let found = poses.iter().find(|(name, _)| wanted(name)).copied();
+        found.ok_or_else(|| TemplateError::OutlineFrame {
+            frame: self.frame.clone().unwrap_or_default(),
+        })
+    }
+}
+
 /// The connected piece of the surface that the pixel shows. Pieces part where depth jumps; where the
 /// organ touches its neighbour only an outline tells them apart. `poses`: name and
 /// `camera_from_world` of the registered frames.
@@ -28,15 +46,7 @@ pub(super) fn pick(
     click: Option<&OrganClick>,
 ) -> Result<Mesh, TemplateError> {
     let Some(click) = click else { return Ok(mesh) };
-    let stem = |name: &str| name.rsplit_once('.').map(|(stem, _)| stem.to_string());
-    let wanted = |name: &str| match &click.frame {
-        Some(frame) => name == frame || stem(frame).is_some_and(|s| s == name),
-        None => true,
-    };
-    let Some((name, pose)) = poses.iter().find(|(name, _)| wanted(name)) else {
-        let frame = click.frame.clone().unwrap_or_default();
-        return Err(TemplateError::OutlineFrame { frame });
-    };
+    let (name, pose) = click.frame_of(poses)?;
     let positions: Vec<Point3> = mesh.positions.iter().map(|p| pose * p).collect();
     let raster = rasterize(camera, &mesh.topology, &positions);
     let Some((face, _)) = raster.surface_at(&click.pixel) else {

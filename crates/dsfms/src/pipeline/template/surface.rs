@@ -3,9 +3,11 @@
 use super::{Exploration, TemplateError, TemplateOptions, click, named, outline};
 use crate::camera::CameraModel;
 use crate::dense::{
-    DenseOptions, DenseSurface, PosedFrame, depth_maps, surface as fused, worthwhile,
+    DenseOptions, DenseSurface, DepthMap, PosedFrame, depth_maps, outlines, parts,
+    surface as fused, worthwhile,
 };
 use crate::geometry::{Isometry, Point3};
+use crate::image::Mask;
 use crate::mesh::Mesh;
 use crate::mesh::remesh::{fit_diagonals, remesh};
 use crate::mesh::surface_points::ClosestPoints;
@@ -38,12 +40,24 @@ pub(super) fn dense_mesh(
             && options.click.is_none(),
         ..options.dense.clone()
     };
-    let posed = worthwhile(&posed, points, &dense);
-    let maps = depth_maps(&posed, points, &dense, &report)?;
+    let mut posed = worthwhile(&posed, points, &dense);
+    let mut maps = depth_maps(&posed, points, &dense, &report)?;
+    let named = named(exploration.frames, poses);
     progress.step("surface", 0, 2);
+    let outlined = match outlined(exploration, options) {
+        true => Vec::new(),
+        false => organ(&posed, &maps, &named, options)?,
+    };
+    if !outlined.is_empty() {
+        posed = outlined
+            .iter()
+            .map(|(i, organ)| PosedFrame { organ: Some(organ), ..posed[*i] })
+            .collect();
+        maps = depth_maps(&posed, points, &dense, &report)?;
+        progress.step("surface", 0, 2);
+    }
     let seen = fused(&posed, &maps, &dense)?;
     progress.step("surface", 1, 2);
-    let named = named(exploration.frames, poses);
     let fine = outline::trim(seen.mesh.clone(), camera, &named, &options.outlines)?;
     let fine = click::pick(fine, camera, &named, options.click.as_ref())?;
     let mut mesh = remesh(&fine, options.vertices, &options.remesh)?;
@@ -53,6 +67,33 @@ pub(super) fn dense_mesh(
     let sigma = expected_errors(&seen, &mesh);
     progress.step("surface", 2, 2);
     Ok(Surface { mesh, sigma })
+}
+
+/// Whether the user says where the organ ends, or wants everything.
+fn outlined(exploration: &Exploration, options: &TemplateOptions) -> bool {
+    let masks = exploration.organ.iter().any(Option::is_some);
+    masks || !options.outlines.is_empty() || !options.dense.largest_only
+}
+
+/// Where what was seen parts (an organ before the wall of a cavity), the frames that show the organ, by their
+/// number, and its outline in each: stereo then knows no other surface, and the rim is held by the outlines.
+/// The organ is the part clicked, else the one in the middle of the frames. Empty where all is one.
+fn organ(
+    posed: &[PosedFrame],
+    maps: &[DepthMap],
+    named: &[(&str, Isometry)],
+    options: &TemplateOptions,
+) -> Result<Vec<(usize, Mask)>, TemplateError> {
+    let found = parts(posed, maps, &options.dense)?;
+    let (Some(first), true) = (posed.first(), found.count() > 1) else { return Ok(Vec::new()) };
+    let part = match &options.click {
+        Some(click) => found.at(first.camera, &click.frame_of(named)?.1, &click.pixel),
+        None => Some(found.central(posed)),
+    };
+    let Some(part) = part else { return Ok(Vec::new()) };
+    let masks = outlines(&found, part, posed, maps).into_iter().enumerate();
+    let shown: Vec<_> = masks.filter(|(_, mask)| mask.data.contains(&true)).collect();
+    Ok(if shown.len() < 2 { Vec::new() } else { shown })
 }
 
 fn posed<'a>(

@@ -1,0 +1,277 @@
+//! The outline of a part of the surface in every frame.
+//!
+//! Depth tells roughly where: a window of stereo that lies across an occluding contour takes the depth of the
+//! side of more texture, so a depth map is off by up to the window's size. The image tells exactly where:
+//! between what is surely the part and what is surely not, the outline runs along the strongest edge. Both
+//! sides go on at the price of the edges they cross (shortest paths), and the outline is where they meet.
+
+use super::parts::{CRUMB, Parts, pixel};
+use super::surface::SAME_SURFACE;
+use super::{DepthMap, PosedFrame};
+use crate::camera::Camera;
+use crate::geometry::Point2;
+use crate::image::{Frame, Mask};
+use rayon::prelude::*;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+/// Px of the depth grid by which depth may run over an outline from inside: the width of the window of stereo,
+/// less the pixel itself.
+const BAND_PX: f64 = 6.0;
+/// And from outside: where the rim is dim and the wall is not, the wall's depth wins on the coarser levels,
+/// whose windows are twice as wide or more, and stays.
+const OUTER_PX: f64 = 2.0 * BAND_PX;
+/// To go on from outside costs this times as much as from the part, so that where no edge is clear the outline
+/// lies outside: one too far inside cuts the part, one too far outside only holds it less.
+const DOUBT: u64 = 3;
+/// Cosine to the sightline below which depths may not differ by more.
+const GRAZING: f64 = 0.25;
+
+/// For every view where `part` is the first surface hit, on the frame's pixels.
+pub fn outlines(parts: &Parts, part: u32, views: &[PosedFrame], maps: &[DepthMap]) -> Vec<Mask> {
+    views.par_iter().zip(maps).map(|(view, map)| outline(parts, part, view, map)).collect()
+}
+
+fn outline(parts: &Parts, part: u32, view: &PosedFrame, map: &DepthMap) -> Mask {
+    let label = labels(parts, map);
+    let shown = |own: bool| {
+        let data = label.iter().map(|&l| l != CRUMB && (l == part) == own).collect();
+        Mask { size: map.camera.size, data }
+    };
+    let (own, other) = (shown(true), shown(false));
+    // Without the holes that highlights leave, shrunk by what depth runs over.
+    let closed = own.dilate(0.5 * BAND_PX).erode(0.5 * BAND_PX);
+    let own = closed.minus(&other).erode(BAND_PX);
+    let other = other.minus(&closed.dilate(OUTER_PX));
+    let [own, other] = [own, other].map(|mask| on_frame(&mask, view, map));
+    flooded(&gradient(view.frame), own, &other)
+}
+
+/// The part that every pixel of the depth map shows; [`CRUMB`] where depth leads to none.
+fn labels(parts: &Parts, map: &DepthMap) -> Vec<u32> {
+    continued(map, seeds(parts, map))
+}
+
+/// For every two parts, pixels of the depth maps side by side that show one each: those that depth joins
+/// without a step, and all. Element `a * count + b`, `a < b`.
+pub(super) fn borders(parts: &Parts, maps: &[DepthMap]) -> Vec<[usize; 2]> {
+    let mut sums = vec![[0; 2]; parts.count().pow(2)];
+    for map in maps {
+        let label = labels(parts, map);
+        for i in 0..label.len() {
+            for n in beside(i, map.camera.size).filter(|&n| n > i) {
+                let [a, b] = [label[i].min(label[n]), label[i].max(label[n])];
+                if a != b && b != CRUMB {
+                    let sum = &mut sums[a as usize * parts.count() + b as usize];
+                    *sum = [sum[0] + usize::from(joined(map, i, n)), sum[1] + 1];
+                }
+            }
+        }
+    }
+    sums
+}
+
+/// Whether depth leads from a pixel to the next without a step.
+fn joined(map: &DepthMap, i: usize, n: usize) -> bool {
+    let (z, other) = (f64::from(map.depth[i]), f64::from(map.depth[n]));
+    let facing = -f64::from(map.normal[n][2]);
+    other > 0.0 && (z - other).abs() < tolerance(other, facing)
+}
+
+/// The part that every pixel of the depth map surely shows; [`CRUMB`] where that is open.
+fn seeds(parts: &Parts, map: &DepthMap) -> Vec<u32> {
+    let raster = parts.drawn(&map.camera, &map.pose);
+    let label = |i: usize| {
+        let (z, facing) = (f64::from(map.depth[i]), -f64::from(map.normal[i][2]));
+        let agrees = z > 0.0 && (z - raster.depth[i]).abs() < tolerance(z, facing);
+        if agrees { parts.of(raster.face[i]) } else { CRUMB }
+    };
+    (0..map.depth.len()).map(label).collect()
+}
+
+/// By how much depths of one surface may differ, seen under a cosine of `facing`.
+fn tolerance(z: f64, facing: f64) -> f64 {
+    SAME_SURFACE * z / facing.max(GRAZING)
+}
+
+/// The labels, gone on over all pixels that depth reaches without a step.
+fn continued(map: &DepthMap, mut label: Vec<u32>) -> Vec<u32> {
+    let mut queue: Vec<usize> = (0..label.len()).filter(|&i| label[i] != CRUMB).collect();
+    let mut next = 0;
+    while next < queue.len() {
+        let i = queue[next];
+        next += 1;
+        for n in beside(i, map.camera.size) {
+            if label[n] == CRUMB && joined(map, i, n) {
+                label[n] = label[i];
+                queue.push(n);
+            }
+        }
+    }
+    label
+}
+
+/// The pixels left, right, above and below, as far as they are in the image.
+fn beside(i: usize, [w, h]: [usize; 2]) -> impl Iterator<Item = usize> {
+    let (x, y) = (i % w, i / w);
+    let left = (x > 0).then(|| i - 1);
+    let right = (x + 1 < w).then(|| i + 1);
+    let above = (y > 0).then(|| i - w);
+    let below = (y + 1 < h).then(|| i + w);
+    [left, right, above, below].into_iter().flatten()
+}
+
+/// A mask of the depth grid on the pixels of the frame.
+fn on_frame(mask: &Mask, view: &PosedFrame, map: &DepthMap) -> Mask {
+    let [w, h] = view.camera.size;
+    let shown = |i: usize| {
+        let ray = view.camera.unproject(&Point2::new((i % w) as f64, (i / w) as f64))?;
+        Some(mask.data[pixel(map, &ray.into())?])
+    };
+    Mask { size: [w, h], data: (0..w * h).map(|i| shown(i).unwrap_or(false)).collect() }
+}
+
+/// Steepness of the encoded image, all channels (Sobel).
+fn gradient(frame: &Frame) -> Vec<u32> {
+    let [w, h] = frame.size;
+    let at = |x: usize, y: usize, dx: i32, dy: i32, c: usize| {
+        let to = |v: usize, d: i32, n: usize| (v as i32 + d).clamp(0, n as i32 - 1) as usize;
+        i32::from(frame.rgb[to(y, dy, h) * w + to(x, dx, w)][c])
+    };
+    let steepness = |i: usize| {
+        let (x, y) = (i % w, i / w);
+        let channel = |c: usize| {
+            let across = |k: i32| at(x, y, 1, k, c) - at(x, y, -1, k, c);
+            let along = |k: i32| at(x, y, k, 1, c) - at(x, y, k, -1, c);
+            let weighed = |f: &dyn Fn(i32) -> i32| f(-1) + 2 * f(0) + f(1);
+            weighed(&across).pow(2) + weighed(&along).pow(2)
+        };
+        (0..3).map(channel).sum::<i32>() as u32
+    };
+    (0..w * h).into_par_iter().map(steepness).collect()
+}
+
+/// `own` grown into what neither mask holds until the two meet: every pixel falls to the mask from which the
+/// least steepness, summed over the way, leads to it; see [`DOUBT`].
+fn flooded(steepness: &[u32], mut own: Mask, other: &Mask) -> Mask {
+    let mut cost: Vec<u64> = vec![u64::MAX; own.data.len()];
+    let mut front = BinaryHeap::new();
+    for i in (0..cost.len()).filter(|&i| own.data[i] || other.data[i]) {
+        cost[i] = 0;
+        front.push(Reverse((0, i)));
+    }
+    while let Some(Reverse((so_far, i))) = front.pop() {
+        if so_far > cost[i] {
+            continue;
+        }
+        for n in beside(i, own.size) {
+            let pace = if own.data[i] { 1 } else { DOUBT };
+            let longer = so_far + pace * (u64::from(steepness[n]) + 1);
+            if longer < cost[n] {
+                cost[n] = longer;
+                own.data[n] = own.data[i];
+                front.push(Reverse((longer, n)));
+            }
+        }
+    }
+    own
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{DenseOptions, parts::parts};
+    use super::*;
+    use crate::camera::{CameraModel, Lens};
+    use crate::geometry::Isometry;
+
+    const SIZE: [usize; 2] = [120, 90];
+    const WALL: f64 = 60.0;
+    /// Depth and half the side of the plate, length units.
+    const PLATE: [f64; 2] = [40.0, 9.0];
+
+    fn camera() -> CameraModel {
+        CameraModel { size: SIZE, focal: [100.0; 2], centre: [59.5, 44.5], lens: Lens::Pinhole }
+    }
+
+    /// A camera that looks along z, moved sideways.
+    fn pose(i: usize) -> Isometry {
+        let [x, y] = [[-6.0, 0.0], [-3.0, 2.0], [0.0, 0.0], [3.0, -2.0], [6.0, 0.0]][i];
+        Isometry::translation(-x, -y, 0.0)
+    }
+
+    /// Whether the plate is what a pixel shows, or a pixel less than `fat` px beside.
+    fn plate(i: usize, pixel: usize, fat: f64) -> bool {
+        let [u, v] = [(pixel % SIZE[0]) as f64 - 59.5, (pixel / SIZE[0]) as f64 - 44.5];
+        let centre = pose(i).translation.vector * (100.0 / PLATE[0]);
+        let half = PLATE[1] * 100.0 / PLATE[0] + fat;
+        (u - centre.x).abs() <= half && (v - centre.y).abs() <= half
+    }
+
+    /// A bright plate before a dark wall, with depth that is the plate's for `fat` px too far.
+    fn scene(fat: f64, near: f64) -> (Vec<Frame>, Vec<DepthMap>) {
+        let n = SIZE[0] * SIZE[1];
+        let frame = |i: usize| {
+            let rgb = (0..n).map(|p| [if plate(i, p, 0.0) { 180 } else { 60 + (p % 5) as u8 }; 3]);
+            Frame { name: format!("{i}"), size: SIZE, rgb: rgb.collect() }
+        };
+        let map = |i: usize| DepthMap {
+            camera: camera(),
+            pose: pose(i),
+            depth: (0..n).map(|p| if plate(i, p, fat) { near } else { WALL } as f32).collect(),
+            normal: vec![[0.0, 0.0, -1.0]; n],
+            sigma: vec![0.05; n],
+            confidence: vec![1.0; n],
+        };
+        (0..5).map(|i| (frame(i), map(i))).unzip()
+    }
+
+    fn posed<'a>(frames: &'a [Frame], camera: &'a CameraModel) -> Vec<PosedFrame<'a>> {
+        let one =
+            |(i, frame)| PosedFrame { frame, camera, pose: pose(i), valid: None, organ: None };
+        frames.iter().enumerate().map(one).collect()
+    }
+
+    #[test]
+    fn a_plate_parts_from_its_wall_and_its_outline_is_the_edge_in_the_image() {
+        let (camera, (frames, maps)) = (camera(), scene(3.0, PLATE[0]));
+        let views = posed(&frames, &camera);
+        let options = DenseOptions { target_vertices: 12_000, ..Default::default() };
+        let found = parts(&views, &maps, &options).unwrap();
+        assert_eq!(found.count(), 2);
+        let at = |x: f64, y: f64| found.at(&camera, &pose(2), &Point2::new(x, y));
+        let (near, far) = (at(59.0, 44.0), at(8.0, 8.0));
+        assert!(near.is_some() && far.is_some() && near != far, "{near:?} {far:?}");
+        assert_eq!(Some(found.central(&views)), near);
+        for (i, mask) in outlines(&found, near.unwrap(), &views, &maps).iter().enumerate() {
+            let wrong = |p: &usize| {
+                mask.data[*p] && !plate(i, *p, 1.5) || !mask.data[*p] && plate(i, *p, -1.5)
+            };
+            assert_eq!((0..mask.data.len()).filter(wrong).count(), 0, "frame {i}");
+        }
+    }
+
+    #[test]
+    fn what_goes_on_without_a_step_is_one() {
+        let (camera, (frames, maps)) = (camera(), scene(0.0, WALL - 0.5));
+        let options = DenseOptions { target_vertices: 12_000, ..Default::default() };
+        assert_eq!(parts(&posed(&frames, &camera), &maps, &options).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn the_strongest_edge_decides_and_no_edge_falls_to_the_part() {
+        let row = |on: &[usize]| {
+            let data = (0..12).map(|x| on.contains(&x)).collect();
+            Mask { size: [12, 1], data }
+        };
+        let mut steepness = vec![1; 12];
+        (steepness[3], steepness[5]) = (10, 1000);
+        let reach = |steepness: &[u32]| {
+            let found = flooded(steepness, row(&[0, 1]), &row(&[10, 11]));
+            found.data.iter().filter(|&&own| own).count()
+        };
+        assert_eq!(reach(&steepness), 6, "past the faint edge, up to the strong one");
+        // 2 a step from the part, 6 from outside: pixel 7 costs 12 from the part, 18 from outside; pixel 8
+        // 14 and 12.
+        assert_eq!(reach(&[1; 12]), 8);
+    }
+}
