@@ -82,9 +82,13 @@ pub struct TemplateArgs {
     #[arg(long, value_name = "FRAME:X,Y,...", value_parser = parse_outline, conflicts_with_all = ["organ_masks", "mesh"])]
     organ_polygon: Vec<OrganOutline>,
     /// A pixel of one frame (the first, or X,Y@FRAME) that shows the organ; only the surface connected
-    /// to it stays.
+    /// to it stays. Without it, of parts that a step in depth separates, the one in the middle of the
+    /// frames.
     #[arg(long, value_name = "X,Y[@FRAME]", value_parser = parse_click, conflicts_with = "mesh")]
     organ_click: Option<OrganClick>,
+    /// Keep what lies behind the organ too, as one surface.
+    #[arg(long, conflicts_with_all = ["organ_masks", "organ_polygon", "organ_click", "mesh"])]
+    whole: bool,
     /// Vertices of the template mesh, 100 to 50000.
     #[arg(long, value_name = "N", default_value_t = 1000)]
     vertices: usize,
@@ -244,6 +248,7 @@ fn options(args: &TemplateArgs, global: &Global) -> anyhow::Result<TemplateOptio
     let mut options = TemplateOptions { vertices: args.vertices, ..Default::default() };
     options.outlines = args.organ_polygon.clone();
     options.click = args.organ_click.clone();
+    options.whole = args.whole;
     options.scale = args.scale.references()?;
     options.remesh.adaptive = args.adaptive.unwrap_or_default();
     options.flatten.method = args.flatten.into();

@@ -77,6 +77,9 @@ pub struct TemplateOptions {
     pub outlines: Vec<OrganOutline>,
     /// A pixel that shows the organ: the connected surface there stays.
     pub click: Option<OrganClick>,
+    /// Keep what lies behind the organ too, where depth steps and no mask, outline or click tells them
+    /// apart.
+    pub whole: bool,
     /// Known distances; without any the unit of a template from frames is not metric.
     pub scale: Vec<ScaleReference>,
     /// Light estimation.
@@ -98,6 +101,7 @@ impl Default for TemplateOptions {
             flatten: FlattenOptions::default(),
             outlines: Vec::new(),
             click: None,
+            whole: false,
             scale: Vec::new(),
             light: LightFitOptions::default(),
             albedo: AlbedoOptions::default(),

@@ -46,7 +46,7 @@ pub(super) fn dense_mesh(
     progress.step("surface", 0, 2);
     let outlined = match outlined(exploration, options) {
         true => Vec::new(),
-        false => organ(&posed, &maps, &named, options)?,
+        false => organ(&posed, &maps, &named, options, progress)?,
     };
     if !outlined.is_empty() {
         posed = outlined
@@ -72,7 +72,7 @@ pub(super) fn dense_mesh(
 /// Whether the user says where the organ ends, or wants everything.
 fn outlined(exploration: &Exploration, options: &TemplateOptions) -> bool {
     let masks = exploration.organ.iter().any(Option::is_some);
-    masks || !options.outlines.is_empty() || !options.dense.largest_only
+    masks || !options.outlines.is_empty() || (options.whole && options.click.is_none())
 }
 
 /// Where what was seen parts (an organ before the wall of a cavity), the frames that show the organ, by their
@@ -83,12 +83,21 @@ fn organ(
     maps: &[DepthMap],
     named: &[(&str, Isometry)],
     options: &TemplateOptions,
+    progress: &dyn Progress,
 ) -> Result<Vec<(usize, Mask)>, TemplateError> {
     let found = parts(posed, maps, &options.dense)?;
     let (Some(first), true) = (posed.first(), found.count() > 1) else { return Ok(Vec::new()) };
     let part = match &options.click {
         Some(click) => found.at(first.camera, &click.frame_of(named)?.1, &click.pixel),
-        None => Some(found.central(posed)),
+        None => {
+            let count = found.count();
+            progress.warn(&format!(
+                "the surface falls into {count} parts where depth steps; the one in the middle of the \
+                 frames is the organ (--organ-click names another, --organ-masks or --organ-polygon \
+                 its outline, --whole keeps all)"
+            ));
+            Some(found.central(posed))
+        }
     };
     let Some(part) = part else { return Ok(Vec::new()) };
     let masks = outlines(&found, part, posed, maps).into_iter().enumerate();
