@@ -86,6 +86,9 @@ pub struct TemplateArgs {
     /// frames.
     #[arg(long, value_name = "X,Y[@FRAME]", value_parser = parse_click, conflicts_with = "mesh")]
     organ_click: Option<OrganClick>,
+    /// Leave the surface as stereo saw it; else the shading of all frames refines it within its expected error.
+    #[arg(long, conflicts_with = "mesh")]
+    no_shading_refinement: bool,
     /// Keep what lies behind the organ too, as one surface.
     #[arg(long, conflicts_with_all = ["organ_masks", "organ_polygon", "organ_click", "mesh"])]
     whole: bool,
@@ -249,6 +252,7 @@ fn options(args: &TemplateArgs, global: &Global) -> anyhow::Result<TemplateOptio
     options.outlines = args.organ_polygon.clone();
     options.click = args.organ_click.clone();
     options.whole = args.whole;
+    options.refine_by_shading = !args.no_shading_refinement;
     options.scale = args.scale.references()?;
     options.remesh.adaptive = args.adaptive.unwrap_or_default();
     options.flatten.method = args.flatten.into();

@@ -77,6 +77,8 @@ pub struct TemplateOptions {
     pub outlines: Vec<OrganOutline>,
     /// A pixel that shows the organ: the connected surface there stays.
     pub click: Option<OrganClick>,
+    /// Refine the surface of stereo by the shading of all views.
+    pub refine_by_shading: bool,
     /// Keep what lies behind the organ too, where depth steps and no mask, outline or click tells them
     /// apart.
     pub whole: bool,
@@ -101,6 +103,7 @@ impl Default for TemplateOptions {
             flatten: FlattenOptions::default(),
             outlines: Vec::new(),
             click: None,
+            refine_by_shading: true,
             whole: false,
             scale: Vec::new(),
             light: LightFitOptions::default(),
@@ -207,7 +210,7 @@ fn from_sparse(
         reprojection_px: &sparse.reprojection_px,
         features: &sparse.features,
     };
-    let (mut template, light) = views.dress(mesh, unit, options, progress)?;
+    let (mut template, light) = views.dress(mesh, Some(&sigma), unit, options, progress)?;
     template.points = sparse_points(&sparse);
     template.sigma = sigma;
     let name = |(i, why): &(usize, String)| (exploration.frames[*i].name.clone(), why.clone());
@@ -280,7 +283,7 @@ pub fn template_from_posed_frames(
         reprojection_px: &vec![0.0; count],
         features: &features,
     };
-    let (template, light) = views.dress(mesh, unit, options, progress)?;
+    let (template, light) = views.dress(mesh, None, unit, options, progress)?;
     let rejected = (0..count)
         .filter(|&i| poses[i].is_none())
         .map(|i| (exploration.frames[i].name.clone(), "the pose file has no pose for it".into()))

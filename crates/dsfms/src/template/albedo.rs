@@ -10,7 +10,7 @@
 use super::SurfaceTexels;
 use super::known_light::{Exposure, KnownLight};
 use super::photometric::{AlbedoView, Observation, ObservationBounds, PreparedView};
-use super::relief::shaded_normals;
+use super::relief::{shaded_normals, shaded_surface};
 use super::spots::{observe_spots, prepare, smoothed_normals, surface_point};
 use super::texel_fill::{choose_resolution, fill_unseen};
 use crate::geometry::Vector3;
@@ -160,6 +160,26 @@ pub fn estimate_albedo(
     fill_unseen(mesh, &mut texels);
     let Exposure { gains, noise, .. } = exposure;
     Ok(AlbedoEstimate { texels, gains, noise, observed })
+}
+
+/// The surface refined by the shading of all views under a known light (as for [`estimate_albedo`]): what
+/// stereo knows of a vertex, its `sigma` (length units, infinity for nothing), holds it, brightness tells the
+/// slope between, so that where texture is missing the surface is more than interpolated.
+pub fn refine_by_shading(
+    mesh: &Mesh,
+    sigma: &[f64],
+    views: &[AlbedoView],
+    light: &LightModel,
+    options: &AlbedoOptions,
+) -> Result<Mesh, AlbedoError> {
+    check_views(views)?;
+    let normals = smoothed_normals(mesh, options.normal_smoothing);
+    let prepared = prepare(mesh, views, &options.bounds);
+    let model = KnownLight { light, options };
+    let spots =
+        observe_spots(mesh, &normals, &prepared, light, &options.bounds, options.gain_spots);
+    let exposure = Exposure::solve(&spots, views, &model);
+    Ok(mesh.with_positions(shaded_surface(mesh, sigma, &spots, views, &exposure, &model)))
 }
 
 /// A texel as it is stored.

@@ -8,7 +8,7 @@ use crate::mesh::{Mesh, Topology};
 use crate::pipeline::Progress;
 use crate::raster::{rasterize, visible_vertices};
 use crate::sfm::Features2d;
-use crate::template::albedo::{AlbedoOptions, estimate_albedo};
+use crate::template::albedo::{AlbedoOptions, estimate_albedo, refine_by_shading};
 use crate::template::anchor::{FeatureView, anchor_features};
 use crate::template::light_fit::{LightFit, fit_light};
 use crate::template::photometric::AlbedoView;
@@ -31,15 +31,16 @@ struct Registered {
 }
 
 impl Views<'_> {
-    /// Everything on the surface that comes from the frames.
+    /// Everything on the surface that comes from the frames; `sigma`: expected error of the vertices, for a
+    /// surface that may be refined.
     pub fn dress(
         &self,
-        mesh: Mesh,
+        mut mesh: Mesh,
+        sigma: Option<&[f64]>,
         unit: LengthUnit,
         options: &TemplateOptions,
         progress: &dyn Progress,
     ) -> Result<(Template, Option<LightFit>), TemplateError> {
-        let flattening = try_flatten(&mesh, options, progress);
         let registered = self.registered();
         let tone = self.exploration.tone.table();
         progress.step("light and albedo", 0, 2);
@@ -49,8 +50,12 @@ impl Views<'_> {
         progress.step("light and albedo", 1, 2);
         let (ambient, vignetting) = (light.ambient, light.vignetting);
         let shading = AlbedoOptions { ambient, vignetting, ..options.albedo.clone() };
+        if let (Some(sigma), true) = (sigma, options.refine_by_shading) {
+            mesh = refine_by_shading(&mesh, sigma, &views, &light.light, &shading)?;
+        }
         let albedo = estimate_albedo(&mesh, &views, &light.light, &shading)?;
         progress.step("light and albedo", 2, 2);
+        let flattening = try_flatten(&mesh, options, progress);
         let features = anchor_features(&mesh, &self.feature_views(&registered), &options.anchor);
         let visible: Vec<Vec<bool>> =
             registered.par_iter().map(|r| self.visible(r, &mesh)).collect();
