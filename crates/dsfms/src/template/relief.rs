@@ -1,4 +1,4 @@
-//! Normals for measuring the albedo, corrected by the shading of all views.
+//! Normals and surface, corrected by the shading of all views.
 //!
 //! Where a reconstructed normal is a few degrees off, each view says another albedo, as the light
 //! moves with the camera. Displacements `h` of the vertices along their normals are found with
@@ -10,9 +10,10 @@
 //!
 //! over observations `o` of surface spots `s`. The first term is what the views say; the second, of
 //! the spread `ς` of the albedos themselves, speaks where one view sees the surface (`P` spots share
-//! one albedo); the others keep the shape stiff and in place. Only normals are used, the surface
-//! itself stays: brightness says little of where it is. Gauss–Newton with Tukey's weights, inner
-//! steps by conjugate gradients.
+//! one albedo); the others keep the shape stiff and in place. The albedo is measured under these
+//! normals. The surface itself moves only within what stereo knows of it (`R` is `1/σ_v²` where that is
+//! more): brightness says little of where it is. Gauss–Newton with Tukey's weights, inner steps by
+//! conjugate gradients.
 
 use super::known_light::{Exposure, KnownLight};
 use super::normal_map::NormalMap;
