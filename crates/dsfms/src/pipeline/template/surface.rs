@@ -44,7 +44,8 @@ pub(super) fn dense_mesh(
     let mut maps = depth_maps(&posed, points, &dense, &report)?;
     let named = named(exploration.frames, poses);
     progress.step("surface", 0, 2);
-    let outlined = match outlined(exploration, options) {
+    let alone = piece_alone(&posed, &maps, &dense, &named, options)?;
+    let outlined = match alone.is_some() || outlined(exploration, options) {
         true => Vec::new(),
         false => organ(&posed, &maps, &named, options, progress)?,
     };
@@ -56,7 +57,7 @@ pub(super) fn dense_mesh(
         maps = depth_maps(&posed, points, &dense, &report)?;
         progress.step("surface", 0, 2);
     }
-    let seen = fused(&posed, &maps, &dense)?;
+    let seen = alone.map_or_else(|| fused(&posed, &maps, &dense), Ok)?;
     progress.step("surface", 1, 2);
     let fine = outline::trim(seen.mesh.clone(), camera, &named, &options.outlines)?;
     let fine = click::pick(fine, camera, &named, options.click.as_ref())?;
@@ -73,6 +74,22 @@ pub(super) fn dense_mesh(
 fn outlined(exploration: &Exploration, options: &TemplateOptions) -> bool {
     let masks = exploration.organ.iter().any(Option::is_some);
     masks || !options.outlines.is_empty() || (options.whole && options.click.is_none())
+}
+
+/// What was seen, where the piece clicked is the smaller part of it and hangs on nothing else: its own rim is
+/// then nearer the truth than an outline found in images.
+fn piece_alone(
+    posed: &[PosedFrame],
+    maps: &[DepthMap],
+    dense: &DenseOptions,
+    named: &[(&str, Isometry)],
+    options: &TemplateOptions,
+) -> Result<Option<DenseSurface>, TemplateError> {
+    let (Some(first), Some(_)) = (posed.first(), &options.click) else { return Ok(None) };
+    let all = fused(posed, maps, dense)?;
+    let piece = click::pick(all.mesh.clone(), first.camera, named, options.click.as_ref());
+    let smaller = |p: Mesh| 2 * p.topology.faces.len() < all.mesh.topology.faces.len();
+    Ok(piece.is_ok_and(smaller).then_some(all))
 }
 
 /// Where what was seen parts (an organ before the wall of a cavity), the frames that show the organ, by their
