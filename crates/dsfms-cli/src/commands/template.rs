@@ -86,7 +86,8 @@ pub struct TemplateArgs {
     /// frames.
     #[arg(long, value_name = "X,Y[@FRAME]", value_parser = parse_click, conflicts_with = "mesh")]
     organ_click: Option<OrganClick>,
-    /// Leave the surface as stereo saw it; else the shading of all frames refines it within its expected error.
+    /// Leave the surface as stereo saw it; else the shading of all frames refines it within its expected
+    /// error.
     #[arg(long, conflicts_with = "mesh")]
     no_shading_refinement: bool,
     /// Keep what lies behind the organ too, as one surface.

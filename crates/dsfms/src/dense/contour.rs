@@ -5,9 +5,8 @@
 //! between what is surely the part and what is surely not, the outline runs along the strongest edge. Both
 //! sides go on at the price of the edges they cross (shortest paths), and the outline is where they meet.
 
-use super::parts::{CRUMB, Parts, pixel};
-use super::surface::SAME_SURFACE;
-use super::{DepthMap, PosedFrame};
+use super::parts::{CRUMB, Parts};
+use super::{DepthMap, PosedFrame, tolerance};
 use crate::camera::Camera;
 use crate::geometry::Point2;
 use crate::image::{Frame, Mask};
@@ -19,13 +18,12 @@ use std::collections::BinaryHeap;
 /// less the pixel itself.
 const BAND_PX: f64 = 6.0;
 /// And from outside: where the rim is dim and the wall is not, the wall's depth wins on the coarser levels,
-/// whose windows are twice as wide or more, and stays.
+/// whose windows are twice as wide or more, and stays. This and [`DOUBT`] were chosen on the rendered scene
+/// (`docs/results/template.md` has what others give).
 const OUTER_PX: f64 = 2.0 * BAND_PX;
 /// To go on from outside costs this times as much as from the part, so that where no edge is clear the outline
 /// lies outside: one too far inside cuts the part, one too far outside only holds it less.
 const DOUBT: u64 = 3;
-/// Cosine to the sightline below which depths may not differ by more.
-const GRAZING: f64 = 0.25;
 
 /// For every view where `part` is the first surface hit, on the frame's pixels.
 pub fn outlines(parts: &Parts, part: u32, views: &[PosedFrame], maps: &[DepthMap]) -> Vec<Mask> {
@@ -73,8 +71,7 @@ pub(super) fn borders(parts: &Parts, maps: &[DepthMap]) -> Vec<[usize; 2]> {
 
 /// Whether depth leads from a pixel to the next without a step.
 fn joined(map: &DepthMap, i: usize, n: usize) -> bool {
-    let (z, other) = (f64::from(map.depth[i]), f64::from(map.depth[n]));
-    let facing = -f64::from(map.normal[n][2]);
+    let (z, (other, facing)) = (f64::from(map.depth[i]), map.seen(n));
     other > 0.0 && (z - other).abs() < tolerance(other, facing)
 }
 
@@ -82,16 +79,11 @@ fn joined(map: &DepthMap, i: usize, n: usize) -> bool {
 fn seeds(parts: &Parts, map: &DepthMap) -> Vec<u32> {
     let raster = parts.drawn(&map.camera, &map.pose);
     let label = |i: usize| {
-        let (z, facing) = (f64::from(map.depth[i]), -f64::from(map.normal[i][2]));
+        let (z, facing) = map.seen(i);
         let agrees = z > 0.0 && (z - raster.depth[i]).abs() < tolerance(z, facing);
         if agrees { parts.of(raster.face[i]) } else { CRUMB }
     };
     (0..map.depth.len()).map(label).collect()
-}
-
-/// By how much depths of one surface may differ, seen under a cosine of `facing`.
-fn tolerance(z: f64, facing: f64) -> f64 {
-    SAME_SURFACE * z / facing.max(GRAZING)
 }
 
 /// The labels, gone on over all pixels that depth reaches without a step.
@@ -126,7 +118,7 @@ fn on_frame(mask: &Mask, view: &PosedFrame, map: &DepthMap) -> Mask {
     let [w, h] = view.camera.size;
     let shown = |i: usize| {
         let ray = view.camera.unproject(&Point2::new((i % w) as f64, (i / w) as f64))?;
-        Some(mask.data[pixel(map, &ray.into())?])
+        Some(mask.data[map.pixel(&ray.into())?])
     };
     Mask { size: [w, h], data: (0..w * h).map(|i| shown(i).unwrap_or(false)).collect() }
 }

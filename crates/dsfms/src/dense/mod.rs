@@ -87,6 +87,33 @@ pub struct DepthMap {
     pub confidence: Vec<f32>,
 }
 
+impl DepthMap {
+    /// Place in the grid of a point in camera axes; `None` behind the camera or beside the grid.
+    fn pixel(&self, p: &Point3) -> Option<usize> {
+        let u = (self.camera.focal[0] * p.x / p.z + self.camera.centre[0]).round();
+        let v = (self.camera.focal[1] * p.y / p.z + self.camera.centre[1]).round();
+        let [w, h] = self.camera.size;
+        let inside = p.z > 0.0 && u >= 0.0 && v >= 0.0 && u < w as f64 && v < h as f64;
+        inside.then(|| v as usize * w + u as usize)
+    }
+
+    /// Depth at a place and the cosine of its normal to the camera's axis.
+    fn seen(&self, place: usize) -> (f64, f64) {
+        (f64::from(self.depth[place]), -f64::from(self.normal[place][2]))
+    }
+}
+
+/// Depths that differ by less than this fraction, times one over the cosine to the sightline, are of
+/// the same surface.
+const SAME_SURFACE: f64 = 0.01;
+/// Cosine below which depths may not differ by more.
+const GRAZING: f64 = 0.25;
+
+/// By how much depths of one surface may differ where it is seen under a cosine of `facing`, length units.
+fn tolerance(z: f64, facing: f64) -> f64 {
+    SAME_SURFACE * z / facing.max(GRAZING)
+}
+
 /// The frames worth a depth map: all of few, else those that lie farthest apart, in order; see
 /// [`DenseOptions::max_frames`]. `sparse` as in [`depth_maps`].
 pub fn worthwhile<'a>(

@@ -4,25 +4,21 @@
 //! goes on by a membrane from the rim of an organ to the wall behind it. No frame shows that membrane: from
 //! every frame it is either hidden or looked through. Without it the surface falls into its parts.
 
-use super::surface::SAME_SURFACE;
 use super::tetrahedra::{Triangles, extract};
 use super::volume::Volume;
-use super::{DenseError, DenseOptions, DepthMap, PosedFrame, clean, contour, fit, rim};
+use super::{DenseError, DenseOptions, DepthMap, PosedFrame, clean, contour, fit, rim, tolerance};
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point2, Point3, Vector3};
 use crate::mesh::Topology;
 use crate::raster::{Raster, rasterize};
 use rayon::prelude::*;
 
-/// Cosine to the sightline below which depths may not differ by more.
-const GRAZING: f64 = 0.25;
 /// Share of the frames that look at a place: what fewer find there, they find by accident.
 const CHANCE: f64 = 0.1;
 /// Half the width, in edges, of the necks at which parts are told apart.
 const NECK: usize = 5;
 /// Share of what all frames show from which on a piece is a part and no crumb.
 const CONSIDERABLE: f64 = 0.05;
-
 /// Share of a border in the depth maps without a step from which on two parts touch.
 const TOUCHING: f64 = 0.5;
 
@@ -41,6 +37,9 @@ pub(super) const CRUMB: u32 = u32::MAX;
 
 /// The parts of what the depth maps show, those that the frames show most of first; `maps` are those of
 /// [`super::depth_maps`] for the same `views`, in the same order.
+///
+/// # Errors
+/// Bad options, or depth maps that hold no surface.
 pub fn parts(
     views: &[PosedFrame],
     maps: &[DepthMap],
@@ -126,9 +125,9 @@ impl Sight {
         let mut sight = Self::default();
         for map in maps {
             let p = map.pose * point;
-            let Some(i) = pixel(map, &p) else { continue };
-            let (z, facing) = (f64::from(map.depth[i]), -f64::from(map.normal[i][2]));
-            let agrees = (z - p.z).abs() < SAME_SURFACE * p.z / facing.max(GRAZING);
+            let Some(i) = map.pixel(&p) else { continue };
+            let (z, facing) = map.seen(i);
+            let agrees = (z - p.z).abs() < tolerance(p.z, facing);
             sight.looking += 1;
             let front = (map.pose.rotation * normal).dot(&p.coords) < 0.0;
             sight.finding += usize::from(agrees && front);
@@ -141,15 +140,6 @@ impl Sight {
         let chance = (CHANCE * self.looking as f64).round().max(1.0) as usize;
         self.finding >= chance && self.finding >= self.through
     }
-}
-
-/// Pixel of the depth grid that shows a point (camera axes).
-pub(super) fn pixel(map: &DepthMap, p: &Point3) -> Option<usize> {
-    let u = (map.camera.focal[0] * p.x / p.z + map.camera.centre[0]).round();
-    let v = (map.camera.focal[1] * p.y / p.z + map.camera.centre[1]).round();
-    let [w, h] = map.camera.size;
-    let inside = p.z > 0.0 && u >= 0.0 && v >= 0.0 && u < w as f64 && v < h as f64;
-    inside.then(|| v as usize * w + u as usize)
 }
 
 impl Parts {

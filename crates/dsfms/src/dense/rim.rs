@@ -3,7 +3,7 @@
 
 use super::clean::{boundary_edges, edge_list, grown};
 use super::tetrahedra::Triangles;
-use super::{DepthMap, PosedFrame, surface::SAME_SURFACE};
+use super::{DepthMap, GRAZING, PosedFrame, SAME_SURFACE, tolerance};
 use crate::camera::Camera;
 use crate::geometry::{Point3, Vector3};
 use crate::mesh::Topology;
@@ -22,8 +22,6 @@ const LEAST: f64 = 0.15;
 const SEEN: f64 = 0.5;
 /// What a straight rim of full trust loses by that, in edges: it is given back.
 const LOST: usize = 4;
-/// Cosine to the sightline below which depths may not differ by more.
-const GRAZING: f64 = 0.25;
 /// What lies behind the surface by more than this fraction of the depth is hidden: both may be off by
 /// what depths of one surface differ by at a grazing angle.
 const BEHIND: f64 = 2.0 * SAME_SURFACE / GRAZING;
@@ -108,15 +106,8 @@ fn says(view: &PosedFrame, map: &DepthMap, point: &Point3) -> Option<bool> {
     if !inside || ![view.valid, view.organ].into_iter().flatten().all(|m| m.at_pixel(&pixel)) {
         return None;
     }
-    let u = (map.camera.focal[0] * p.x / p.z + map.camera.centre[0]).round();
-    let v = (map.camera.focal[1] * p.y / p.z + map.camera.centre[1]).round();
-    let [w, h] = map.camera.size;
-    if !(u >= 0.0 && v >= 0.0 && u < w as f64 && v < h as f64) {
-        return None;
-    }
-    let i = v as usize * w + u as usize;
-    let (z, facing) = (f64::from(map.depth[i]), -f64::from(map.normal[i][2]));
-    let agrees = z > 0.0 && (z - p.z).abs() < SAME_SURFACE * p.z / facing.max(GRAZING);
+    let (z, facing) = map.seen(map.pixel(&p)?);
+    let agrees = z > 0.0 && (z - p.z).abs() < tolerance(p.z, facing);
     let hidden = z > 0.0 && z < p.z;
     (agrees || !hidden).then_some(agrees)
 }

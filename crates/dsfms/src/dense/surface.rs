@@ -2,14 +2,14 @@
 
 use super::tetrahedra::{Triangles, extract};
 use super::volume::Volume;
-use super::{DenseError, DenseOptions, DepthMap, PosedFrame, clean, fit, handles, holes, rim};
+use super::{
+    DenseError, DenseOptions, DepthMap, PosedFrame, clean, fit, handles, holes, rim, tolerance,
+};
 use crate::geometry::Point3;
 use crate::mesh::{Mesh, Topology};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Depths that differ by more than this fraction are not of the same surface.
-pub(super) const SAME_SURFACE: f64 = 0.01;
 /// Half the width, in edges, of the necks at which the surface is cut.
 const OPENING: usize = 5;
 /// Pieces of fewer faces are dust.
@@ -133,16 +133,9 @@ fn support(maps: &[DepthMap], point: &Point3) -> VertexSupport {
     let (mut frames, mut information, mut squares, mut weights) = (0, 0.0f64, 0.0f64, 0.0f64);
     for m in maps {
         let p = m.pose * point;
-        let u = (m.camera.focal[0] * p.x / p.z + m.camera.centre[0]).round();
-        let v = (m.camera.focal[1] * p.y / p.z + m.camera.centre[1]).round();
-        let [w, h] = m.camera.size.map(|s| s as f64);
-        if !(p.z > 0.0 && u >= 0.0 && v >= 0.0 && u < w && v < h) {
-            continue;
-        }
-        let i = v as usize * m.camera.size[0] + u as usize;
-        let z = m.depth[i] as f64;
-        let facing = -m.normal[i][2] as f64;
-        if z <= 0.0 || (z - p.z).abs() > SAME_SURFACE * p.z / facing.max(0.25) {
+        let Some(i) = m.pixel(&p) else { continue };
+        let (z, facing) = m.seen(i);
+        if z <= 0.0 || (z - p.z).abs() > tolerance(p.z, facing) {
             continue;
         }
         // Across the surface, not along the sightline.

@@ -1,7 +1,8 @@
 //! The template on disk: a directory whose files the field's own tools open.
 //!
 //! `template.toml` (manifest), `template.ply` (surface, double precision), `albedo.npz`,
-//! `flattening.npz`, `features.npz`, `seen.npz`, `sigma.npz` (NumPy), `template.glb` (viewers), `sparse/` (COLMAP text).
+//! `flattening.npz`, `features.npz`, `seen.npz`, `sigma.npz` (NumPy), `template.glb`
+//! (viewers), `sparse/` (COLMAP text).
 //! Reading uses the manifest, the PLY, the npz files and the points of `sparse/`; the rest is for other
 //! programs.
 

@@ -85,8 +85,8 @@ impl Working {
     }
 }
 
-/// A mesh of nearly equilateral faces, of one size unless [`RemeshOptions::adaptive`], with about `target_vertices` vertices (within 5 % unless the
-/// shape forbids it) on the input's surface. Unused vertices of the input are dropped; topology
+/// A mesh of nearly equilateral faces, of one size unless [`RemeshOptions::adaptive`], with about
+/// `target_vertices` vertices (within 5 % unless the shape forbids it) on the input's surface. Unused vertices of the input are dropped; topology
 /// (components, boundaries, handles) is kept.
 pub fn remesh(
     mesh: &Mesh,

@@ -161,7 +161,7 @@ pub fn join(
     let hold = hold(scene, matches, &scene.posed, depth_sigma, &photo.light.light, options);
     let mut state = Unknowns { vertices: start.to_vec(), globals: vec![0.0, 0.0] };
     let mut expected = photo.expected_log_gain;
-    let (mut last, mut residual, mut workspace) = (None, 0.0, Workspace::default());
+    let (mut last, mut workspace) = (None, Workspace::default());
     let last_stage = options.blurs.len().saturating_sub(1);
     let mut reposed: Option<Scene> = None;
     let rings = FaceRings::of(&scene.rest.topology);
@@ -186,17 +186,15 @@ pub fn join(
         let topology = &scene.rest.topology;
         let (next, summary) = settle(problem, &mut workspace, topology, start, state, mirrors);
         state = next;
-        if stage == last_stage {
-            residual = shading.mean_residual(topology, &state.vertices, &state.globals);
-        }
-        last = Some((summary, count));
+        let residual = shading.mean_residual(topology, &state.vertices, &state.globals);
+        last = Some((summary, count, residual));
         // A near light tells the distance of everything, so the shape now knows the pose better than
         // the matches did; under a distant one only the matches hold it.
         if matches!(photo.light.light, LightModel::Point(_)) {
             reposed = Some(scene.reposed(&state.vertices));
         }
     }
-    let (summary, samples) = last.expect("there is at least one blur");
+    let (summary, samples, residual) = last.expect("there is at least one blur");
     Joined {
         gain: state.globals[0].exp(),
         ambient: state.globals[1],

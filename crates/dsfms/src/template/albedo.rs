@@ -11,7 +11,7 @@ use super::SurfaceTexels;
 use super::known_light::{Exposure, KnownLight};
 use super::photometric::{AlbedoView, Observation, ObservationBounds, PreparedView};
 use super::relief::{shaded_normals, shaded_surface};
-use super::spots::{observe_spots, prepare, smoothed_normals, surface_point};
+use super::spots::{Spot, observe_spots, prepare, smoothed_normals, surface_point};
 use super::texel_fill::{choose_resolution, fill_unseen};
 use crate::geometry::Vector3;
 use crate::light::{Coat, LightModel, coat::WET_TISSUE};
@@ -126,13 +126,8 @@ pub fn estimate_albedo(
     light: &LightModel,
     options: &AlbedoOptions,
 ) -> Result<AlbedoEstimate, AlbedoError> {
-    check_views(views)?;
-    let normals = smoothed_normals(mesh, options.normal_smoothing);
-    let prepared = prepare(mesh, views, &options.bounds);
     let model = KnownLight { light, options };
-    let spots =
-        observe_spots(mesh, &normals, &prepared, light, &options.bounds, options.gain_spots);
-    let exposure = Exposure::solve(&spots, views, &model);
+    let Observed { normals, prepared, spots, exposure } = Observed::of(mesh, views, &model)?;
     let shaded = shaded_normals(mesh, &spots, views, &exposure, &model);
     let mut texels = SurfaceTexels::new(choose_resolution(mesh, &prepared, options));
     let scene = Scene { mesh, normals: &normals, shaded: &shaded, views: &prepared, model };
@@ -165,6 +160,9 @@ pub fn estimate_albedo(
 /// The surface refined by the shading of all views under a known light (as for [`estimate_albedo`]): what
 /// stereo knows of a vertex, its `sigma` (length units, infinity for nothing), holds it, brightness tells the
 /// slope between, so that where texture is missing the surface is more than interpolated.
+///
+/// # Errors
+/// No views, or views whose sizes differ.
 pub fn refine_by_shading(
     mesh: &Mesh,
     sigma: &[f64],
@@ -172,14 +170,34 @@ pub fn refine_by_shading(
     light: &LightModel,
     options: &AlbedoOptions,
 ) -> Result<Mesh, AlbedoError> {
-    check_views(views)?;
-    let normals = smoothed_normals(mesh, options.normal_smoothing);
-    let prepared = prepare(mesh, views, &options.bounds);
     let model = KnownLight { light, options };
-    let spots =
-        observe_spots(mesh, &normals, &prepared, light, &options.bounds, options.gain_spots);
-    let exposure = Exposure::solve(&spots, views, &model);
+    let Observed { spots, exposure, .. } = Observed::of(mesh, views, &model)?;
     Ok(mesh.with_positions(shaded_surface(mesh, sigma, &spots, views, &exposure, &model)))
+}
+
+/// What the views show of a surface, before any albedo is known.
+struct Observed<'a> {
+    normals: Vec<Vector3>,
+    prepared: Vec<PreparedView<'a>>,
+    spots: Vec<Spot>,
+    exposure: Exposure,
+}
+
+impl<'a> Observed<'a> {
+    fn of(
+        mesh: &Mesh,
+        views: &'a [AlbedoView<'a>],
+        model: &KnownLight,
+    ) -> Result<Self, AlbedoError> {
+        check_views(views)?;
+        let KnownLight { light, options } = *model;
+        let normals = smoothed_normals(mesh, options.normal_smoothing);
+        let prepared = prepare(mesh, views, &options.bounds);
+        let spots =
+            observe_spots(mesh, &normals, &prepared, light, &options.bounds, options.gain_spots);
+        let exposure = Exposure::solve(&spots, views, model);
+        Ok(Self { normals, prepared, spots, exposure })
+    }
 }
 
 /// A texel as it is stored.

@@ -13,7 +13,7 @@ use super::log_linear::{LogFit, LogLinear, ShadingModel};
 use super::photometric::{AlbedoView, Observation, ObservationBounds};
 use super::spots::{observe_spots, prepare, repeated, smoothed_normals};
 use crate::geometry::{Point3, median};
-use crate::light::{Coat, LightModel, PointLight, Spot, coat};
+use crate::light::{Coat, LightModel, PointLight, Spot, coat, vignetting};
 use crate::mesh::Mesh;
 use serde::{Deserialize, Serialize};
 
@@ -115,9 +115,6 @@ const MIN_SPOTS: usize = 50;
 
 /// Prior standard deviation of the vignetting.
 const VIGNETTING_SIGMA: f64 = 0.5;
-
-/// No lens takes more (cos⁴ is −2), and none brightens its corners much.
-const VIGNETTING_BOUNDS: [f64; 2] = [-2.0, 0.2];
 
 /// Estimate the light. `mesh` in the template frame; `initial` (from a camera file) serves as one
 /// candidate, as starting point and as centre of the prior on the offset.
@@ -399,7 +396,7 @@ impl ShadingModel for ParametricLight {
             theta[spot.end] = theta[spot.end].clamp(0.0, 1.0);
         }
         if let (Vignetting::Estimated, Some(a)) = (self.vignetting, theta.last_mut()) {
-            *a = a.clamp(VIGNETTING_BOUNDS[0], VIGNETTING_BOUNDS[1]);
+            *a = a.clamp(vignetting::BOUNDS[0], vignetting::BOUNDS[1]);
         }
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! The JSON holds `width`, `height`, `fx`, `fy`, `cx`, `cy` (a complete file), and optionally
 //! `distortion` (`k1 k2 p1 p2 k3`, or `k1` to `k4` with a `distortion_model` that says fisheye),
-//! `pixel_convention`, `tone_curve`, `light` and `vignetting` (`a` of `1 + a r²`, r in focal lengths). Unknown fields are ignored.
+//! `pixel_convention`, `tone_curve`, `light` and `vignetting` (`a` of `1 + a r²`, r in focal
+//! lengths). Unknown fields are ignored.
 
 mod colmap;
 mod fields;
@@ -15,7 +16,7 @@ use super::colmap::{file_in, is_binary};
 use super::error::{InputError, parse_json, read_text, write_text};
 use crate::camera::{CameraModel, Lens};
 use crate::image::ToneCurve;
-use crate::light::LightModel;
+use crate::light::{LightModel, vignetting};
 use serde_json::Value;
 use std::path::Path;
 
@@ -78,8 +79,10 @@ fn checked(path: &Path, file: CameraFile) -> Result<CameraFile, InputError> {
     if let Some(light) = &file.light {
         light.validate().map_err(|source| InputError::Light { path: path.into(), source })?;
     }
-    if let Some(a) = file.vignetting.filter(|a| !(-2.0..=0.2).contains(a)) {
-        let problem = format!("is {a}; expected -2 (dark corners) to 0.2, the a of 1 + a r^2");
+    let [least, most] = vignetting::BOUNDS;
+    if let Some(a) = file.vignetting.filter(|a| !(least..=most).contains(a)) {
+        let problem =
+            format!("is {a}; expected {least} (dark corners) to {most}, the a of 1 + a r^2");
         return Err(InputError::field(path, "vignetting", problem));
     }
     Ok(file)

@@ -44,20 +44,22 @@ pub(super) fn dense_mesh(
     let mut maps = depth_maps(&posed, points, &dense, &report)?;
     let named = named(exploration.frames, poses);
     progress.step("surface", 0, 2);
-    let alone = piece_alone(&posed, &maps, &dense, &named, options)?;
-    let outlined = match alone.is_some() || outlined(exploration, options) {
-        true => Vec::new(),
-        false => organ(&posed, &maps, &named, options, progress)?,
+    let open = !told(exploration, options);
+    let clicked = (open && options.click.is_some()).then(|| fused(&posed, &maps, &dense));
+    let mut seen = clicked.transpose()?;
+    let alone = seen.as_ref().is_some_and(|seen| piece_alone(&seen.mesh, camera, &named, options));
+    let outlines = match open && !alone {
+        true => organ(&posed, &maps, &named, options, progress)?,
+        false => Vec::new(),
     };
-    if !outlined.is_empty() {
-        posed = outlined
-            .iter()
-            .map(|(i, organ)| PosedFrame { organ: Some(organ), ..posed[*i] })
-            .collect();
+    if !outlines.is_empty() {
+        let within = |(i, organ)| PosedFrame { organ: Some(organ), ..posed[i] };
+        posed = outlines.iter().map(|(i, organ)| within((*i, organ))).collect();
         maps = depth_maps(&posed, points, &dense, &report)?;
+        seen = None;
         progress.step("surface", 0, 2);
     }
-    let seen = alone.map_or_else(|| fused(&posed, &maps, &dense), Ok)?;
+    let seen = seen.map_or_else(|| fused(&posed, &maps, &dense), Ok)?;
     progress.step("surface", 1, 2);
     let fine = outline::trim(seen.mesh.clone(), camera, &named, &options.outlines)?;
     let fine = click::pick(fine, camera, &named, options.click.as_ref())?;
@@ -71,25 +73,21 @@ pub(super) fn dense_mesh(
 }
 
 /// Whether the user says where the organ ends, or wants everything.
-fn outlined(exploration: &Exploration, options: &TemplateOptions) -> bool {
+fn told(exploration: &Exploration, options: &TemplateOptions) -> bool {
     let masks = exploration.organ.iter().any(Option::is_some);
     masks || !options.outlines.is_empty() || (options.whole && options.click.is_none())
 }
 
-/// What was seen, where the piece clicked is the smaller part of it and hangs on nothing else: its own rim is
+/// Whether the piece clicked is the smaller part of what was seen and hangs on nothing else: its own rim is
 /// then nearer the truth than an outline found in images.
 fn piece_alone(
-    posed: &[PosedFrame],
-    maps: &[DepthMap],
-    dense: &DenseOptions,
+    seen: &Mesh,
+    camera: &CameraModel,
     named: &[(&str, Isometry)],
     options: &TemplateOptions,
-) -> Result<Option<DenseSurface>, TemplateError> {
-    let (Some(first), Some(_)) = (posed.first(), &options.click) else { return Ok(None) };
-    let all = fused(posed, maps, dense)?;
-    let piece = click::pick(all.mesh.clone(), first.camera, named, options.click.as_ref());
-    let smaller = |p: Mesh| 2 * p.topology.faces.len() < all.mesh.topology.faces.len();
-    Ok(piece.is_ok_and(smaller).then_some(all))
+) -> bool {
+    let smaller = |piece: Mesh| 2 * piece.topology.faces.len() < seen.topology.faces.len();
+    click::pick(seen.clone(), camera, named, options.click.as_ref()).is_ok_and(smaller)
 }
 
 /// Where what was seen parts (an organ before the wall of a cavity), the frames that show the organ, by their
