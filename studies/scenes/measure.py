@@ -1,0 +1,74 @@
+"""Errors of one reconstructed frame against a scene's ground truth, in mm, camera axes of the frame."""
+import numpy as np
+from scipy.spatial import cKDTree
+
+SIZES = {"char": "i1", "uchar": "u1", "int8": "i1", "uint8": "u1", "short": "<i2", "ushort": "<u2", "int": "<i4", "int32": "<i4", "uint": "<u4", "uint32": "<u4", "float": "<f4", "float32": "<f4", "double": "<f8", "float64": "<f8"}
+
+
+def read_ply(path):
+    """Vertices (n, 3) and triangles (m, 3) of a little-endian binary PLY."""
+    raw = path.read_bytes()
+    end = raw.index(b"end_header\n") + 11
+    elements = []
+    for words in (w.split() for w in raw[:end].decode().splitlines()):
+        if words[0] == "format" and words[1] != "binary_little_endian":
+            raise SystemExit(f"{path}: not a little-endian binary PLY")
+        if words[0] == "element":
+            elements.append((words[1], int(words[2]), []))
+        if words[0] == "property":
+            kind = [("n", SIZES[words[2]]), (words[4], SIZES[words[3]], 3)] if words[1] == "list" else [(words[2], SIZES[words[1]])]
+            elements[-1][2].extend(kind)
+    found = {}
+    for name, count, kind in elements:
+        found[name] = np.frombuffer(raw, kind, count, end)
+        end += found[name].nbytes
+    v = found["vertex"]
+    lists = [n for n in found["face"].dtype.names if n.startswith("vertex_ind")]
+    return np.stack([v["x"], v["y"], v["z"]], -1).astype(float), found["face"][lists[0]].astype(int)
+
+
+def samples(v, f, count, seed=0):
+    """Points drawn evenly over a surface."""
+    a, b, c = v[f[:, 0]], v[f[:, 1]], v[f[:, 2]]
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    rng = np.random.default_rng(seed)
+    k = rng.choice(len(f), count, p=area / area.sum())
+    r, s = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
+    return a[k] * (1 - r) + b[k] * (r * (1 - s)) + c[k] * (r * s)
+
+
+def to_surface(true, visible, v, f):
+    """Distance of true vertices from the surface (v, f), its scale about the camera centre fitted to the visible ones."""
+    p = samples(v, f, 60000)
+    p *= np.median(true[visible, 2]) / np.median(p[:, 2])
+    for _ in range(30):
+        d, k = cKDTree(p).query(true[visible])
+        near = d <= np.quantile(d, 0.9)
+        q = p[k[near]]
+        scale = (q * true[visible][near]).sum() / (q**2).sum()
+        p *= scale
+        if abs(scale - 1) < 1e-6:
+            break
+    return cKDTree(p).query(true)[0]
+
+
+def frame_errors(scene, i, path, rigid, surface):
+    """Mean errors in zone, visible and hidden (None where empty); with `rigid`, the deviation from that pose too.
+
+    `surface`: distances to the surface after one scale, for a template of other vertices."""
+    folder = scene / "ground_truth/deformed_meshes_cam"
+    true, _ = read_ply(folder / f"frame_{i:03d}.ply")
+    info = np.load(folder / f"frame_{i:03d}_vertices.npz")
+    visible, moved = info["visible"], info["displacement"]
+    largest = moved[visible].max()
+    zone = (moved >= 0.5 * largest) & (largest > 0.1)
+    v, f = read_ply(path)
+    error = to_surface(true, visible, v, f) if surface else np.linalg.norm(v - true, axis=1)
+    mean = lambda e, m: float(e[m].mean()) if m.any() else None
+    out = dict(zone=mean(error, zone), visible=mean(error, visible), hidden=mean(error, ~visible))
+    if rigid is not None:
+        base, _ = read_ply(rigid)
+        away = np.linalg.norm(v - base, axis=1)
+        seen = visible if not surface else np.ones(len(v), bool)
+        out.update(rest_seen=mean(away, seen), rest_hidden=mean(away, ~seen))
+    return out
