@@ -1,8 +1,8 @@
 //! The command line as clap reads it.
 
 use crate::commands::{
-    calibrate, demo, evaluate, experiment, export, figure, inspect, reconstruct, synth, template,
-    track, view,
+    calibrate, demo, evaluate, experiment, export, figure, inspect, options, reconstruct, synth,
+    template, track, view,
 };
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use dsfms::image::ToneCurve;
@@ -63,6 +63,7 @@ pub enum Command {
     Template(template::TemplateArgs),
     Reconstruct(reconstruct::ReconstructArgs),
     Track(track::TrackArgs),
+    Options(options::OptionsArgs),
     Inspect(inspect::InspectArgs),
     Evaluate(evaluate::EvaluateArgs),
     Synth(synth::SynthArgs),

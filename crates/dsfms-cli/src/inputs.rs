@@ -9,6 +9,7 @@ use dsfms::io::camera::{CameraFile, read_camera};
 use dsfms::io::images::{check_camera_size, find_frames, read_frame};
 use dsfms::io::masks::{MaskKind, read_masks};
 use dsfms::pipeline::Progress;
+use dsfms::template::Template;
 use dsfms::video::{VideoOptions, is_video, select_reporting};
 use std::path::{Path, PathBuf};
 
@@ -115,6 +116,29 @@ where
     parse(&text).with_context(|| format!("{} is not a valid options file", path.display()))
 }
 
+/// Camera and tone curve of frames of the deformed organ: of the file, or else of the template. The
+/// file's lens and, where the template knows none, its light become the template's.
+pub fn frame_camera(
+    path: Option<&Path>,
+    global: &Global,
+    template: &mut Template,
+) -> anyhow::Result<(CameraModel, ToneCurve)> {
+    if let Some(path) = path {
+        let input = camera(path, global)?;
+        // A template of a bare mesh knows no light; the camera file may.
+        template.light = template.light.take().or(input.file.light);
+        // The frames' own lens, which need not be that of the exploration.
+        if let Some(a) = input.file.vignetting {
+            template.coat.vignetting = a;
+        }
+        return Ok((input.file.camera, input.tone));
+    }
+    let camera = template.camera.clone();
+    let camera =
+        camera.context("the template holds no camera; give the frames' camera with --camera")?;
+    Ok((camera, global.tone.map_or(template.tone.clone(), Into::into)))
+}
+
 /// Check a frame against the camera it is said to come from.
 pub fn check_size(frame: &Frame, camera: &CameraModel, path: &Path) -> Result<(), InputError> {
     check_camera_size(std::slice::from_ref(frame), camera.size, path)
@@ -140,4 +164,47 @@ pub fn mask_of(
     let (masks, warnings) = read_masks(std::slice::from_ref(frame), &paths, source, kind)?;
     warnings.iter().for_each(|w| progress.warn(&w.to_string()));
     masks.into_iter().next().ok_or_else(|| InputError::Missing(source.into()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dsfms::camera::Lens;
+    use dsfms::io::camera::write_camera;
+    use dsfms::light::{LightModel, PointLight, Spot};
+    use dsfms::pipeline::{Silent, TemplateOptions, template_from_mesh};
+    use dsfms::template::LengthUnit;
+
+    /// Both `reconstruct` and `track` take camera, lens and light from here.
+    #[test]
+    fn a_template_without_light_takes_that_of_the_camera_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("camera.json");
+        let light = LightModel::Point(PointLight {
+            positions: vec![dsfms::geometry::Point3::new(0.0, -3.0, 0.0)],
+            reference_distance: 50.0,
+            spot: Spot::Isotropic,
+        });
+        let camera = CameraModel {
+            size: [64, 48],
+            focal: [60.0; 2],
+            centre: [31.5, 23.5],
+            lens: Lens::Pinhole,
+        };
+        let (light, vignetting) = (Some(light), Some(-0.2));
+        write_camera(&path, &CameraFile { camera, tone: None, light, vignetting }).unwrap();
+        let mesh = dsfms::synth::patch(60, 1).mesh;
+        let options = TemplateOptions::default();
+        let mut template =
+            template_from_mesh(mesh, LengthUnit::Millimetre, None, &options, &Silent);
+        let global = Global { threads: None, seed: 0, quiet: true, tone: None };
+        assert!(frame_camera(None, &global, &mut template).is_err());
+        frame_camera(Some(&path), &global, &mut template).unwrap();
+        assert!(matches!(template.light, Some(LightModel::Point(_))));
+        assert_eq!(template.coat.vignetting, -0.2);
+        // One that was measured stays.
+        template.light = Some(LightModel::Collinear);
+        frame_camera(Some(&path), &global, &mut template).unwrap();
+        assert_eq!(template.light, Some(LightModel::Collinear));
+    }
 }

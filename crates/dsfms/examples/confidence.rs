@@ -14,7 +14,7 @@ use dsfms::image::{Frame, Mask, Picture, ToneCurve, usable, viewport};
 use dsfms::mesh::remesh::{RemeshOptions, remesh};
 use dsfms::mesh::{Mesh, normals::vertex_normals};
 use dsfms::pipeline::{Method, Observation, Reconstruction, reconstruct};
-use dsfms::refine::Photograph;
+use dsfms::refine::{Photograph, RefineOptions};
 use dsfms::register::Scene;
 use dsfms::synth::random::{Random, uniform};
 use dsfms::synth::{
@@ -227,6 +227,7 @@ fn look(
         visible: &found.visible,
         matches: &found.matches,
         photo: photographed.then_some(&photo),
+        refine: &RefineOptions::default(),
     })
 }
 

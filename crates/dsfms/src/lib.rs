@@ -25,6 +25,7 @@ pub mod image;
 pub mod io;
 pub mod light;
 pub mod mesh;
+pub mod options;
 pub mod pipeline;
 pub mod raster;
 pub mod refine;

@@ -5,7 +5,7 @@ use dsfms::geometry::Point3;
 use dsfms::light::{Coated, LightModel};
 use dsfms::mesh::Mesh;
 use dsfms::mesh::paths::shortest_paths;
-use dsfms::refine::Photograph;
+use dsfms::refine::{Photograph, RefineOptions};
 use dsfms::register::{Match, Scene};
 use dsfms::synth::{Case, CaseOptions, Cell, Draw, Protocol};
 
@@ -16,6 +16,16 @@ fn case() -> Case {
 
 /// The rest shape of a case in place of a result, all lengths multiplied by `scale`.
 fn judged(case: &Case, keep: impl Fn(&Match) -> bool, scale: f64, model: Model) -> Confidence {
+    judged_by(case, keep, scale, model, &RefineOptions::default())
+}
+
+fn judged_by(
+    case: &Case,
+    keep: impl Fn(&Match) -> bool,
+    scale: f64,
+    model: Model,
+    refine: &RefineOptions,
+) -> Confidence {
     let scaled = |x: &[Point3]| x.iter().map(|p| p * scale).collect::<Vec<_>>();
     let rest =
         Mesh { positions: scaled(&case.template.mesh.positions), ..case.template.mesh.clone() };
@@ -37,7 +47,7 @@ fn judged(case: &Case, keep: impl Fn(&Match) -> bool, scale: f64, model: Model) 
     let photo = (model != Model::Motion).then_some(&photo);
     let visible = &case.visible;
     confidence(
-        &Solved { scene: &scene, vertices: &vertices, visible, matches: &matches, photo },
+        &Solved { scene: &scene, vertices: &vertices, visible, matches: &matches, photo, refine },
         model,
     )
 }
@@ -51,6 +61,18 @@ fn the_error_has_the_unit_of_the_surface() {
     for (mm, cm) in mm.expected_error.iter().zip(&cm.expected_error) {
         assert!((mm - 10.0 * cm).abs() < 1e-6 * mm, "{mm} mm, {cm} cm");
     }
+}
+
+#[test]
+fn it_looks_at_the_brightness_that_the_options_let_in() {
+    let case = case();
+    // Nothing faces the camera so squarely: no brightness counts, which leaves more error.
+    let nothing = RefineOptions { grazing: 2.0, ..Default::default() };
+    let few = |m: &Match| m.face.is_multiple_of(7);
+    let with = judged(&case, few, 1.0, Model::Joint);
+    let without = judged_by(&case, few, 1.0, Model::Joint, &nothing);
+    let sum = |c: &Confidence| c.expected_error.iter().sum::<f64>();
+    assert!(sum(&without) > sum(&with), "{} {}", sum(&without), sum(&with));
 }
 
 #[test]

@@ -4,7 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A module may use itself and what stands left of it.
-const ORDER: [&str; 24] = [
+const ORDER: [&str; 25] = [
+    "options",
     "geometry",
     "image",
     "mesh",

@@ -7,6 +7,7 @@ pub mod experiment;
 pub mod export;
 pub mod figure;
 pub mod inspect;
+pub mod options;
 pub mod reconstruct;
 mod scale;
 pub mod synth;
@@ -30,6 +31,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Command::Template(args) => template::run(args, global, &reporter),
         Command::Reconstruct(args) => reconstruct::run(args, global, &reporter),
         Command::Track(args) => track::run(args, global, &reporter),
+        Command::Options(args) => options::run(args),
         Command::Inspect(args) => inspect::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Experiment(args) => experiment::run(args, global, &reporter),

@@ -10,7 +10,6 @@ use crate::report::data::ShownFrame;
 use crate::report::frames::frames_page;
 use crate::report::template::chosen;
 use crate::structures::{Placed, Structures};
-use anyhow::Context;
 use clap::{Args, ValueEnum};
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
@@ -82,8 +81,8 @@ pub struct ReconstructArgs {
     /// Solve eqs. 3 and 4 as printed in the paper instead of the repaired form.
     #[arg(long)]
     literal: bool,
-    /// Weights and thresholds, as TOML with the tables `register`, `refine` and `joint`; what it
-    /// does not name keeps its default.
+    /// Weights and thresholds, as `dsfms options reconstruct` prints them; what the file does not name
+    /// keeps its default.
     #[arg(long, value_name = "FILE")]
     options: Option<PathBuf>,
     /// Meshes of hidden structures in the template's frame and unit (tumour, vessels), carried along
@@ -230,25 +229,7 @@ fn prepare<'a>(
         inputs::must_exist(path, option)?;
     }
     let mut template = read_template(&args.template)?;
-    let (camera, tone) = match &args.camera {
-        Some(path) => {
-            let input = inputs::camera(path, global)?;
-            // A template of a bare mesh knows no light; the camera file may.
-            template.light = template.light.or(input.file.light);
-            // The frames' own lens, which need not be that of the exploration.
-            if let Some(a) = input.file.vignetting {
-                template.coat.vignetting = a;
-            }
-            (input.file.camera, input.tone)
-        }
-        None => {
-            let camera = template
-                .camera
-                .clone()
-                .context("the template holds no camera; give the frames' camera with --camera")?;
-            (camera, global.tone.map_or(template.tone.clone(), Into::into))
-        }
-    };
+    let (camera, tone) = inputs::frame_camera(args.camera.as_deref(), global, &mut template)?;
     let mut options = match &args.options {
         Some(path) => inputs::options(path, ReconstructOptions::from_toml)?,
         None => ReconstructOptions::default(),

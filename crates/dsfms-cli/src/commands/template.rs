@@ -7,6 +7,7 @@ mod mesh;
 use super::scale::ScaleArgs;
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
+use crate::inputs;
 use crate::memory::peak_mb;
 use crate::outputs::{prepare_folder, write_json};
 use crate::pictures::template::{write_pictures, write_textures};
@@ -93,9 +94,9 @@ pub struct TemplateArgs {
     /// Keep what lies behind the organ too, as one surface.
     #[arg(long, conflicts_with_all = ["organ_masks", "organ_polygon", "organ_click", "mesh"])]
     whole: bool,
-    /// Vertices of the template mesh, 100 to 50000.
-    #[arg(long, value_name = "N", default_value_t = 1000)]
-    vertices: usize,
+    /// Vertices of the template mesh, 100 to 50000; default 1000.
+    #[arg(long, value_name = "N")]
+    vertices: Option<usize>,
     /// Shorter edges where the surface bends, longer ones where it is flat, 0.5 to 2 of the mean:
     /// STRENGTH from 0 (one length) to 1 (the same distance from the surface everywhere).
     #[arg(long, value_name = "STRENGTH", num_args = 0..=1, require_equals = true, default_missing_value = "1", conflicts_with = "mesh")]
@@ -117,9 +118,9 @@ pub struct TemplateArgs {
     /// Estimate the lens's vignetting along with the light, where the camera file does not say.
     #[arg(long, conflicts_with = "albedo")]
     estimate_vignetting: bool,
-    /// What the albedos of single frames become.
-    #[arg(long, value_enum, default_value_t, conflicts_with = "albedo")]
-    albedo_rule: AlbedoRule,
+    /// What the albedos of single frames become; default robust.
+    #[arg(long, value_enum, conflicts_with = "albedo")]
+    albedo_rule: Option<AlbedoRule>,
     /// Refine focal length, principal point and radial distortion along with the poses.
     #[arg(long, conflicts_with_all = ["mesh", "poses"])]
     self_calibrate: bool,
@@ -129,9 +130,13 @@ pub struct TemplateArgs {
     /// scale from the placement that fits best.
     #[arg(long, value_name = "MESH", conflicts_with_all = ["mesh", "scale_reference", "camera_step"])]
     scale_mesh: Option<PathBuf>,
-    /// How charts are flattened.
-    #[arg(long, value_enum, default_value_t)]
-    flatten: Flatten,
+    /// How charts are flattened; default bff.
+    #[arg(long, value_enum)]
+    flatten: Option<Flatten>,
+    /// Sizes and thresholds as TOML, as `dsfms options template` prints them; what it does not name
+    /// keeps its default, and what the command line names counts.
+    #[arg(long, value_name = "FILE")]
+    options: Option<PathBuf>,
     /// Leave out TEMPLATE/report.html.
     #[arg(long)]
     no_report: bool,
@@ -140,10 +145,9 @@ pub struct TemplateArgs {
     output: PathBuf,
 }
 
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum Flatten {
     /// Conformal with constant boundary scale: the least area distortion.
-    #[default]
     Bff,
     /// Least-squares conformal map, two vertices held.
     Lscm,
@@ -161,10 +165,9 @@ impl From<Flatten> for FlattenMethod {
     }
 }
 
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum AlbedoRule {
     /// Mean that leaves outliers out, weighted by how squarely each frame sees the place.
-    #[default]
     Robust,
     /// The smallest (the paper's eq. 2): no highlight gets in, noise and shadows do.
     Minimum,
@@ -235,9 +238,10 @@ fn check(args: &TemplateArgs) -> anyhow::Result<()> {
         }
         (false, Some(_), None, _) => wrong("frames on a given --mesh need --poses"),
         (false, _, _, None) => wrong("frames need --camera"),
-        _ if !(100..=50_000).contains(&args.vertices) => {
-            wrong(&format!("--vertices {}: expected 100 to 50000", args.vertices))
-        }
+        _ if args.vertices.is_some_and(|n| !(100..=50_000).contains(&n)) => wrong(&format!(
+            "--vertices {}: expected 100 to 50000",
+            args.vertices.unwrap_or_default()
+        )),
         _ if args.adaptive.is_some_and(|strength| !(0.0..=1.0).contains(&strength)) => {
             wrong("--adaptive: expected a strength from 0 to 1, as --adaptive=0.5")
         }
@@ -249,21 +253,34 @@ fn check(args: &TemplateArgs) -> anyhow::Result<()> {
 }
 
 fn options(args: &TemplateArgs, global: &Global) -> anyhow::Result<TemplateOptions> {
-    let mut options = TemplateOptions { vertices: args.vertices, ..Default::default() };
-    options.outlines = args.organ_polygon.clone();
-    options.click = args.organ_click.clone();
-    options.whole = args.whole;
-    options.refine_by_shading = !args.no_shading_refinement;
-    options.scale = args.scale.references()?;
-    options.remesh.adaptive = args.adaptive.unwrap_or_default();
-    options.flatten.method = args.flatten.into();
-    options.albedo.combine = args.albedo_rule.into();
+    let mut options = match &args.options {
+        Some(path) => inputs::options(path, TemplateOptions::from_toml)?,
+        None => TemplateOptions::default(),
+    };
+    options.vertices = args.vertices.unwrap_or(options.vertices);
+    if !args.organ_polygon.is_empty() {
+        options.outlines = args.organ_polygon.clone();
+    }
+    options.click = args.organ_click.clone().or(options.click);
+    options.whole |= args.whole;
+    options.refine_by_shading &= !args.no_shading_refinement;
+    let references = args.scale.references()?;
+    if !references.is_empty() {
+        options.scale = references;
+    }
+    options.remesh.adaptive = args.adaptive.unwrap_or(options.remesh.adaptive);
+    if let Some(method) = args.flatten {
+        options.flatten.method = method.into();
+    }
+    if let Some(rule) = args.albedo_rule {
+        options.albedo.combine = rule.into();
+    }
     if args.estimate_vignetting {
         options.light.vignetting = Vignetting::Estimated;
     }
     options.sfm.seed = global.seed;
     options.dense.seed = global.seed;
-    options.dense.peel_hidden = args.peel_hidden;
+    options.dense.peel_hidden |= args.peel_hidden;
     if args.self_calibrate {
         options.sfm.refine = RefineIntrinsics {
             focal: true,

@@ -9,7 +9,7 @@ use crate::mesh::boundary::boundary_loops;
 use crate::mesh::normals::vertex_normals;
 use crate::mesh::paths::shortest_paths;
 use crate::mesh::{Mesh, Topology};
-use crate::refine::{Photograph, RefineOptions, evidence::gather};
+use crate::refine::{Photograph, evidence::gather};
 use nalgebra::Matrix3;
 
 /// Number of features.
@@ -238,7 +238,7 @@ struct Shading {
 impl Shading {
     fn new(photo: &Photograph, solved: &Solved, ways: &Ways) -> Self {
         let (rest, shape) = (solved.scene.rest, solved.vertices);
-        let found = gather(photo, rest, shape, &RefineOptions::default());
+        let found = gather(photo, rest, shape, solved.refine);
         let normals = vertex_normals(&rest.topology, shape);
         let mut ratios = vec![0.0; shape.len()];
         let mut albedo = vec![0.0; shape.len()];

@@ -9,7 +9,7 @@ pub mod features;
 pub mod model;
 
 use crate::geometry::Point3;
-use crate::refine::Photograph;
+use crate::refine::{Photograph, RefineOptions};
 use crate::register::{Match, Scene};
 pub use features::{COUNT, Features, NAMES, features};
 pub use model::Model;
@@ -27,6 +27,8 @@ pub struct Solved<'a> {
     pub matches: &'a [(Match, bool)],
     /// The image and albedo, where the template has one; motion alone is judged by them too.
     pub photo: Option<&'a Photograph<'a>>,
+    /// Which brightness can be used.
+    pub refine: &'a RefineOptions,
 }
 
 /// Expected error of every vertex.

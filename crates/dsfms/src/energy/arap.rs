@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, SVector};
 pub struct Arap {
     rings: Vec<Ring>,
     /// Ring and place in it of every directed edge.
-    spokes: Vec<(u32, u8)>,
+    spokes: Vec<(u32, u32)>,
 }
 
 #[derive(Clone, Debug)]
@@ -44,7 +44,7 @@ impl Arap {
         let (mut rings, mut spokes) = (Vec::new(), Vec::new());
         for (i, row) in laplacian.rows.iter().enumerate().filter(|(_, row)| row.len() > 1) {
             let scale = laplacian.mass[i] / reference_area;
-            spokes.extend((0..row.len()).map(|k| (rings.len() as u32, k as u8)));
+            spokes.extend((0..row.len()).map(|k| (rings.len() as u32, k as u32)));
             rings.push(Ring {
                 stencil: [i as u32].into_iter().chain(row.iter().map(|r| r.0)).collect(),
                 edges: row.iter().map(|&(j, _)| rest[j as usize] - rest[i]).collect(),

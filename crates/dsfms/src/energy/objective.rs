@@ -9,7 +9,6 @@ use crate::solver::normal_equations::Accumulator;
 use crate::solver::{Loss, NormalEquations, Options, Pattern, Problem, Step, Summary, minimize};
 use known::Known;
 use rayon::prelude::*;
-use std::sync::Arc;
 use weighted::{Weighted, WeightedTerm};
 
 /// What is solved for.
@@ -20,12 +19,6 @@ pub struct Unknowns {
     /// Global unknowns; their meaning is the objective's.
     pub globals: Vec<f64>,
 }
-
-/// Largest stencil a term may declare; a vertex of higher valence is refused when it is added.
-pub const MAX_STENCIL: usize = 48;
-
-/// Largest number of globals one term may read.
-pub const MAX_GLOBALS: usize = 4;
 
 /// Partial sums per linearisation: fixed, so that the reduction order does not depend on threads.
 const STRIPES: usize = 2;
@@ -91,15 +84,26 @@ impl<'a> Objective<'a> {
         Self { vertices, globals, terms: Vec::new(), workspace, ahead: None }
     }
 
-    /// Add a term. A weight of 0 leaves it out.
-    pub fn plus<const R: usize>(
+    /// Add a term under its own label. A weight of 0 leaves it out.
+    pub fn plus<const R: usize, T: EnergyTerm<R> + 'a>(
+        self,
+        weight: f64,
+        loss: Loss,
+        term: T,
+    ) -> Self {
+        self.plus_as(T::LABEL, weight, loss, term)
+    }
+
+    /// Add a term under the name that it has in this problem: reports print it.
+    pub fn plus_as<const R: usize>(
         mut self,
+        label: &'static str,
         weight: f64,
         loss: Loss,
         term: impl EnergyTerm<R> + 'a,
     ) -> Self {
         if weight > 0.0 && term.count() > 0 {
-            self.terms.push(Box::new(WeightedTerm { weight, loss, term, slots: Arc::default() }));
+            self.terms.push(Box::new(WeightedTerm::new(label, weight, loss, term)));
         }
         self
     }

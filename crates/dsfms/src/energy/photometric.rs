@@ -62,7 +62,7 @@ impl FaceRings {
 struct FaceRing {
     /// The three corners first.
     stencil: Vec<u32>,
-    around: [Vec<[u8; 3]>; 3],
+    around: [Vec<[u32; 3]>; 3],
 }
 
 impl FaceRing {
@@ -76,7 +76,7 @@ impl FaceRing {
                 }
             }
         }
-        let local = |v: u32| stencil.iter().position(|&s| s == v).unwrap_or(0) as u8;
+        let local = |v: u32| stencil.iter().position(|&s| s == v).unwrap_or(0) as u32;
         let around = corners.map(|v| {
             let faces = topology.vertex_faces[v as usize].iter();
             faces.map(|&f| topology.faces[f as usize].map(local)).collect()
@@ -89,7 +89,7 @@ impl FaceRing {
         [0, 1, 2].map(|k| {
             let faces = self.around[k].iter();
             faces
-                .map(|f: &[u8; 3]| {
+                .map(|f: &[u32; 3]| {
                     area_normal(&v[f[0] as usize], &v[f[1] as usize], &v[f[2] as usize])
                 })
                 .sum()

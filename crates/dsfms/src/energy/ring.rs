@@ -8,7 +8,7 @@ use crate::mesh::Topology;
 pub struct OneRing {
     /// The vertex first, then its neighbours.
     pub stencil: Vec<u32>,
-    faces: Vec<[u8; 3]>,
+    faces: Vec<[u32; 3]>,
 }
 
 /// A unit normal and what its derivatives need.
@@ -28,7 +28,7 @@ impl OneRing {
         }
         let mut stencil = vec![vertex];
         stencil.extend(&topology.one_ring[vertex as usize]);
-        let local = |v: u32| stencil.iter().position(|&s| s == v).unwrap_or(0) as u8;
+        let local = |v: u32| stencil.iter().position(|&s| s == v).unwrap_or(0) as u32;
         let faces = around.iter().map(|&f| topology.faces[f as usize].map(local)).collect();
         Some(Self { stencil, faces })
     }

@@ -1,5 +1,6 @@
 //! Pixels in memory: encoded frames, linear colour, one-channel planes, masks, tone curves.
 
+pub mod clahe;
 pub mod corners;
 pub mod distance;
 pub mod exposure;
@@ -13,6 +14,7 @@ mod polygon;
 pub mod tone;
 pub mod viewport;
 
+pub use clahe::clahe;
 pub use exposure::{halo, saturation};
 pub use mask::Mask;
 pub use outline::Outline;

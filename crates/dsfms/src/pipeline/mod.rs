@@ -15,6 +15,7 @@ pub use template::{
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point3};
 use crate::image::{Frame, Mask, ToneCurve};
+use crate::options::OptionError;
 use crate::register::{Match, RegisterError};
 use crate::sfs::SfsError;
 use crate::solver::Summary;
@@ -107,6 +108,9 @@ pub enum ReconstructError {
     /// No rigid pose: too few matches, or none that they agree on.
     #[error(transparent)]
     Register(#[from] RegisterError),
+    /// An option out of its bounds.
+    #[error(transparent)]
+    Options(#[from] OptionError),
     /// Shape from shading alone found nothing to shade.
     #[error(transparent)]
     Sfs(#[from] SfsError),

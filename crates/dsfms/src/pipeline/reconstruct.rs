@@ -6,6 +6,7 @@ use crate::confidence::{Model, Solved, confidence};
 use crate::geometry::Point3;
 use crate::image::{Mask, Outline, Picture, usable, viewport};
 use crate::light::Coated;
+use crate::options::{Documented, OptionError, commented};
 use crate::refine::{Joined, JointOptions, Photograph, RefineOptions, Refined, join, refine};
 use crate::register::scene::visibility;
 use crate::register::{Match, Posed, RegisterOptions, Registered, Scene, find, pose, register};
@@ -34,11 +35,44 @@ impl ReconstructOptions {
     /// Options from TOML; what the text does not name keeps its default.
     ///
     /// # Errors
-    /// Malformed TOML, a field that does not exist, or no blur for the joint solve.
+    /// Malformed TOML, a field that does not exist, or one out of its bounds.
     pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
-        toml::from_str(text)
+        let options: Self = toml::from_str(text)?;
+        options.validate().map_err(serde::de::Error::custom)?;
+        Ok(options)
+    }
+
+    /// The defaults as TOML, every field under its documentation.
+    pub fn commented() -> String {
+        commented(&Self::default(), &TABLES)
+    }
+
+    /// Check every field against its bounds.
+    ///
+    /// # Errors
+    /// The first field out of them.
+    pub fn validate(&self) -> Result<(), OptionError> {
+        self.register.validate()?;
+        self.refine.validate()?;
+        self.joint.validate()
+    }
+
+    /// The same with `literal` of the whole handed down to its parts.
+    pub(crate) fn settled(&self) -> Self {
+        let mut all = self.clone();
+        all.register.literal |= self.literal;
+        all.refine.literal |= self.literal;
+        all
     }
 }
+
+/// Where the fields of the options are documented.
+const TABLES: [Documented; 4] = [
+    ("", include_str!("reconstruct.rs"), "ReconstructOptions"),
+    ("register", include_str!("../register/options.rs"), "RegisterOptions"),
+    ("refine", include_str!("../refine/options.rs"), "RefineOptions"),
+    ("joint", include_str!("../refine/joint.rs"), "JointOptions"),
+];
 
 /// Matches below this make a surface that is held by its prior alone over most of its area.
 const FEW_MATCHES: usize = 8;
@@ -54,32 +88,31 @@ pub fn reconstruct(
     method: Method,
     options: &ReconstructOptions,
 ) -> Result<Reconstruction, ReconstructError> {
+    options.validate()?;
     check(template, observation, method)?;
+    let options = &options.settled();
     let mut log = StageLog::default();
-    let register_options = RegisterOptions { literal: options.literal, ..options.register.clone() };
     let sight = Sight::new(template, observation, method);
-    let matches = log.time("matching", || matches_of(&sight, &register_options, options.seed))?;
+    let matches = log.time("matching", || matches_of(&sight, &options.register, options.seed))?;
     let posed = log.time("pose", || {
-        pose(observation.camera, &template.mesh, &matches, &register_options, options.seed)
+        pose(observation.camera, &template.mesh, &matches, &options.register, options.seed)
     })?;
     let rigid = template.mesh.positions.iter().map(|p| posed.pose * p).collect();
     let scene = Scene::new(observation.camera, &template.mesh, rigid);
-    let mut result = rigid_result(&scene, &matches, &posed, &register_options);
+    let mut result = rigid_result(&scene, &matches, &posed, &options.register);
     match method {
         Method::Rigid => {}
         Method::Sfs => shade_alone(&sight, &mut result, &mut log)?,
         Method::Dsfm | Method::Dsfms | Method::Joint => {
             let coarse = log
-                .time("register (eq. 3)", || register(&scene, &matches, &posed, &register_options));
+                .time("register (eq. 3)", || register(&scene, &matches, &posed, &options.register));
             log.attach(&coarse.summary);
             take_coarse(&mut result, &matches, &coarse);
             let kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
             if method == Method::Dsfms {
                 let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
-                let refine_options =
-                    RefineOptions { literal: options.literal, ..options.refine.clone() };
                 let refined = log.time("refine (eq. 4)", || {
-                    refine(&scene, &coarse.vertices, &kept, &photo, &refine_options)
+                    refine(&scene, &coarse.vertices, &kept, &photo, &options.refine)
                 });
                 log.attach(&refined.summary);
                 take_refined(&mut result, &refined);
@@ -96,7 +129,7 @@ pub fn reconstruct(
         }
     }
     finish(&sight, &posed, &mut result);
-    log.time("confidence", || judge(&sight, &scene, method, &mut result));
+    log.time("confidence", || judge(&sight, &scene, method, &options.refine, &mut result));
     result.stages = log.stages;
     Ok(result)
 }
@@ -303,7 +336,13 @@ fn finish(sight: &Sight, posed: &Posed, result: &mut Reconstruction) {
 }
 
 /// Expected errors, where the method has a model of them.
-fn judge(sight: &Sight, scene: &Scene, method: Method, result: &mut Reconstruction) {
+fn judge(
+    sight: &Sight,
+    scene: &Scene,
+    method: Method,
+    refine: &RefineOptions,
+    result: &mut Reconstruction,
+) {
     let photo = sight.photograph();
     let model = match method {
         Method::Rigid | Method::Sfs => return,
@@ -313,7 +352,8 @@ fn judge(sight: &Sight, scene: &Scene, method: Method, result: &mut Reconstructi
         Method::Joint => Model::Joint,
     };
     let (vertices, visible, matches) = (&result.vertices, &result.visible, &result.matches);
-    let solved = Solved { scene, vertices, visible, matches, photo: photo.as_ref() };
+    let photo = photo.as_ref();
+    let solved = Solved { scene, vertices, visible, matches, photo, refine };
     let found = confidence(&solved, model);
     result.confidence = Some(found.expected_error);
     result.observed = Some(found.observed);

@@ -25,6 +25,7 @@ use crate::image::{Frame, Mask, ToneCurve, viewport};
 use crate::light::{Coat, LightModel};
 use crate::mesh::Mesh;
 use crate::mesh::remesh::RemeshOptions;
+use crate::options::{Documented, check, commented, from_zero, positive};
 use crate::sfm::{self, Features2d, FoundModel, SfmOptions, SfmStage};
 use crate::template::albedo::AlbedoOptions;
 use crate::template::anchor::AnchorOptions;
@@ -113,6 +114,82 @@ impl Default for TemplateOptions {
     }
 }
 
+impl TemplateOptions {
+    /// Options from TOML; what the text does not name keeps its default.
+    ///
+    /// # Errors
+    /// Malformed TOML, a field that does not exist, or one out of its bounds.
+    pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
+        let options: Self = toml::from_str(text)?;
+        options.validate().map_err(serde::de::Error::custom)?;
+        Ok(options)
+    }
+
+    /// The defaults as TOML, every field under its documentation.
+    pub fn commented() -> String {
+        commented(&Self::default(), &TABLES)
+    }
+
+    /// Check every field against its bounds; outlines, clicks and distances are checked against the
+    /// frames.
+    ///
+    /// # Errors
+    /// The first field out of them.
+    pub fn validate(&self) -> Result<(), TemplateError> {
+        let Self { vertices, remesh, flatten, light, albedo, anchor, .. } = self;
+        let anchoring = [anchor.merge_px, anchor.merge_deg, anchor.contour_px, anchor.grazing_cos];
+        check(&[
+            ("vertices", (100..=50_000).contains(vertices), "100 to 50,000"),
+            ("remesh.rounds", remesh.rounds >= 1, "at least 1"),
+            (
+                "remesh.corner_deg",
+                remesh.corner_deg > 0.0 && remesh.corner_deg <= 180.0,
+                "above 0 and at most 180",
+            ),
+            ("remesh.adaptive", (0.0..=1.0).contains(&remesh.adaptive), "from 0 to 1"),
+            (
+                "flatten.max_area_ratio",
+                flatten.max_area_ratio > 1.0 && flatten.max_area_ratio.is_finite(),
+                "a number above 1",
+            ),
+            ("light.spots", light.spots >= 100, "at least 100"),
+            (
+                "light.gain_sigma, offset_sigma",
+                positive(&[light.gain_sigma, light.offset_sigma]),
+                "positive",
+            ),
+            ("light.refractive_index", light.refractive_index >= 1.0, "at least 1"),
+            ("albedo.texels_per_px", positive(&[albedo.texels_per_px]), "positive"),
+            ("albedo.max_resolution", (1..=256).contains(&albedo.max_resolution), "from 1 to 256"),
+            ("albedo.max_texels", albedo.max_texels >= 1, "at least 1"),
+            ("albedo.gain_sigma", positive(&[albedo.gain_sigma]), "positive"),
+            ("albedo.refractive_index", albedo.refractive_index >= 1.0, "at least 1"),
+            (
+                "anchor.merge_px, merge_deg, contour_px, grazing_cos",
+                from_zero(&anchoring),
+                "0 or more",
+            ),
+        ])?;
+        self.sfm.validate()?;
+        Ok(self.dense.validate()?)
+    }
+}
+
+/// Where the fields of the options are documented.
+const TABLES: [Documented; 11] = [
+    ("", include_str!("template.rs"), "TemplateOptions"),
+    ("sfm", include_str!("../sfm/options.rs"), "SfmOptions"),
+    ("sfm.refine", include_str!("../sfm/intrinsics.rs"), "RefineIntrinsics"),
+    ("dense", include_str!("../dense/options.rs"), "DenseOptions"),
+    ("remesh", include_str!("../mesh/remesh.rs"), "RemeshOptions"),
+    ("flatten", include_str!("../template/flatten.rs"), "FlattenOptions"),
+    ("light", include_str!("../template/light_fit.rs"), "LightFitOptions"),
+    ("light.bounds", include_str!("../template/photometric.rs"), "ObservationBounds"),
+    ("albedo", include_str!("../template/albedo.rs"), "AlbedoOptions"),
+    ("albedo.bounds", include_str!("../template/photometric.rs"), "ObservationBounds"),
+    ("anchor", include_str!("../template/anchor.rs"), "AnchorOptions"),
+];
+
 /// A template and how it came about.
 #[derive(Clone, Debug)]
 pub struct BuiltTemplate {
@@ -139,7 +216,7 @@ pub fn template_from_frames(
     options: &TemplateOptions,
     progress: &dyn Progress,
 ) -> Result<BuiltTemplate, TemplateError> {
-    check(options)?;
+    options.validate()?;
     let valid = valid_masks(exploration, &options.sfm);
     let exploration = &Exploration { valid: &valid, ..*exploration };
     let usable = usable_masks(exploration);
@@ -158,7 +235,7 @@ pub fn template_from_poses(
     options: &TemplateOptions,
     progress: &dyn Progress,
 ) -> Result<BuiltTemplate, TemplateError> {
-    check(options)?;
+    options.validate()?;
     if poses.iter().flatten().count() < 2 {
         return Err(TemplateError::TooFewPoses {
             found: poses.iter().flatten().count(),
@@ -261,6 +338,7 @@ pub fn template_from_posed_frames(
     options: &TemplateOptions,
     progress: &dyn Progress,
 ) -> Result<BuiltTemplate, TemplateError> {
+    options.validate()?;
     if poses.iter().flatten().next().is_none() {
         return Err(TemplateError::NoPoses { frames: exploration.frames.len() });
     }
@@ -338,14 +416,6 @@ fn sparse_points(sparse: &sfm::Reconstruction) -> Vec<SparsePoint> {
         sightings: p.track.iter().map(|t| (view[t.frame], t.pixel)).collect(),
     };
     sparse.points.iter().map(point).collect()
-}
-
-fn check(options: &TemplateOptions) -> Result<(), TemplateError> {
-    let value = options.vertices;
-    if (100..=50_000).contains(&value) {
-        return Ok(());
-    }
-    Err(TemplateError::Option { field: "vertices", value, expected: "100 to 50,000" })
 }
 
 fn sfm_stage(stage: SfmStage) -> &'static str {

@@ -16,10 +16,11 @@ use crate::energy::{
 use crate::geometry::Point3;
 use crate::light::LightModel;
 use crate::mesh::Topology;
+use crate::options::{OptionError, check, from_zero, positive};
 use crate::register::terms::{keep, motion, stay};
 use crate::register::{Match, Prior, Scene};
 use crate::solver::{Loss, Options, Summary};
-use serde::{Deserialize, Deserializer, Serialize, de::Error};
+use serde::{Deserialize, Serialize};
 
 /// Options of the joint solve. Lengths are relative to the visible radius, so they hold in any unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -58,7 +59,6 @@ pub struct JointOptions {
     /// Spread of the ambient light about 0.
     pub ambient_sigma: f64,
     /// Blurs of image and albedo, coarse to fine, as fractions of the image diagonal; at least one.
-    #[serde(deserialize_with = "one_or_more")]
     pub blurs: Vec<f64>,
     /// Three samples a face as long as they are no more than this, else one.
     pub max_samples: usize,
@@ -87,12 +87,54 @@ pub struct JointOptions {
     pub mirrors: usize,
 }
 
-fn one_or_more<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<f64>, D::Error> {
-    let blurs = Vec::deserialize(from)?;
-    if blurs.is_empty() {
-        return Err(D::Error::custom("blurs is empty; expected one blur or more"));
+impl JointOptions {
+    /// Check every field against its bounds.
+    ///
+    /// # Errors
+    /// The first field out of them.
+    pub fn validate(&self) -> Result<(), OptionError> {
+        let weights = [
+            self.conformal,
+            self.stretch,
+            self.smoothing,
+            self.photometric,
+            self.silhouette,
+            self.specular,
+        ];
+        let noise = [self.sigma_absolute, self.sigma_relative[0], self.sigma_relative[1]];
+        let scales = [self.robust, self.match_px, self.silhouette_px, self.strain];
+        check(&[
+            (
+                "joint.conformal, stretch, smoothing, photometric, silhouette, specular",
+                from_zero(&weights),
+                "0 or more",
+            ),
+            ("joint.sigma_absolute, sigma_relative", positive(&noise), "positive"),
+            (
+                "joint.sigma_relative",
+                self.sigma_relative[0] <= self.sigma_relative[1],
+                "a lower and an upper bound",
+            ),
+            ("joint.robust, match_px, silhouette_px, strain", positive(&scales), "positive"),
+            ("joint.near_depth_hold", positive(&[self.near_depth_hold]), "positive"),
+            ("joint.near_depth_motion", from_zero(&[self.near_depth_motion]), "0 or more"),
+            (
+                "joint.gain_sigma, ambient_sigma",
+                positive(&[self.gain_sigma, self.ambient_sigma]),
+                "positive",
+            ),
+            (
+                "joint.blurs",
+                !self.blurs.is_empty() && from_zero(&self.blurs),
+                "one blur or more, each 0 or more",
+            ),
+            (
+                "joint.contour_blurs, grazing, specular_deg, halo",
+                from_zero(&[self.contour_blurs, self.grazing, self.specular_deg, self.halo]),
+                "0 or more",
+            ),
+        ])
     }
-    Ok(blurs)
 }
 
 impl Default for JointOptions {
@@ -162,10 +204,12 @@ pub fn join(
     let mut state = Unknowns { vertices: start.to_vec(), globals: vec![0.0, 0.0] };
     let mut expected = photo.expected_log_gain;
     let (mut last, mut workspace) = (None, Workspace::default());
-    let last_stage = options.blurs.len().saturating_sub(1);
+    // Without any blur the picture is taken as it is.
+    let blurs = if options.blurs.is_empty() { &[0.0][..] } else { &options.blurs };
+    let last_stage = blurs.len() - 1;
     let mut reposed: Option<Scene> = None;
     let rings = FaceRings::of(&scene.rest.topology);
-    for (stage, &blur) in options.blurs.iter().enumerate() {
+    for (stage, &blur) in blurs.iter().enumerate() {
         let scene = reposed.as_ref().unwrap_or(scene);
         let look = look(photo, scene.rest, &state.vertices, blur, options);
         let cues = Cues::of(&look, photo, options);
@@ -234,7 +278,8 @@ pub(super) fn held<'a>(
     match_px: f64,
     options: &JointOptions,
 ) -> Objective<'a> {
-    let matched = Objective::over(scene.posed.len(), 2).plus(
+    let matched = Objective::over(scene.posed.len(), 2).plus_as(
+        "motion",
         1.0,
         Loss::GemanMcClure(match_px),
         motion(scene, matches, 1.0),
@@ -258,7 +303,7 @@ pub(super) fn shaded<'a>(
     let prior = |index, mean, sigma| GlobalsPrior { index: [index], mean, sigma };
     held.plus(options.smoothing, Loss::Squared, smoothing)
         .plus(share * options.photometric, Loss::GemanMcClure(options.robust), photometric)
-        .plus(1.0, Loss::Huber(1.0), hold)
+        .plus_as("hold of depth", 1.0, Loss::Huber(1.0), hold)
         .plus(3.0, Loss::Squared, stay(scene))
         .plus(1.0, Loss::Squared, prior(0, expected_log_gain, options.gain_sigma))
         .plus(1.0, Loss::Squared, prior(1, 0.0, options.ambient_sigma))
@@ -269,9 +314,9 @@ mod tests {
     use super::JointOptions;
 
     #[test]
-    fn no_blur_at_all_is_refused_where_options_are_read() {
-        let error = toml::from_str::<JointOptions>("blurs = []").unwrap_err();
-        assert!(error.to_string().contains("one blur or more"), "{error}");
-        assert!(toml::from_str::<JointOptions>("blurs = [0.01]").is_ok());
+    fn no_blur_at_all_is_refused() {
+        let options: JointOptions = toml::from_str("blurs = []").unwrap();
+        assert!(options.validate().unwrap_err().to_string().contains("one blur or more"));
+        assert_eq!(JointOptions::default().validate(), Ok(()));
     }
 }

@@ -1,5 +1,6 @@
 //! Weights of eq. 4.
 
+use crate::options::{OptionError, check, from_zero, positive};
 use serde::{Deserialize, Serialize};
 
 /// Options of eq. 4. Weights of per-vertex terms are shared among the vertices that carry them, so
@@ -49,6 +50,45 @@ pub struct RefineOptions {
     /// Solve eq. 4 as printed: Laplacian of the position, no estimated gain or ambient, no
     /// exclusions but saturation, unsquared depth norms, the printed weights.
     pub literal: bool,
+}
+
+impl RefineOptions {
+    /// Check every field against its bounds.
+    ///
+    /// # Errors
+    /// The first field out of them.
+    pub fn validate(&self) -> Result<(), OptionError> {
+        let weights = [self.reprojection, self.diffuse, self.specular, self.smoothing];
+        let noise = [self.sigma_absolute, self.sigma_relative[0], self.sigma_relative[1]];
+        check(&[
+            ("refine.reprojection, diffuse, specular, smoothing", from_zero(&weights), "0 or more"),
+            ("refine.depth_hold", positive(&[self.depth_hold]), "positive"),
+            ("refine.reference_count", positive(&[self.reference_count]), "positive"),
+            ("refine.sigma_absolute, sigma_relative", positive(&noise), "positive"),
+            (
+                "refine.sigma_relative",
+                self.sigma_relative[0] <= self.sigma_relative[1],
+                "a lower and an upper bound",
+            ),
+            ("refine.huber", positive(&[self.huber]), "positive"),
+            (
+                "refine.gain_sigma, ambient_sigma",
+                positive(&[self.gain_sigma, self.ambient_sigma]),
+                "positive",
+            ),
+            (
+                "refine.blur, grazing, specular_deg, contour_blurs, halo",
+                from_zero(&[
+                    self.blur,
+                    self.grazing,
+                    self.specular_deg,
+                    self.contour_blurs,
+                    self.halo,
+                ]),
+                "0 or more",
+            ),
+        ])
+    }
 }
 
 impl Default for RefineOptions {

@@ -221,7 +221,7 @@ impl Problem<'_> {
         let weights = [options.conformal, repaired * options.stretch];
         keep(motion, scene, options.prior, Loss::Squared, weights)
             .plus(smooth, Loss::Squared, smoothing)
-            .plus(repaired, Loss::Huber(1.0), hold)
+            .plus_as("hold of depth", repaired, Loss::Huber(1.0), hold)
             .plus(repaired * options.stay, Loss::Squared, stay(scene))
     }
 }
@@ -244,7 +244,10 @@ fn losses(options: &RegisterOptions) -> Vec<Loss> {
     if options.literal {
         return vec![Loss::Norm];
     }
+    /// Finest scale over the coarsest: ten steps, whatever is asked for.
+    const FINEST: f64 = 1e-4;
     let [coarse, fine] = options.robust_px.map(|px| px / options.match_sigma_px);
+    let fine = fine.max(FINEST * coarse);
     let mut scales = vec![coarse];
     while scales[scales.len() - 1] > fine {
         scales.push((scales[scales.len() - 1] * 0.4).max(fine));

@@ -1,5 +1,6 @@
 //! Weights of eq. 3.
 
+use crate::options::{OptionError, check, from_zero, positive};
 use serde::{Deserialize, Serialize};
 
 /// What the surface is expected to keep of its rest shape.
@@ -62,5 +63,27 @@ impl Default for RegisterOptions {
             stay: 3.0,
             literal: false,
         }
+    }
+}
+
+impl RegisterOptions {
+    /// Check every field against its bounds.
+    ///
+    /// # Errors
+    /// The first field out of them.
+    pub fn validate(&self) -> Result<(), OptionError> {
+        let [coarse, fine] = self.robust_px;
+        let weights = [self.conformal, self.stretch, self.smoothing, self.stay];
+        check(&[
+            ("register.conformal, stretch, smoothing, stay", from_zero(&weights), "0 or more"),
+            ("register.match_sigma_px", positive(&[self.match_sigma_px]), "positive"),
+            (
+                "register.robust_px",
+                positive(&[coarse, fine]) && fine <= coarse,
+                "two positive numbers, the second no larger than the first",
+            ),
+            ("register.depth_hold", positive(&[self.depth_hold]), "positive"),
+            ("register.depth_hold_motion", from_zero(&[self.depth_hold_motion]), "0 or more"),
+        ])
     }
 }

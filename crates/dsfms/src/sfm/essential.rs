@@ -5,7 +5,7 @@
 //! residual of a pair is the angle by which the sightlines miss a common epipolar plane,
 //! `bᵀEa / √(‖Ea‖² + ‖Eᵀb‖²)`; times the focal length it is about Sampson's distance in px.
 
-use super::kornia;
+use super::five_point::five_point;
 use super::magsac::Magsac;
 use super::random::{Random, draws_needed};
 use crate::geometry::{Isometry, Point3, Vector3};
@@ -88,7 +88,7 @@ fn best_of_sample(
 ) -> Option<Matrix3<f64>> {
     let sample = random.sample::<5>(a.len());
     let mut best = None;
-    for e in kornia::five_point(&sample.map(|i| a[i]), &sample.map(|i| b[i])) {
+    for e in five_point(&sample.map(|i| a[i]), &sample.map(|i| b[i])) {
         let cost = score(&e, a, b, loss, bound);
         if cost < bound {
             (bound, best) = (cost, Some(e));

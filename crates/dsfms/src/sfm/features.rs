@@ -1,11 +1,11 @@
 //! Keypoints made for tissue: contrast equalised, low threshold, nothing on highlights or masks.
 
 use super::sift::sift;
-use super::{LocalContrast, SfmOptions, kornia};
+use super::{LocalContrast, SfmOptions};
 use crate::geometry::Point2;
 use crate::image::exposure::saturation;
 use crate::image::filter::blur;
-use crate::image::{Frame, Mask, Plane};
+use crate::image::{Frame, Mask, Plane, clahe};
 
 /// Keypoints of one frame; all vectors have the same length, but for the descriptors where corners were
 /// followed.
@@ -42,7 +42,7 @@ pub fn detect(frame: &Frame, mask: Option<&Mask>, options: &SfmOptions) -> Featu
     let grey = frame.luma();
     let equalised = match options.local_contrast {
         LocalContrast::Always => local_contrast(&grey),
-        _ => kornia::equalise(&grey, options.clahe_clip, options.clahe_tiles),
+        _ => clahe(&grey, options.clahe_clip, options.clahe_tiles),
     };
     let blocked = highlights(frame, options);
     let usable = |p: &Point2| {

@@ -18,6 +18,7 @@ mod usual;
 pub mod verdict;
 
 use crate::geometry::{Isometry, Point3};
+use crate::options::{Documented, OptionError, check, commented, from_zero, positive};
 use crate::pipeline::{Method, ReconstructOptions};
 use crate::refine::VideoOptions;
 use crate::register::Match;
@@ -71,9 +72,48 @@ impl TrackOptions {
     /// Options from TOML; what the text does not name keeps its default.
     ///
     /// # Errors
-    /// Malformed TOML, or a field that does not exist.
+    /// Malformed TOML, a field that does not exist, or one out of its bounds.
     pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
-        toml::from_str(text)
+        let options: Self = toml::from_str(text)?;
+        options.validate().map_err(serde::de::Error::custom)?;
+        Ok(options)
+    }
+
+    /// The defaults as TOML, every field under its documentation.
+    pub fn commented() -> String {
+        commented(&Self::default(), &TABLES)
+    }
+
+    /// Check every field against its bounds.
+    ///
+    /// # Errors
+    /// The first field out of them.
+    pub fn validate(&self) -> Result<(), OptionError> {
+        self.reconstruct.validate()?;
+        let (video, verdict) = (&self.video, &self.verdict);
+        check(&[
+            (
+                "video.blur, blurs_after_gap",
+                from_zero(&[video.blur]) && from_zero(&video.blurs_after_gap),
+                "0 or more",
+            ),
+            ("video.steps", video.steps >= 1, "at least 1"),
+            (
+                "video.tolerance, reduction, match_px",
+                positive(&[video.tolerance, video.reduction, video.match_px]),
+                "positive",
+            ),
+            ("video.least_blur_px", from_zero(&[video.least_blur_px]), "0 or more"),
+            ("correlation", (-1.0..=1.0).contains(&self.correlation), "from -1 to 1"),
+            ("search_every", self.search_every >= 1, "at least 1"),
+            (
+                "verdict.matches, agreement, strain",
+                verdict.matches[0] <= verdict.matches[1]
+                    && verdict.agreement[0] <= verdict.agreement[1]
+                    && verdict.strain[0] <= verdict.strain[1],
+                "two numbers, the second no less than the first",
+            ),
+        ])
     }
 
     /// These options with what a TOML text names.
@@ -85,9 +125,22 @@ impl TrackOptions {
         Self::from_toml(text)?;
         let mut all = toml::Table::try_from(self).map_err(serde::de::Error::custom)?;
         lay_over(&mut all, toml::from_str(text)?);
-        all.try_into()
+        let all: Self = all.try_into()?;
+        all.validate().map_err(serde::de::Error::custom)?;
+        Ok(all)
     }
 }
+
+/// Where the fields of the options are documented.
+const TABLES: [Documented; 7] = [
+    ("", include_str!("mod.rs"), "TrackOptions"),
+    ("video", include_str!("../refine/video.rs"), "VideoOptions"),
+    ("verdict", include_str!("verdict.rs"), "VerdictOptions"),
+    ("reconstruct", include_str!("../pipeline/reconstruct.rs"), "ReconstructOptions"),
+    ("reconstruct.register", include_str!("../register/options.rs"), "RegisterOptions"),
+    ("reconstruct.refine", include_str!("../refine/options.rs"), "RefineOptions"),
+    ("reconstruct.joint", include_str!("../refine/joint.rs"), "JointOptions"),
+];
 
 /// Replace what another table names, table by table.
 fn lay_over(under: &mut toml::Table, over: toml::Table) {
@@ -195,6 +248,9 @@ pub enum TrackError {
     /// Nothing to follow.
     #[error("the template holds no albedo, so there is nothing to follow; build it from frames")]
     NoAlbedo,
+    /// An option out of its bounds.
+    #[error(transparent)]
+    Options(#[from] OptionError),
     /// A method that is not for video.
     #[error("method {0:?} does not track; use dsfm or joint")]
     Method(Method),

@@ -122,6 +122,8 @@ impl<'a> Tracker<'a> {
         method: Method,
         options: TrackOptions,
     ) -> Result<Self, TrackError> {
+        options.validate()?;
+        let options = TrackOptions { reconstruct: options.reconstruct.settled(), ..options };
         if !matches!(method, Method::Dsfm | Method::Joint) {
             return Err(TrackError::Method(method));
         }

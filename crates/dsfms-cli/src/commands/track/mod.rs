@@ -15,12 +15,11 @@ use crate::inputs;
 use crate::outputs::{prepare_folder, write_png, write_text};
 use crate::progress::Reporter;
 use crate::report::track::TrackReport;
-use anyhow::Context;
 pub use args::{TrackArgs, size};
 use args::{TrackMethod, check};
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
-use dsfms::image::{Frame, ToneCurve};
+use dsfms::image::Frame;
 use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::io::template::read_template;
 use dsfms::pipeline::{Method, Progress};
@@ -37,7 +36,7 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     check(args, live)?;
     prepare_folder(&args.output)?;
     let mut template = read_template(&args.template)?;
-    let (camera, tone) = camera(args, global, &mut template)?;
+    let (camera, tone) = inputs::frame_camera(args.camera.as_deref(), global, &mut template)?;
     let base = if args.realtime { TrackOptions::realtime() } else { TrackOptions::default() };
     let mut options = match &args.options {
         Some(path) => inputs::options(path, |text| base.with_toml(text))?,
@@ -92,24 +91,6 @@ fn source(args: &TrackArgs, live: bool) -> Source {
         stride: args.stride as usize,
         realtime: args.realtime,
     }
-}
-
-fn camera(
-    args: &TrackArgs,
-    global: &Global,
-    template: &mut Template,
-) -> anyhow::Result<(CameraModel, ToneCurve)> {
-    if let Some(path) = &args.camera {
-        let input = inputs::camera(path, global)?;
-        if let Some(a) = input.file.vignetting {
-            template.coat.vignetting = a;
-        }
-        return Ok((input.file.camera, input.tone));
-    }
-    let camera = template.camera.clone();
-    let camera =
-        camera.context("the template holds no camera; give the frames' camera with --camera")?;
-    Ok((camera, global.tone.map_or(template.tone.clone(), Into::into)))
 }
 
 /// What the frames share.

@@ -8,6 +8,7 @@ use crate::mesh::laplacian::Laplacian;
 use crate::mesh::{Mesh, shapes};
 use nalgebra::SMatrix;
 use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
 
 fn camera() -> CameraModel {
     CameraModel {
@@ -231,4 +232,42 @@ fn a_trial_leaves_the_linearisation_and_the_costs_that_are_made_anew() {
     kept.trial(&other).unwrap();
     assert_eq!(kept.step(0.1).unwrap().delta, anew.step(0.1).unwrap().delta);
     assert_eq!(kept.linearise(&state), anew.linearise(&state));
+}
+
+/// A shallow cone of `n` faces about one vertex, the first.
+fn cone(n: u32) -> Mesh {
+    let rim = (0..n).map(|k| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(n)).sin_cos();
+        Point3::new(cos, sin, 0.2)
+    });
+    let faces = (0..n).map(|k| [0, 1 + k, 1 + (k + 1) % n]).collect();
+    let topology = crate::mesh::Topology::new(n as usize + 1, faces).unwrap();
+    Mesh {
+        topology: Arc::new(topology),
+        positions: [Point3::origin()].into_iter().chain(rim).collect(),
+    }
+}
+
+#[test]
+fn vertices_of_any_valence_are_solved() {
+    for n in [47, 48, 300] {
+        let mesh = cone(n);
+        let rest = RestFaces::new(&mesh, 3.0);
+        let smoothing = Smoothing::of_displacement(&Laplacian::new(&mesh), &mesh.positions, 3.0);
+        let problem = Objective::over(mesh.positions.len(), 0)
+            .plus(1.0, Loss::Squared, Shearing { rest: &rest })
+            .plus(1.0, Loss::Squared, Stretch { rest: &rest })
+            .plus(1.0, Loss::Squared, smoothing);
+        let mut vertices = mesh.positions.clone();
+        vertices[0].z += 0.05;
+        let state = Unknowns { vertices, globals: Vec::new() };
+        let (_, summary) = problem.minimise(state, &Options::default());
+        let (before, after) = summary.cost();
+        assert!(after < 1e-3 * before, "valence {n}: {before} to {after}");
+        let ring = crate::energy::ring::OneRing::of(&mesh.topology, 0).unwrap();
+        let gathered: Vec<Point3> =
+            ring.stencil.iter().map(|&v| mesh.positions[v as usize]).collect();
+        // The axis of the cone, seen from its inside.
+        assert!((ring.normal(&gathered).unwrap().unit - Vector3::z()).norm() < 1e-9);
+    }
 }

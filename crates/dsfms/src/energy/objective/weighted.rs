@@ -1,7 +1,7 @@
 //! One weighted, robustified term: its cost, and its part of gradient and normal matrix.
 
+use super::Unknowns;
 use super::known::{Known, Slots};
-use super::{MAX_GLOBALS, MAX_STENCIL, Unknowns};
 use crate::energy::{EnergyTerm, Jacobian};
 use crate::geometry::{Point3, Vector3};
 use crate::solver::normal_equations::Accumulator;
@@ -29,22 +29,25 @@ pub(super) trait Weighted: Send + Sync {
 }
 
 pub(super) struct WeightedTerm<const R: usize, T> {
+    label: &'static str,
     pub(super) weight: f64,
     pub(super) loss: Loss,
     pub(super) term: T,
+    /// Size of its largest stencil.
+    largest: usize,
     /// Block index of every pair (a ≥ b) of every stencil, in order.
     pub(super) slots: Slots,
 }
 
-/// Vertices and globals of one block, gathered on the stack.
+/// Vertices and globals of one block after the other.
 struct Gathered {
-    vertices: [Point3; MAX_STENCIL],
-    globals: [f64; MAX_GLOBALS],
+    vertices: Vec<Point3>,
+    globals: Vec<f64>,
 }
 
 impl Gathered {
-    fn new() -> Self {
-        Self { vertices: [Point3::origin(); MAX_STENCIL], globals: [0.0; MAX_GLOBALS] }
+    fn new(vertices: usize, globals: usize) -> Self {
+        Self { vertices: vec![Point3::origin(); vertices], globals: vec![0.0; globals] }
     }
 
     fn take(
@@ -65,7 +68,7 @@ impl Gathered {
 
 impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
     fn label(&self) -> &'static str {
-        T::LABEL
+        self.label
     }
 
     fn count(&self) -> usize {
@@ -105,7 +108,8 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
     }
 
     fn cost(&self, state: &Unknowns) -> Option<f64> {
-        let (globals, mut gathered) = (self.term.globals(), Gathered::new());
+        let globals = self.term.globals();
+        let mut gathered = Gathered::new(self.largest, globals.len());
         let mut sum = 0.0;
         for i in 0..self.term.count() {
             let (v, g) = gathered.take(state, self.term.stencil(i), globals);
@@ -130,15 +134,15 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
             k * (k + 1) / 2
         };
         let mut slot: usize = (0..range.start).map(pairs).sum();
-        let mut d_vertices = [SMatrix::<f64, R, 3>::zeros(); MAX_STENCIL];
-        let mut d_globals = [SVector::<f64, R>::zeros(); MAX_GLOBALS];
-        let mut weighted = [SMatrix::<f64, 3, R>::zeros(); MAX_STENCIL];
-        let mut gathered = Gathered::new();
+        let mut d_vertices = vec![SMatrix::<f64, R, 3>::zeros(); self.largest];
+        let mut d_globals = vec![SVector::<f64, R>::zeros(); globals.len()];
+        let mut weighted = vec![SMatrix::<f64, 3, R>::zeros(); self.largest];
+        let mut gathered = Gathered::new(self.largest, globals.len());
         let mut cost = 0.0;
         for i in range {
             let stencil = self.term.stencil(i);
             let (v, g) = gathered.take(state, stencil, globals);
-            let (dv, dg) = (&mut d_vertices[..stencil.len()], &mut d_globals[..globals.len()]);
+            let (dv, dg) = (&mut d_vertices[..stencil.len()], &mut d_globals[..]);
             dv.fill(SMatrix::zeros());
             dg.fill(SVector::zeros());
             let jacobian = Jacobian { vertices: dv, globals: dg };
@@ -158,6 +162,11 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
 }
 
 impl<const R: usize, T: EnergyTerm<R>> WeightedTerm<R, T> {
+    pub(super) fn new(label: &'static str, weight: f64, loss: Loss, term: T) -> Self {
+        let largest = (0..term.count()).map(|i| term.stencil(i).len()).max().unwrap_or(0);
+        Self { label, weight, loss, term, largest, slots: Slots::default() }
+    }
+
     /// The gradient of blocks whose part of the matrix is already there.
     fn accumulate_gradient(
         &self,
@@ -165,7 +174,7 @@ impl<const R: usize, T: EnergyTerm<R>> WeightedTerm<R, T> {
         range: std::ops::Range<usize>,
         sums: &mut Accumulator,
     ) -> Option<f64> {
-        let (mut gathered, mut cost) = (Gathered::new(), 0.0);
+        let (mut gathered, mut cost) = (Gathered::new(self.largest, 0), 0.0);
         for i in range {
             let stencil = self.term.stencil(i);
             let (v, _) = gathered.take(state, stencil, &[]);

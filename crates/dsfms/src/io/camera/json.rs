@@ -111,7 +111,7 @@ pub(super) fn write(file: &CameraFile) -> Value {
     let model = match camera.lens {
         Lens::Pinhole => "none",
         Lens::BrownConrady { .. } => "brown_conrady",
-        Lens::KannalaBrandt { .. } => "kannala_brandt (fisheye)",
+        Lens::KannalaBrandt { .. } => "kannala_brandt",
     };
     let coefficients = camera.lens.coefficients().into_iter();
     let distortion: Map<_, _> = coefficients.map(|(key, v)| (key.to_owned(), json!(v))).collect();
@@ -124,7 +124,7 @@ pub(super) fn write(file: &CameraFile) -> Value {
         "cy": camera.centre[1],
         "distortion_model": model,
         "distortion": distortion,
-        "pixel_convention": "OpenCV: the centre of the top-left pixel is (0,0)",
+        "pixel_convention": "opencv",
     });
     if let Some(tone) = &file.tone {
         out["tone_curve"] = tone::write(tone);

@@ -1,4 +1,5 @@
-//! The light of a camera file, in fields or in the words of a description.
+//! The light of a camera file: in fields (`docs/camera.schema.json`), or, in older files, in the words of
+//! a description.
 
 use super::super::error::InputError;
 use super::REFERENCE_DISTANCE;
@@ -132,7 +133,13 @@ pub(super) fn write(light: &LightModel) -> Value {
             "kind": "point",
             "positions": light.positions.iter().map(|p| [p.x, p.y, p.z]).collect::<Vec<_>>(),
             "reference_distance": light.reference_distance,
-            "spot": light.spot,
+            "spot": match light.spot {
+                Spot::Isotropic => json!("isotropic"),
+                Spot::Linear { inner_deg, outer_deg } => {
+                    json!({ "inner_deg": inner_deg, "outer_deg": outer_deg })
+                }
+                Spot::CosinePower { exponent } => json!({ "exponent": exponent }),
+            },
         }),
     }
 }

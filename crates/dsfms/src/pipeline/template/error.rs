@@ -3,6 +3,7 @@
 use crate::dense::DenseError;
 use crate::geometry::Point2;
 use crate::mesh::remesh::RemeshError;
+use crate::options::OptionError;
 use crate::sfm::SfmError;
 use crate::template::albedo::AlbedoError;
 
@@ -11,15 +12,8 @@ use crate::template::albedo::AlbedoError;
 #[non_exhaustive]
 pub enum TemplateError {
     /// A field of the options out of its bounds.
-    #[error("option {field} = {value}; expected {expected}")]
-    Option {
-        /// Name of the field.
-        field: &'static str,
-        /// Its value.
-        value: usize,
-        /// The bounds.
-        expected: &'static str,
-    },
+    #[error(transparent)]
+    Options(#[from] OptionError),
     /// No given pose belongs to a frame.
     #[error(
         "none of the {frames} frames has a pose in the pose file; poses are matched to frames by file name or number"

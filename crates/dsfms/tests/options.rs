@@ -1,0 +1,105 @@
+//! Options from a user: bounds, what belongs to whom, and the names that reports print.
+
+use dsfms::pipeline::{
+    Method, Observation, ReconstructError, ReconstructOptions, Reconstruction, TemplateOptions,
+    reconstruct,
+};
+use dsfms::synth::{Case, Cell, Protocol};
+use dsfms::track::{TrackError, TrackOptions, Tracker};
+
+fn case() -> Case {
+    let protocol = Protocol { vertices: 150, ..Default::default() };
+    protocol.case(Cell { extension: 5.0, noise: 1.0 }, 0)
+}
+
+fn solve(
+    case: &Case,
+    method: Method,
+    options: &ReconstructOptions,
+) -> Result<Reconstruction, ReconstructError> {
+    let seen = Observation {
+        frame: &case.frame,
+        camera: &case.camera,
+        tone: &case.template.tone,
+        matches: Some(&case.matches),
+        instrument: None,
+        organ: None,
+    };
+    reconstruct(&case.template, &seen, method, options)
+}
+
+fn labels(found: &Reconstruction) -> Vec<String> {
+    let summaries = found.stages.iter().filter_map(|s| s.summary.as_ref());
+    summaries.flat_map(|s| &s.terms).map(|t| t.label.clone()).collect()
+}
+
+#[test]
+fn options_out_of_bounds_are_refused_by_name() {
+    let case = case();
+    let mut options = ReconstructOptions::default();
+    options.register.robust_px = [60.0, -1.0];
+    let error = solve(&case, Method::Dsfm, &options).unwrap_err().to_string();
+    assert!(error.contains("register.robust_px"), "{error}");
+    let mut options = ReconstructOptions::default();
+    options.joint.blurs.clear();
+    let error = solve(&case, Method::Joint, &options).unwrap_err().to_string();
+    assert!(error.contains("joint.blurs"), "{error}");
+    for text in ["[register]\nrobust_px = [60, -1]", "[joint]\nblurs = []", "[refine]\nhuber = 0"] {
+        assert!(ReconstructOptions::from_toml(text).is_err(), "{text}");
+    }
+    let tracked = TrackOptions { reconstruct: options, ..Default::default() };
+    let tone = &case.template.tone;
+    let tracker = Tracker::new(&case.template, &case.camera, tone, Method::Joint, tracked);
+    assert!(matches!(tracker.err(), Some(TrackError::Options(_))));
+    assert!(TrackOptions::from_toml("search_every = 0").is_err());
+    let error = TemplateOptions::from_toml("vertices = 5").unwrap_err().to_string();
+    assert!(error.contains("vertices must be 100 to 50,000"), "{error}");
+    let error = TemplateOptions::from_toml("[sfm]\nratio = 2.0").unwrap_err().to_string();
+    assert!(error.contains("ratio"), "{error}");
+    assert!(TemplateOptions::default().validate().is_ok());
+    assert!(TrackOptions::realtime().validate().is_ok());
+}
+
+#[test]
+fn literal_of_a_table_of_the_file_counts() {
+    let case = case();
+    let vertices = |text: &str| {
+        let options = ReconstructOptions::from_toml(text).unwrap();
+        solve(&case, Method::Dsfm, &options).unwrap().vertices
+    };
+    let printed = vertices("literal = true");
+    assert_eq!(vertices("[register]\nliteral = true"), printed);
+    assert_ne!(vertices(""), printed);
+}
+
+#[test]
+fn reports_name_the_equation_that_a_term_belongs_to() {
+    let case = case();
+    let options = ReconstructOptions::default();
+    let motion = labels(&solve(&case, Method::Dsfm, &options).unwrap());
+    assert!(motion.iter().any(|l| l == "hold of depth"), "{motion:?}");
+    assert!(!motion.iter().any(|l| l.contains("eq. 4")), "{motion:?}");
+    let joint = labels(&solve(&case, Method::Joint, &options).unwrap());
+    assert!(!joint.iter().any(|l| l.contains("boundary condition")), "{joint:?}");
+}
+
+#[test]
+fn the_commented_defaults_are_the_defaults_and_miss_no_field() {
+    let template = TemplateOptions::commented();
+    assert_eq!(TemplateOptions::from_toml(&template).unwrap(), TemplateOptions::default());
+    let frame = ReconstructOptions::commented();
+    assert_eq!(ReconstructOptions::from_toml(&frame).unwrap(), ReconstructOptions::default());
+    let track = TrackOptions::commented();
+    assert_eq!(TrackOptions::from_toml(&track).unwrap(), TrackOptions::default());
+    for text in [&template, &frame, &track] {
+        let undocumented = text.lines().zip(text.lines().skip(1)).find(|(above, line)| {
+            line.contains(" = ") && !line.starts_with('#') && !above.starts_with("# ")
+        });
+        assert_eq!(undocumented, None);
+    }
+    for field in ["combine", "voxel", "focal", "grazing_cos", "max_extra_cuts", "corner_deg"] {
+        assert!(
+            template.lines().any(|l| l.trim_start_matches("# ").starts_with(&format!("{field} =")))
+        );
+    }
+}
