@@ -156,7 +156,7 @@ class Stage:
             total += dr.select(seen, radiance * (cos_i * spot / (dist * dist)), 0)
         return total / len(lights)
 
-    def render(self, cam, pose, kind, seed, direct=4, bounced=6):
+    def render(self, cam, pose, kind, seed, direct=4, bounced=4):
         """Linear image (H, W, 3) per unit of light intensity, mm^-2 folded to 1 at 60 mm."""
         w, h = cam.width, cam.height
         opaque = lambda v: dr.opaque(mi.Float, float(v))

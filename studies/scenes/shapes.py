@@ -110,48 +110,27 @@ def blob(rng, size):
     return sdf, g, low
 
 
-def from_mesh(meshes, size, keep=1.0):
-    """Close and smooth the union of `meshes` (any unit), long axis along x, flat side down.
-
-    Of the long axis the first fraction `keep` stays, `size` mm long, its cut rounded."""
-    p = np.vstack([trimesh.sample.sample_surface(m, int(60000 / keep**2.5), seed=1)[0] for m in meshes])
+def from_mesh(meshes, size):
+    """Close and smooth the union of `meshes` (any unit): longest extent `size` mm along x, flat side down."""
+    p = np.vstack([trimesh.sample.sample_surface(m, 60000, seed=1)[0] for m in meshes])
     p = (p - p.mean(0)) @ np.linalg.svd((p - p.mean(0))[::20], full_matrices=False)[2].T
-    p = (p - p.min(0)) * (size / keep / np.ptp(p[:, 0]))
-    p = p[p[:, 0] < size + 12]
+    p = (p - p.min(0)) * (size / np.ptp(p[:, 0]))
     low = p.min(0) - 8 * VOXEL
     shape = np.ceil((p.max(0) + 8 * VOXEL - low) / VOXEL).astype(int)
     g = np.stack(np.meshgrid(*[low[i] + VOXEL * np.arange(n) for i, n in enumerate(shape)], indexing="ij"), -1)
     shell = np.zeros(shape, bool)
     shell[tuple(np.round((p - low) / VOXEL).astype(int).T)] = True
-    if keep < 1:  # a lid where the points end, which the cut takes off again
-        lid = int((size + 10 - low[0]) / VOXEL)
-        shell[lid] = ndimage.binary_fill_holes(ndimage.binary_closing(shell[lid - 2 : lid + 3].any(0), iterations=4))
     gap = ndimage.distance_transform_edt(~shell) * VOXEL
     outside, _ = ndimage.label(gap > 2.0)
     solid = outside != outside[0, 0, 0]
     sdf = (ndimage.distance_transform_edt(~solid) - ndimage.distance_transform_edt(solid)) * VOXEL + 2.0
-    if keep < 1:
-        sdf = -smooth_min(-sdf, size - g[..., 0], 10.0)
     return ndimage.gaussian_filter(sdf, 2.0), g, low
-
-
-def read_vtk(path):
-    """Triangles of a legacy binary VTK polydata file."""
-    raw = path.read_bytes()
-
-    def block(word, dtype):
-        at = raw.index(word)
-        end = raw.index(b"\n", at)
-        sizes = [int(w) for w in raw[at:end].split()[1:] if w.isdigit()]
-        return np.frombuffer(raw, dtype, sizes[-1] if len(sizes) > 1 else sizes[0] * 3, end + 1)
-
-    return trimesh.Trimesh(block(b"POINTS", ">f4").reshape(-1, 3), block(b"POLYGONS", ">i4").reshape(-1, 4)[:, 1:])
 
 
 HRA = {
     "uterus": ("VH_F_Uterus.glb", ("body_of_uterus", "fundus", "cornua", "lower_uterine", "anterior_wall", "posterior_wall")),
     "gallbladder": ("VH_F_Gallbladder.glb", ("gallbladder",)),
-    "kidney": ("VH_F_Kidney_L.glb", ("kidney_capsule",)),
+    "kidney": ("VH_F_Kidney_L.glb", ("kidney_capsule", "hilum", "outer_cortex", "renal_column")),
     "spleen": ("VH_F_Spleen.glb", ("spleen",)),
     "bladder": ("VH_F_Urinary_Bladder.glb", ("fundus_of_urinary",)),
 }
@@ -167,10 +146,8 @@ def organ_sdf(spec, data, rng):
         scene = trimesh.load(data / "organs_hra" / name)
         chosen = [m for m in scene.dump() if any(k in m.metadata["name"] for k in parts)]
         sdf, g, low = from_mesh(chosen, spec.size)
-    elif spec.organ == "liver-piece":
-        sdf, g, low = from_mesh([trimesh.load(data / "organs_ucl/liver.ply")], spec.size, keep=0.45)
-    else:
-        sdf, g, low = from_mesh([read_vtk(data / "organs_ucl/Kidney/kidney.vtk")], spec.size)
+    else:  # liver-ucl
+        sdf, g, low = from_mesh([trimesh.load(data / "organs_ucl/liver.ply")], spec.size)
     seed = int(rng.integers(1 << 30))
     sdf = sdf + 0.5 * octaves(g, (11.0, 5.0), (0.8, 0.25), seed)
     return Sdf(ndimage.gaussian_filter(sdf, 1.2).astype(np.float64), low)
@@ -207,8 +184,9 @@ def surface(sdf, vertices):
     fine = vertices > 14000
     wanted = 2 * (vertices // 4 if fine else vertices)
     v, f = np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces, np.int32)
-    if len(f) > wanted:
-        v, f = fast_simplification.simplify(v, f, target_count=wanted, agg=3)
+    for aggressive in (3, 7):
+        if len(f) > 1.05 * wanted:
+            v, f = fast_simplification.simplify(v, f, target_count=wanted, agg=aggressive)
     mesh = trimesh.Trimesh(relax(sdf, v.astype(float), f), f, process=False)
     mesh.fix_normals()
     if not mesh.is_watertight:

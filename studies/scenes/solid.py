@@ -111,7 +111,7 @@ class Solid:
         force.diagonal = np.asarray(abs(bt) @ k)
         return force
 
-    def solve(self, u, forces, rounds=120, tolerance=6e-3):
+    def solve(self, u, forces, rounds=80, tolerance=1e-2):
         """Minimise from u; returns displacements of the nodes, the number of rounds and the least volume ratio."""
         d = 1e-6 + sum(f.diagonal for f in forces)
         lu = spl.splu(((self.mu + 0.5 * self.lam) * self.stiff + self.hold + sp.diags(d)).tocsc())
