@@ -27,29 +27,57 @@ def read_ply(path):
     return np.stack([v["x"], v["y"], v["z"]], -1).astype(float), found["face"][lists[0]].astype(int)
 
 
-def samples(v, f, count, seed=0):
-    """Points drawn evenly over a surface."""
-    a, b, c = v[f[:, 0]], v[f[:, 1]], v[f[:, 2]]
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    rng = np.random.default_rng(seed)
-    k = rng.choice(len(f), count, p=area / area.sum())
-    r, s = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
-    return a[k] * (1 - r) + b[k] * (r * (1 - s)) + c[k] * (r * s)
+def nearest_on_triangle(p, a, b, c):
+    """Closest points of triangles (a, b, c) to points p, all (n, 3)."""
+    n = np.cross(b - a, c - a)
+    n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-12)
+    best = p - ((p - a) * n).sum(1, keepdims=True) * n
+    inside = np.ones(len(p), bool)
+    for s, t in ((a, b), (b, c), (c, a)):
+        inside &= (np.cross(t - s, best - s) * n).sum(1) >= 0
+    far = np.where(inside, ((p - best) ** 2).sum(1), np.inf)
+    for s, t in ((a, b), (b, c), (c, a)):
+        d = t - s
+        q = s + np.clip(((p - s) * d).sum(1) / np.maximum((d**2).sum(1), 1e-12), 0, 1)[:, None] * d
+        e = ((p - q) ** 2).sum(1)
+        best = np.where((e < far)[:, None], q, best)
+        far = np.minimum(far, e)
+    return best
+
+
+class Surface:
+    """Closest points of a triangle mesh: candidates by samples spread over it, then exact."""
+
+    def __init__(self, v, f, count=60000):
+        self.v, self.f = v, f
+        a, b, c = v[f[:, 0]], v[f[:, 1]], v[f[:, 2]]
+        area, rng = np.linalg.norm(np.cross(b - a, c - a), axis=1), np.random.default_rng(0)
+        self.face = rng.choice(len(f), count, p=area / area.sum())
+        r, s = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
+        self.tree = cKDTree(a[self.face] * (1 - r) + b[self.face] * (r * (1 - s)) + c[self.face] * (r * s))
+
+    def closest(self, p, candidates=6):
+        """Distance (n,) and closest point (n, 3)."""
+        near = self.tree.query(p, candidates)[1]
+        best, far = p.copy(), np.full(len(p), np.inf)
+        for k in self.face[near].T:
+            q = nearest_on_triangle(p, *(self.v[self.f[k, i]] for i in range(3)))
+            e = np.linalg.norm(p - q, axis=1)
+            best, far = np.where((e < far)[:, None], q, best), np.minimum(far, e)
+        return far, best
 
 
 def to_surface(true, visible, v, f):
-    """Distance of true vertices from the surface (v, f), its scale about the camera centre fitted to the visible ones."""
-    p = samples(v, f, 60000)
-    p *= np.median(true[visible, 2]) / np.median(p[:, 2])
-    for _ in range(30):
-        d, k = cKDTree(p).query(true[visible])
+    """Distance of true vertices from the surface (v, f) times the one scale about the camera centre that fits the visible ones."""
+    found, scale = Surface(v, f), np.median(true[visible, 2]) / np.median(v[:, 2])
+    seen = true[visible][:: max(1, visible.sum() // 3000)]
+    for _ in range(40):
+        d, q = found.closest(seen / scale)
         near = d <= np.quantile(d, 0.9)
-        q = p[k[near]]
-        scale = (q * true[visible][near]).sum() / (q**2).sum()
-        p *= scale
-        if abs(scale - 1) < 1e-6:
+        before, scale = scale, (q[near] * seen[near]).sum() / (q[near] ** 2).sum()
+        if abs(scale / before - 1) < 1e-6:
             break
-    return cKDTree(p).query(true)[0]
+    return found.closest(true / scale)[0] * scale
 
 
 def frame_errors(scene, i, path, rigid, surface):
