@@ -1,4 +1,5 @@
 """Camera and its seeded paths: an exploration around the organ at rest, a nearly still look at the deformed one."""
+
 import numpy as np
 
 from render import Camera
@@ -23,7 +24,13 @@ def direction(ax, ay):
 def camera(spec, rng):
     """640 x 480 with a seeded focal length and principal point."""
     f = rng.uniform(520, 600)
-    return Camera(640, 480, (round(f, 1), round(f * rng.uniform(0.998, 1.003), 1)), (round(319.5 + rng.uniform(-9, 9), 1), round(239.5 + rng.uniform(-7, 7), 1)), spec.distortion)
+    return Camera(
+        640,
+        480,
+        (round(f, 1), round(f * rng.uniform(0.998, 1.003), 1)),
+        (round(319.5 + rng.uniform(-9, 9), 1), round(239.5 + rng.uniform(-7, 7), 1)),
+        spec.distortion,
+    )
 
 
 def paths(spec, count, deformed, rng):

@@ -1,4 +1,5 @@
 """The acts of a spec as forces on the solid, one equilibrium per frame, and the tools that cause them."""
+
 import numpy as np
 
 from solid import Solid
@@ -56,7 +57,11 @@ def curved(solid, kind, mm):
 
 def trocar(site, normal, rng):
     """Where a tool enters, mm: oblique from above, roughly on the side of the surface normal."""
-    angle = np.arctan2(normal[1], normal[0]) + rng.uniform(-0.6, 0.6) if np.hypot(*normal[:2]) > 0.2 else rng.uniform(-1.2, 1.2)
+    angle = (
+        np.arctan2(normal[1], normal[0]) + rng.uniform(-0.6, 0.6)
+        if np.hypot(*normal[:2]) > 0.2
+        else rng.uniform(-1.2, 1.2)
+    )
     rise = np.deg2rad(rng.uniform(26, 38))
     return site + 110 * np.array([np.cos(angle) * np.cos(rise), np.sin(angle) * np.cos(rise), np.sin(rise)])
 
@@ -91,7 +96,15 @@ def run(frames, sdf, v, normals, eye, rng, voxel):
             side = unit(tr - v[k])
             move = unit(0.75 * n + 0.35 * side) * mm if kind == "pull" else unit(-0.8 * n - 0.2 * side) * mm
             forces.append(handle(solid, v[k], move, 7.0 if kind == "pull" else radius + 3.0))
-            shown.append(dict(kind="grasper" if kind == "pull" else "probe", vertex=k, trocar=tr.tolist(), normal=n.tolist(), radius=radius))
+            shown.append(
+                dict(
+                    kind="grasper" if kind == "pull" else "probe",
+                    vertex=k,
+                    trocar=tr.tolist(),
+                    normal=n.tolist(),
+                    radius=radius,
+                )
+            )
         rounds, j = 0, 1.0
         if acts:
             u, rounds, j = solid.solve(u, forces)
@@ -99,7 +112,10 @@ def run(frames, sdf, v, normals, eye, rng, voxel):
         for t in shown:
             t["tip"] = (x[t["vertex"]] + (t["kind"] == "probe") * 0.85 * radius * np.array(t["normal"])).tolist()
         move = np.linalg.norm(x - v, axis=1)
-        print(f"  frame {i} {acts} rounds {rounds} least J {j:.2f} moved {move.max():.1f} max {move.mean():.2f} mean mm", flush=True)
+        print(
+            f"  frame {i} {acts} rounds {rounds} least J {j:.2f} moved {move.max():.1f} max {move.mean():.2f} mean mm",
+            flush=True,
+        )
         shapes.append(x)
         tools.append(shown)
     return np.array(shapes), tools

@@ -1,6 +1,7 @@
 """Make development scenes. usage: make.py OUT [INDEX ...] [--data DIR] [--force]   (no index: all sixteen)
 
 OUT/NAME gets the layout of ../shared/data/rendered_scene; a finished scene holds a file DONE."""
+
 import argparse
 import dataclasses
 import json
@@ -16,7 +17,8 @@ import shapes
 import texture
 import tools
 import truth
-from render import Stage, texture as bitmap
+from render import Stage
+from render import texture as bitmap
 from specs import SPECS, acts, name
 
 EXPLORE = 16
@@ -30,7 +32,9 @@ def subdivide(faces, count):
     m = at.reshape(-1, 3) + count
     a, b, c = faces.T
     p, q, r = m.T
-    return np.stack([np.c_[a, p, r], np.c_[b, q, p], np.c_[c, r, q], np.c_[p, q, r]], 1).reshape(-1, 3).astype(np.int32), pairs
+    return np.stack([np.c_[a, p, r], np.c_[b, q, p], np.c_[c, r, q], np.c_[p, q, r]], 1).reshape(-1, 3).astype(
+        np.int32
+    ), pairs
 
 
 class Organ:
@@ -81,7 +85,9 @@ def make(index, out, data):
     frames = acts(spec)
     cam = cameras.camera(spec, rng)
     explore, still = cameras.paths(spec, EXPLORE, len(frames), rng)
-    print(name(index), len(organ.v), "vertices", len(organ.f), "faces", f"{time.process_time() - begin:.0f} s", flush=True)
+    print(
+        name(index), len(organ.v), "vertices", len(organ.f), "faces", f"{time.process_time() - begin:.0f} s", flush=True
+    )
     eye = -still[0][0].T @ still[0][1]
     shape, held = deform.run(frames, organ.sdf, organ.v, organ.normals, eye, rng, shapes.VOXEL)
     print(f"  deformed after {time.process_time() - begin:.0f} s", flush=True)
@@ -99,7 +105,9 @@ def main():
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("out", type=Path)
     ap.add_argument("index", type=int, nargs="*")
-    ap.add_argument("--data", type=Path, default=HERE.parents[2] / "shared/data", help="folder of organs_hra and organs_ucl")
+    ap.add_argument(
+        "--data", type=Path, default=HERE.parents[2] / "shared/data", help="folder of organs_hra and organs_ucl"
+    )
     ap.add_argument("--force", action="store_true", help="make finished scenes again")
     a = ap.parse_args()
     for i in a.index or range(len(SPECS)):

@@ -1,8 +1,24 @@
 """Errors of one reconstructed frame against a scene's ground truth, in mm, camera axes of the frame."""
+
 import numpy as np
 from scipy.spatial import cKDTree
 
-SIZES = {"char": "i1", "uchar": "u1", "int8": "i1", "uint8": "u1", "short": "<i2", "ushort": "<u2", "int": "<i4", "int32": "<i4", "uint": "<u4", "uint32": "<u4", "float": "<f4", "float32": "<f4", "double": "<f8", "float64": "<f8"}
+SIZES = {
+    "char": "i1",
+    "uchar": "u1",
+    "int8": "i1",
+    "uint8": "u1",
+    "short": "<i2",
+    "ushort": "<u2",
+    "int": "<i4",
+    "int32": "<i4",
+    "uint": "<u4",
+    "uint32": "<u4",
+    "float": "<f4",
+    "float32": "<f4",
+    "double": "<f8",
+    "float64": "<f8",
+}
 
 
 def read_ply(path):
@@ -16,7 +32,11 @@ def read_ply(path):
         if words[0] == "element":
             elements.append((words[1], int(words[2]), []))
         if words[0] == "property":
-            kind = [("n", SIZES[words[2]]), (words[4], SIZES[words[3]], 3)] if words[1] == "list" else [(words[2], SIZES[words[1]])]
+            kind = (
+                [("n", SIZES[words[2]]), (words[4], SIZES[words[3]], 3)]
+                if words[1] == "list"
+                else [(words[2], SIZES[words[1]])]
+            )
             elements[-1][2].extend(kind)
     found = {}
     for name, count, kind in elements:

@@ -1,4 +1,5 @@
 """Smooth random fields of position, seeded."""
+
 import numpy as np
 from scipy import ndimage
 

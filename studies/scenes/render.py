@@ -1,6 +1,7 @@
 """Path tracing of one frame: wet coat and diffuse base, light on the camera, two bounces between all surfaces.
 
 Mitsuba 3 (LLVM, Embree) finds the hits; the shading is written out here so that the radiometry is exactly what camera.json says."""
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -27,7 +28,16 @@ def atmost(a, high):
 
 def arccos(x):
     """Arc cosine of 0 <= x <= 1, radians (Abramowitz and Stegun 4.4.46, error 2e-8)."""
-    series = (1.5707963050, -0.2145988016, 0.0889789874, -0.0501743046, 0.0308918810, -0.0170881256, 0.0066700901, -0.0012624911)
+    series = (
+        1.5707963050,
+        -0.2145988016,
+        0.0889789874,
+        -0.0501743046,
+        0.0308918810,
+        -0.0170881256,
+        0.0066700901,
+        -0.0012624911,
+    )
     total = 0
     for a in reversed(series):
         total = total * x + a
@@ -119,7 +129,10 @@ class Stage:
         """Base albedo, roughness, normal reflectance and the normal of the film at hits."""
         organ, tool = si.prim_index < self.bounds[0], si.prim_index >= self.bounds[1]
         uv = mi.Point2f(si.uv.x, 1 - si.uv.y)
-        a, b = self.textures[0].eval(uv, si.is_valid() & organ), self.textures[1].eval(uv, si.is_valid() & ~organ & ~tool)
+        a, b = (
+            self.textures[0].eval(uv, si.is_valid() & organ),
+            self.textures[1].eval(uv, si.is_valid() & ~organ & ~tool),
+        )
         t = [dr.select(organ, p, q) for p, q in zip(a, b)]
         base = dr.select(tool, mi.Color3f(0.07), mi.Color3f(*t[:3]))
         f0 = ((ETA - 1) / (ETA + 1)) ** 2
@@ -183,7 +196,9 @@ class Stage:
 
         ray, _ = rays(direct, 0, 1)
         si = self.scene.ray_intersect(ray)
-        image, base, normal, depth = means([self.lit(si, lights, rot[2], si.is_valid(), True), self.surface(si)[0], si.sh_frame.n, [si.t]], direct, 1)
+        image, base, normal, depth = means(
+            [self.lit(si, lights, rot[2], si.is_valid(), True), self.surface(si)[0], si.sh_frame.n, [si.t]], direct, 1
+        )
         fine = guide(normal, depth)
         ray, rng = rays(bounced, 1, 2)  # bounced light is smooth: half the resolution carries it
         si = self.scene.ray_intersect(ray)
@@ -268,7 +283,9 @@ def enlarge(light, coarse, fine):
     for dy in (0, 1):
         for dx in (0, 1):
             yi, xi = np.clip((y - 1) // 2 + dy, 0, h // 2 - 1), np.clip((x - 1) // 2 + dx, 0, w // 2 - 1)
-            share = np.where((y % 2 == 0) == (dy == 1), 0.75, 0.25)[:, None] * np.where((x % 2 == 0) == (dx == 1), 0.75, 0.25)
+            share = np.where((y % 2 == 0) == (dy == 1), 0.75, 0.25)[:, None] * np.where(
+                (x % 2 == 0) == (dx == 1), 0.75, 0.25
+            )
             part = np.ix_(yi, xi)
             wt = share * (likeness(coarse[part], fine, 1) + 1e-4)
             total += wt[..., None] * light[part]

@@ -5,6 +5,7 @@ Roads: `mesh` true rest mesh and poses, 25 sparse matches, instrument masks; `au
 Templates and finished runs are cached under --work, keyed by binary, options and scene; --fresh ignores finished runs.
 Per frame, mm: zone = vertices moved by at least half of what the visible one that moved most did; visible; hidden. Frame 0 is the
 rest shape: its seen and hidden deviation is from the rigid pose of the same road. Needs numpy and scipy."""
+
 import argparse
 import hashlib
 import json
@@ -46,7 +47,18 @@ def template(a, scene, road):
     out = a.work / scene.name / f"{kind}-{a.template_key}.template"
     if not (out / "template.json").exists() and not any(out.glob("*")):
         out.parent.mkdir(parents=True, exist_ok=True)
-        command = [a.binary, "template", scene / "exploration", "--camera", scene / "camera.json", "-q", "--threads", a.threads, "-o", out]
+        command = [
+            a.binary,
+            "template",
+            scene / "exploration",
+            "--camera",
+            scene / "camera.json",
+            "-q",
+            "--threads",
+            a.threads,
+            "-o",
+            out,
+        ]
         if kind == "mesh":
             command += ["--mesh", scene / "ground_truth/rest_world.ply", "--poses", scene / "ground_truth/poses.json"]
         code, wall, cpu = run(command, out.with_suffix(".log"))
@@ -68,7 +80,22 @@ def reconstruct(a, scene, made, road, method):
         frames = sorted(p for p in (scene / "deformed").iterdir() if p.name.startswith("frame_"))
         if a.frames:
             frames = [f for f in frames if int(f.stem[-3:]) in a.frames]
-        command = [a.binary, "reconstruct", made, *frames, "--camera", scene / "camera.json", "--method", method, "--no-report", "-q", "--threads", a.threads, "-o", out / "out"]
+        command = [
+            a.binary,
+            "reconstruct",
+            made,
+            *frames,
+            "--camera",
+            scene / "camera.json",
+            "--method",
+            method,
+            "--no-report",
+            "-q",
+            "--threads",
+            a.threads,
+            "-o",
+            out / "out",
+        ]
         if a.options:
             command += ["--options", a.options]
         if road == "mesh":
@@ -105,10 +132,19 @@ def score(a, scene, road, method, rigid):
             pose = Path(rigid["folder"]) / f"out/frame_{i:03d}.ply" if rigid and i == 0 else None
             frames[i] = frame_errors(scene, i, ply, pose if pose and pose.exists() else None, road == "frames")
     mean = lambda k: float(np.mean([f[k] for i, f in frames.items() if i and f.get(k) is not None])) if frames else None
-    figures = dict(zone=mean("zone"), visible=mean("visible"), hidden=mean("hidden"), rest_seen=frames.get(0, {}).get("rest_seen"), rest_hidden=frames.get(0, {}).get("rest_hidden"))
+    figures = dict(
+        zone=mean("zone"),
+        visible=mean("visible"),
+        hidden=mean("hidden"),
+        rest_seen=frames.get(0, {}).get("rest_seen"),
+        rest_hidden=frames.get(0, {}).get("rest_hidden"),
+    )
     figures.update(states=states, seconds=ran["cpu"] / max(ran["frames"], 1), frames=frames, folder=str(out))
     if rigid:
-        figures["ratio"] = {k: figures[k] / rigid[k] if figures[k] is not None and rigid[k] else None for k in ("zone", "visible", "hidden")}
+        figures["ratio"] = {
+            k: figures[k] / rigid[k] if figures[k] is not None and rigid[k] else None
+            for k in ("zone", "visible", "hidden")
+        }
     return figures
 
 
@@ -123,8 +159,14 @@ HEAD = f"{'scene':26}{'method':7}  zone   vis   hid | rest seen hid | /rigid zon
 def line(name, method, r):
     """One row of the table."""
     q, s = r.get("ratio", {}), r["states"]
-    cells = " ".join(show(r[k]) for k in ("zone", "visible", "hidden")) + " | " + " ".join(show(r[k]) for k in ("rest_seen", "rest_hidden"))
-    return f"{name:26}{method:7}{cells} | {' '.join(show(q.get(k)) for k in ('zone', 'visible', 'hidden'))} | {r['seconds']:7.2f}  {s.get('ok', 0)}/{s.get('degraded', 0)}/{s.get('failed', 0)}"
+    cells = (
+        " ".join(show(r[k]) for k in ("zone", "visible", "hidden"))
+        + " | "
+        + " ".join(show(r[k]) for k in ("rest_seen", "rest_hidden"))
+    )
+    ratios = " ".join(show(q.get(k)) for k in ("zone", "visible", "hidden"))
+    states = "/".join(str(s.get(k, 0)) for k in ("ok", "degraded", "failed"))
+    return f"{name:26}{method:7}{cells} | {ratios} | {r['seconds']:7.2f}  {states}"
 
 
 def summary(results, method, pick):
@@ -166,7 +208,12 @@ def chosen(a):
     """The finished scenes that the command line names."""
     scenes = [a.scenes] if (a.scenes / "camera.json").exists() else sorted(p.parent for p in a.scenes.glob("*/DONE"))
     words = [w for w in a.only.split(",") if w]
-    return [s for s in scenes if (a.half == "all" or f"-{a.half}-" in s.name or s == a.scenes) and (not words or any(w in s.name for w in words))]
+    return [
+        s
+        for s in scenes
+        if (a.half == "all" or f"-{a.half}-" in s.name or s == a.scenes)
+        and (not words or any(w in s.name for w in words))
+    ]
 
 
 def main():
@@ -181,7 +228,10 @@ def main():
             for method in a.methods.split(","):
                 if method != "rigid":
                     row[method] = score(a, scene, road, method, rigid)
-                print(line(scene.name, method, row[method]) if row[method] else f"{scene.name:26}{method:7} no template", flush=True)
+                print(
+                    line(scene.name, method, row[method]) if row[method] else f"{scene.name:26}{method:7} no template",
+                    flush=True,
+                )
         for label, pick in (("MEAN", np.mean), ("WORST", np.max)):
             for method in a.methods.split(","):
                 total = results.setdefault("-" + label, {})

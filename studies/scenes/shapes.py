@@ -1,6 +1,7 @@
 """Rest shapes: signed distance on a grid (mm, negative inside) and a uniform surface mesh of it.
 
 World frame: millimetres, +z towards the laparoscope, the organ near the origin."""
+
 import fast_simplification
 import numpy as np
 import trimesh
@@ -128,7 +129,10 @@ def from_mesh(meshes, size):
 
 
 HRA = {
-    "uterus": ("VH_F_Uterus.glb", ("body_of_uterus", "fundus", "cornua", "lower_uterine", "anterior_wall", "posterior_wall")),
+    "uterus": (
+        "VH_F_Uterus.glb",
+        ("body_of_uterus", "fundus", "cornua", "lower_uterine", "anterior_wall", "posterior_wall"),
+    ),
     "gallbladder": ("VH_F_Gallbladder.glb", ("gallbladder",)),
     "kidney": ("VH_F_Kidney_L.glb", ("kidney_capsule", "hilum", "outer_cortex", "renal_column")),
     "spleen": ("VH_F_Spleen.glb", ("spleen",)),

@@ -1,4 +1,5 @@
 """Contact sheet of a scene. usage: sheet.py SCENE OUT.png"""
+
 import sys
 from pathlib import Path
 

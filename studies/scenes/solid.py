@@ -3,6 +3,7 @@
 The displacement is a cubic B-spline field on a coarse lattice (C2, so that shading has no creases); the energy is stable
 Neo-Hookean (Smith et al. 2018) at quadrature points inside the organ; L-BFGS preconditioned by one factorised Laplacian.
 Lengths in mm, shear modulus 1."""
+
 import itertools
 
 import numpy as np
@@ -77,7 +78,10 @@ class Solid:
             vals[2].append(wk[0] * dk[1] * wk[2])
             vals[3].append(wk[0] * wk[1] * dk[2])
         rows = np.tile(np.arange(len(p)), 64)
-        made = [sp.csr_matrix((np.concatenate(v), (rows, np.concatenate(cols))), (len(p), int(np.prod(self.size)))) for v in vals]
+        made = [
+            sp.csr_matrix((np.concatenate(v), (rows, np.concatenate(cols))), (len(p), int(np.prod(self.size))))
+            for v in vals
+        ]
         return made[0], made[1:]
 
     def energy(self, u, forces):

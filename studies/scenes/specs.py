@@ -1,4 +1,5 @@
 """The sixteen scenes. Even indices are for choosing defaults ("choose"), odd ones stay untouched ("held")."""
+
 from dataclasses import dataclass
 
 # A deformed frame is a list of acts "KIND SITE:MM": push and pull go to a seeded place of the seen surface (1, 2, ...),
@@ -33,7 +34,19 @@ SPECS = [
     Spec(101, "pear", 52, 9000, BOTH, 1.0, "offset", hue="pink"),
     Spec(102, "bean", 58, 10000, BOTH, 0.9, "colocated", hue="liver"),
     Spec(103, "uterus", 72, 10000, BOTH, 0.6, "colocated", distortion=(-0.18, 0.04, 0.001, -0.0005), noisy=True),
-    Spec(104, "lobe", 84, 12000, PUSH, 0.7, "ring", open=True, distortion=(-0.12, 0.02, 0.0, 0.0), hue="liver", distance=88),
+    Spec(
+        104,
+        "lobe",
+        84,
+        12000,
+        PUSH,
+        0.7,
+        "ring",
+        open=True,
+        distortion=(-0.12, 0.02, 0.0, 0.0),
+        hue="liver",
+        distance=88,
+    ),
     Spec(105, "kidney", 66, 9000, ALL, 0.35, "ring", alpha=0.07, hue="liver"),
     Spec(106, "gallbladder", 58, 6000, PULL, 0.8, "offset", noisy=True, hue="green"),
     Spec(107, "sac", 66, 3000, BEND, 0.8, "offset", distortion=(-0.22, 0.05, -0.0008, 0.0006), hue="green"),
@@ -59,5 +72,7 @@ def acts(spec):
     frames = []
     for frame in spec.frames.split(";"):
         words = [w.split(":") for w in frame.split() if w != "rest"]
-        frames.append([(k.rstrip("0123456789"), int(k[-1]) - 1 if k[-1].isdigit() else 0, float(mm)) for k, mm in words])
+        frames.append(
+            [(k.rstrip("0123456789"), int(k[-1]) - 1 if k[-1].isdigit() else 0, float(mm)) for k, mm in words]
+        )
     return frames

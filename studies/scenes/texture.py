@@ -1,4 +1,5 @@
 """UV atlas and albedo of an organ: mottling, vessels and capillaries painted in 3-D, so that charts have no seams."""
+
 import numpy as np
 import trimesh
 import xatlas
@@ -100,7 +101,7 @@ def albedo(q, mesh, hue, contrast, rng):
     dist, k = cKDTree(at).query(q, k=4, distance_upper_bound=2.0)
     k = np.minimum(k, len(at) - 1)
     rel = dist / radius[k]
-    col = blend(col, dark, 0.13 * (np.exp(-np.minimum(rel, 9) ** 2 / 8) * opacity[k]).max(1))
+    col = blend(col, dark, 0.13 * (np.exp(-(np.minimum(rel, 9) ** 2) / 8) * opacity[k]).max(1))
     col = blend(col, vessel, 0.72 * (opacity[k] * np.clip(1.35 - rel, 0, 0.7) / 0.7).max(1))
     mean = col.mean(0)
     return np.clip(mean + contrast * (col - mean), 0.03, 0.97)

@@ -1,4 +1,5 @@
 """Instruments as triangle meshes: a probe with a round tip, a grasper with two jaws. World mm."""
+
 import numpy as np
 import trimesh
 
@@ -13,7 +14,9 @@ def cone(a, b, ra, rb, n=48):
     v = np.vstack([a + ra * ring, b + rb * ring, [a], [b]])
     i = np.arange(n)
     j = (i + 1) % n
-    f = np.vstack([np.c_[i, j, n + j], np.c_[i, n + j, n + i], np.c_[j, i, i * 0 + 2 * n], np.c_[n + i, n + j, i * 0 + 2 * n + 1]])
+    f = np.vstack(
+        [np.c_[i, j, n + j], np.c_[i, n + j, n + i], np.c_[j, i, i * 0 + 2 * n], np.c_[n + i, n + j, i * 0 + 2 * n + 1]]
+    )
     return trimesh.Trimesh(v, f, process=False)
 
 
@@ -33,7 +36,11 @@ def build(tools):
         u /= np.linalg.norm(u)
         if t["kind"] == "probe":
             r = 0.95 * t["radius"]
-            parts += [ball(tip, r), cone(tip, tip + u * 150, r * 0.985, r * 0.985), cone(tip + u * 24, tip + u * 25.5, r * 1.08, r * 1.08)]
+            parts += [
+                ball(tip, r),
+                cone(tip, tip + u * 150, r * 0.985, r * 0.985),
+                cone(tip + u * 24, tip + u * 25.5, r * 1.08, r * 1.08),
+            ]
             continue
         side = np.cross(u, t["normal"])
         side /= np.linalg.norm(side)

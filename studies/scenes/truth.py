@@ -1,4 +1,5 @@
 """Write one scene: pictures, masks, camera.json and the ground truth, in the layout of ../shared/data/rendered_scene."""
+
 import csv
 import json
 
@@ -16,12 +17,25 @@ def camera_json(spec, cam):
     """Intrinsics, tone curve, light and noise."""
     electrons, read = NOISE[spec.noisy]
     return dict(
-        width=cam.width, height=cam.height, fx=cam.f[0], fy=cam.f[1], cx=cam.c[0], cy=cam.c[1],
-        distortion_model="brown_conrady (OpenCV: k1,k2,p1,p2,k3=0)", distortion=dict(zip(("k1", "k2", "p1", "p2"), cam.dist)),
-        pixel_convention="OpenCV: the centre of the top-left pixel is (0,0)", axes="x right, y down, z forward; millimetres",
+        width=cam.width,
+        height=cam.height,
+        fx=cam.f[0],
+        fy=cam.f[1],
+        cx=cam.c[0],
+        cy=cam.c[1],
+        distortion_model="brown_conrady (OpenCV: k1,k2,p1,p2,k3=0)",
+        distortion=dict(zip(("k1", "k2", "p1", "p2"), cam.dist)),
+        pixel_convention="OpenCV: the centre of the top-left pixel is (0,0)",
+        axes="x right, y down, z forward; millimetres",
         tone_curve="8-bit value = round(255*OETF(clip(exposure-scaled linear radiance,0,1))), OETF = sRGB (IEC 61966-2-1: 12.92*x if x<=0.0031308 else 1.055*x^(1/2.4)-0.055), same for R,G,B; fixed exposure for the whole scene",
-        light=dict(kind=spec.light, offsets_mm_camera_frame=[list(o) for o in OFFSETS[spec.light]], falloff=FALLOFF, note="rigidly attached to the camera"),
-        noise=f"on linear values before the OETF: Poisson with {electrons} electrons at 1.0, then Gaussian sigma {read}" + ("; JPEG quality 90, 4:2:0" if spec.noisy else ""),
+        light=dict(
+            kind=spec.light,
+            offsets_mm_camera_frame=[list(o) for o in OFFSETS[spec.light]],
+            falloff=FALLOFF,
+            note="rigidly attached to the camera",
+        ),
+        noise=f"on linear values before the OETF: Poisson with {electrons} electrons at 1.0, then Gaussian sigma {read}"
+        + ("; JPEG quality 90, 4:2:0" if spec.noisy else ""),
         image_format="jpg" if spec.noisy else "png",
     )
 
@@ -37,10 +51,14 @@ def write_ply(path, v, f):
 def write_obj(path, organ):
     """OBJ with uv and albedo.png; order of vertices and faces as in every PLY of the scene."""
     with open(path, "w") as out:
-        out.write("# units mm; v order and f order equal those of every PLY of this scene\nmtllib rest_world.mtl\nusemtl organ\n")
+        out.write(
+            "# units mm; v order and f order equal those of every PLY of this scene\nmtllib rest_world.mtl\nusemtl organ\n"
+        )
         out.writelines("v %.5f %.5f %.5f\n" % tuple(p) for p in organ.v)
         out.writelines("vt %.6f %.6f\n" % tuple(t) for t in organ.uv)
-        out.writelines("f %d/%d %d/%d %d/%d\n" % tuple(np.stack([a, b], -1).ravel()) for a, b in zip(organ.f + 1, organ.wedge + 1))
+        out.writelines(
+            "f %d/%d %d/%d %d/%d\n" % tuple(np.stack([a, b], -1).ravel()) for a, b in zip(organ.f + 1, organ.wedge + 1)
+        )
     path.with_suffix(".mtl").write_text("newmtl organ\nKd 1 1 1\nmap_Kd albedo.png\n")
 
 
@@ -59,7 +77,14 @@ def extension(v0, v, f):
     e = np.unique(np.sort(np.vstack([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]]), 1), axis=0)
     r = 100 * (np.linalg.norm(v[e[:, 0]] - v[e[:, 1]], axis=1) / np.linalg.norm(v0[e[:, 0]] - v0[e[:, 1]], axis=1) - 1)
     a = abs(r)
-    return dict(mean_abs=a.mean(), mean_signed=r.mean(), p95_abs=np.percentile(a, 95), p95_ext=np.percentile(r, 95), max=r.max(), min=r.min())
+    return dict(
+        mean_abs=a.mean(),
+        mean_signed=r.mean(),
+        p95_abs=np.percentile(a, 95),
+        p95_ext=np.percentile(r, 95),
+        max=r.max(),
+        min=r.min(),
+    )
 
 
 def farthest(p, n):
@@ -114,26 +139,41 @@ def write(out, spec, organ, cam, explore, still, shape, held, frames, stage, rng
             Image.fromarray((tool * 255).astype(np.uint8)).save(out / f"deformed/instrument_mask_{i:03d}.png")
         d = z[organ_mask]
         return dict(
-            frame=i, image=picture(out / kind / f"frame_{i:03d}", image, spec, rng), R=pose[0].tolist(), t=pose[1].tolist(),
-            organ_fraction=round(float(organ_mask.mean()), 4), instrument_fraction=round(float(tool.mean()), 4),
-            organ_depth_min=round(float(d.min()), 2), organ_depth_median=round(float(np.median(d)), 2),
+            frame=i,
+            image=picture(out / kind / f"frame_{i:03d}", image, spec, rng),
+            R=pose[0].tolist(),
+            t=pose[1].tolist(),
+            organ_fraction=round(float(organ_mask.mean()), 4),
+            instrument_fraction=round(float(tool.mean()), 4),
+            organ_depth_min=round(float(d.min()), 2),
+            organ_depth_median=round(float(np.median(d)), 2),
             saturated_fraction=round(float((image[organ_mask].max(-1) > 1).mean()), 5),
         )
 
     f, centre = organ.f, organ.v[organ.f].mean(1)
     face_normals = np.array(trimesh.Trimesh(organ.v, f, process=False).face_normals)
     seen_f, seen_v = np.zeros(len(f), int), np.zeros(len(organ.v), int)
-    poses = dict(convention="X_cam = R*X_world + t (mm, OpenCV axes)", K=[[cam.f[0], 0, cam.c[0]], [0, cam.f[1], cam.c[1]], [0, 0, 1]], exploration=[], deformed=[])
+    poses = dict(
+        convention="X_cam = R*X_world + t (mm, OpenCV axes)",
+        K=[[cam.f[0], 0, cam.c[0]], [0, cam.f[1], cam.c[1]], [0, 0, 1]],
+        exploration=[],
+        deformed=[],
+    )
     for i, pose in enumerate(explore):
         poses["exploration"].append(frame("exploration", i, rest, pose))
         seen_f += rest.visible(centre, face_normals, pose) & inside(*cam.project(centre, pose), cam)
         seen_v += rest.visible(organ.v, organ.normals, pose) & inside(*cam.project(organ.v, pose), cam)
     np.save(truth / "rest_vertex_seen_count.npy", seen_v.astype(np.int16))
     area = np.linalg.norm(np.cross(organ.v[f[:, 1]] - organ.v[f[:, 0]], organ.v[f[:, 2]] - organ.v[f[:, 0]]), axis=1)
-    area = area * ((seen_f >= 3) & rest.visible(centre, face_normals, still[0]) & inside(*cam.project(centre, still[0]), cam))
+    area = area * (
+        (seen_f >= 3) & rest.visible(centre, face_normals, still[0]) & inside(*cam.project(centre, still[0]), cam)
+    )
     u = rng.random((500, 2))
     root = np.sqrt(u[:, 0])
-    points = rng.choice(len(f), 500, p=area / area.sum()), np.stack([1 - root, root * (1 - u[:, 1]), root * u[:, 1]], -1)
+    points = (
+        rng.choice(len(f), 500, p=area / area.sum()),
+        np.stack([1 - root, root * (1 - u[:, 1]), root * u[:, 1]], -1),
+    )
     table = []
     for i, pose in enumerate(still):
         v, now = shape[i], stage(shape[i], held[i])
@@ -153,17 +193,40 @@ def write(out, spec, organ, cam, explore, still, shape, held, frames, stage, rng
         displacement = np.linalg.norm(v - organ.v, axis=1)
         px, z = cam.project(v, pose)
         visible = now.visible(v, mesh.vertex_normals, pose) & inside(px, z, cam)
-        np.savez_compressed(truth / f"deformed_meshes_cam/frame_{i:03d}_vertices.npz", visible=visible, displacement=displacement.astype(np.float32), pixel=px.astype(np.float32))
+        np.savez_compressed(
+            truth / f"deformed_meshes_cam/frame_{i:03d}_vertices.npz",
+            visible=visible,
+            displacement=displacement.astype(np.float32),
+            pixel=px.astype(np.float32),
+        )
         record.update(
-            n_visible_correspondences=int(seen.sum()), max_displacement_mm=round(float(displacement.max()), 3), mean_displacement_mm=round(float(displacement.mean()), 3),
+            n_visible_correspondences=int(seen.sum()),
+            max_displacement_mm=round(float(displacement.max()), 3),
+            mean_displacement_mm=round(float(displacement.mean()), 3),
             extension_percent={k: round(float(x), 3) for k, x in extension(organ.v, v, f).items()},
-            acts=[f"{k}{s + 1}:{mm:g}" for k, s, mm in frames[i]], instruments=[t["kind"] for t in held[i]], body_force=False,
+            acts=[f"{k}{s + 1}:{mm:g}" for k, s, mm in frames[i]],
+            instruments=[t["kind"] for t in held[i]],
+            body_force=False,
         )
         poses["deformed"].append(record)
         e = record["extension_percent"]
-        table.append([i, *e.values(), record["max_displacement_mm"], record["mean_displacement_mm"], record["instrument_fraction"], "+".join(record["instruments"]) or "none", 0])
+        table.append(
+            [
+                i,
+                *e.values(),
+                record["max_displacement_mm"],
+                record["mean_displacement_mm"],
+                record["instrument_fraction"],
+                "+".join(record["instruments"]) or "none",
+                0,
+            ]
+        )
     (truth / "poses.json").write_text(json.dumps(poses, indent=1))
     with open(truth / "extension.csv", "w", newline="") as out_csv:
         w = csv.writer(out_csv)
-        w.writerow("frame,ext_mean_abs_pct,ext_mean_signed_pct,ext_p95_abs_pct,ext_p95_pct,ext_max_pct,ext_min_pct,max_disp_mm,mean_disp_mm,instrument_pixel_fraction,instruments,body_force".split(","))
+        w.writerow(
+            "frame,ext_mean_abs_pct,ext_mean_signed_pct,ext_p95_abs_pct,ext_p95_pct,ext_max_pct,ext_min_pct,max_disp_mm,mean_disp_mm,instrument_pixel_fraction,instruments,body_force".split(
+                ","
+            )
+        )
         w.writerows(table)
