@@ -26,8 +26,8 @@ pub struct Arguments {
 
 #[derive(Debug, Args)]
 pub struct Global {
-    /// Worker threads; default one per core. Results do not depend on it.
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    /// Worker threads, at most 1024; default one per core. Results do not depend on it.
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
     /// Seed of every random draw.
     #[arg(long, global = true, value_name = "N", default_value_t = 0)]

@@ -10,7 +10,9 @@ use dsfms::io::images::{check_camera_size, find_frames, read_frame};
 use dsfms::io::masks::{MaskKind, read_masks};
 use dsfms::pipeline::Progress;
 use dsfms::template::Template;
-use dsfms::video::{VideoOptions, is_video, select_reporting};
+use dsfms::video::{
+    VideoError, VideoFrame, VideoOptions, each_frame, frame_name, is_video, select_reporting,
+};
 use std::path::{Path, PathBuf};
 
 /// A camera file with the tone curve that counts: `--tone`, else the file's, else sRGB.
@@ -32,7 +34,10 @@ pub fn camera(path: &Path, global: &Global) -> anyhow::Result<CameraInput> {
 /// One frame to work on, not yet decoded where it is a file.
 pub enum Source {
     File(PathBuf),
-    Decoded(Frame),
+    /// A frame of a video, and the lost one that it is predicted from.
+    Decoded(Frame, Option<String>),
+    /// A frame of a video that cannot be decoded: its name, and why.
+    Lost(String, String),
 }
 
 impl Source {
@@ -40,7 +45,8 @@ impl Source {
     pub fn name(&self) -> String {
         match self {
             Self::File(path) => path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-            Self::Decoded(frame) => frame.name.clone(),
+            Self::Decoded(frame, _) => frame.name.clone(),
+            Self::Lost(name, _) => name.clone(),
         }
     }
 
@@ -48,7 +54,7 @@ impl Source {
     pub fn path(&self) -> Option<&Path> {
         match self {
             Self::File(path) => Some(path),
-            Self::Decoded(_) => None,
+            Self::Decoded(..) | Self::Lost(..) => None,
         }
     }
 
@@ -56,7 +62,18 @@ impl Source {
     pub fn frame(&self) -> Result<Frame, InputError> {
         match self {
             Self::File(path) => read_frame(path),
-            Self::Decoded(frame) => Ok(frame.clone()),
+            Self::Decoded(frame, _) => Ok(frame.clone()),
+            Self::Lost(name, reason) => {
+                Err(InputError::Image { path: name.into(), reason: reason.clone() })
+            }
+        }
+    }
+
+    /// What else must be said of it.
+    pub fn reservation(&self) -> Option<&str> {
+        match self {
+            Self::Decoded(_, rests_on) => rests_on.as_deref(),
+            _ => None,
         }
     }
 }
@@ -70,8 +87,7 @@ pub fn sources(
     let mut sources = Vec::new();
     for input in inputs {
         if input.is_file() && is_video(input) {
-            let frames = video_frames(input, purpose, progress)?;
-            sources.extend(frames.into_iter().map(Source::Decoded));
+            sources.extend(video_frames(input, purpose, progress)?);
         } else {
             let found = find_frames(std::slice::from_ref(input))?;
             sources.extend(found.into_iter().map(Source::File));
@@ -84,17 +100,41 @@ fn video_frames(
     path: &Path,
     purpose: Purpose,
     progress: &dyn Progress,
-) -> anyhow::Result<Vec<Frame>> {
-    let options = match purpose {
-        Purpose::Template => VideoOptions::default(),
-        Purpose::Reconstruct => {
-            VideoOptions { max_frames: usize::MAX, stride: Some(1), min_motion: 0.0 }
-        }
-    };
+) -> anyhow::Result<Vec<Source>> {
     let mut report = |done: usize, total: Option<usize>| {
         progress.step("video", done, total.unwrap_or(done));
     };
-    Ok(select_reporting(path, &options, &mut report)?)
+    if purpose == Purpose::Template {
+        let frames = select_reporting(path, &VideoOptions::default(), &mut report)?;
+        return Ok(frames.into_iter().map(|frame| Source::Decoded(frame, None)).collect());
+    }
+    let mut sources = Vec::new();
+    let read = each_frame(path, &mut |VideoFrame { number, total, content, rests_on }| {
+        report(number + 1, total);
+        sources.push(match content {
+            Ok(frame) => Source::Decoded(frame, rests_on.map(predicted_from)),
+            Err(reason) => Source::Lost(frame_name(number), reason),
+        });
+        true
+    });
+    match read {
+        Err(error) if sources.is_empty() => return Err(error.into()),
+        // What was decoded before is not lost.
+        Err(error) => sources.push(Source::Lost(frame_name(sources.len()), rest_lost(&error))),
+        Ok(()) => {}
+    }
+    Ok(sources)
+}
+
+/// Of a frame that a decoder predicted from a lost one.
+pub fn predicted_from(lost: usize) -> String {
+    let name = frame_name(lost);
+    format!("the picture is predicted from {name}, which is lost: parts of it may be older")
+}
+
+/// Of a video that ends too early.
+pub fn rest_lost(error: &VideoError) -> String {
+    format!("this and all later frames are lost: {error}")
 }
 
 /// What frames are wanted for: it decides which frames of a video are taken.
@@ -111,7 +151,7 @@ pub fn options<T, E>(path: &Path, parse: impl FnOnce(&str) -> Result<T, E>) -> a
 where
     E: std::error::Error + Send + Sync + 'static,
 {
-    let text = std::fs::read_to_string(path)
+    let text = dsfms::guard::read_text(path)
         .with_context(|| format!("cannot read the options file {}", path.display()))?;
     parse(&text).with_context(|| format!("{} is not a valid options file", path.display()))
 }

@@ -11,6 +11,7 @@ mod inputs;
 mod memory;
 mod outputs;
 mod pictures;
+mod place;
 mod progress;
 mod report;
 mod structures;
@@ -19,6 +20,7 @@ use clap::Parser;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    dsfms::guard::quiet_hook();
     let arguments = match args::Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(error) => return exit::parse_error(&error),

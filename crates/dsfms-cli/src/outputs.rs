@@ -5,7 +5,7 @@ use crate::draw;
 use anyhow::Context;
 use dsfms::camera::CameraModel;
 use dsfms::image::Frame;
-use dsfms::io::atomic::write_atomic;
+use dsfms::io::atomic::{remove_stale, write_atomic};
 use dsfms::io::names::frame_number;
 use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::pipeline::{Method, Reconstruction, StageReport, Status};
@@ -23,6 +23,8 @@ pub fn prepare_folder(folder: &Path) -> anyhow::Result<()> {
     };
     std::fs::create_dir_all(folder).with_context(refuse)?;
     tempfile::tempfile_in(folder).with_context(refuse)?;
+    // What a killed run was in the middle of; what cannot be removed is in nobody's way.
+    let _ = remove_stale(folder);
     Ok(())
 }
 

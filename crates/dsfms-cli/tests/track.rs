@@ -1,5 +1,8 @@
 //! `dsfms track`: a small synthetic clip from files, by pipe, damaged and faster than it can be solved.
 
+#[path = "../../dsfms/tests/common/mp4.rs"]
+mod mp4;
+
 use assert_cmd::Command;
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -129,6 +132,61 @@ fn a_damaged_picture_of_a_jpeg_stream_is_one_lost_frame() {
     assert!(out.join("overlay/frame_001.png").exists());
     let said = String::from_utf8_lossy(&done.stderr);
     assert!(out.join("overlay.mp4").exists() || said.contains("ffmpeg"), "{said}");
+}
+
+/// Eight frames of the clip as a video, and where its coded pictures lie.
+fn video() -> mp4::Video {
+    let size = SIZE.map(|n| n as usize);
+    let rgb = |k| frame(k).pixels().map(|p| p.0).collect::<Vec<_>>();
+    mp4::video(size, &(0..8).map(rgb).collect::<Vec<_>>())
+}
+
+#[test]
+fn a_damaged_frame_of_a_video_is_lost_under_its_number() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, out) = (folder.path().join("clip.mp4"), folder.path().join("out"));
+    let mut video = video();
+    let fifth = video.samples[4].clone();
+    video.bytes[fifth.start + 5..fifth.start + 9].fill(0);
+    std::fs::write(&path, &video.bytes).unwrap();
+    let done = track(&out, path.to_str().unwrap(), &[], Vec::new());
+    let said = String::from_utf8_lossy(&done.stderr);
+    assert_eq!(done.status.code(), Some(2), "{said}");
+    let status = column(&out, "status");
+    assert_eq!((status.len(), status[4].as_str()), (8, "lost"), "{status:?}");
+    assert!(status.iter().filter(|s| *s == "lost").count() == 1, "{status:?}");
+    assert_eq!(column(&out, "frame"), ["0", "1", "2", "3", "4", "5", "6", "7"]);
+    assert!(said.contains("frame_004 is lost"), "{said}");
+    let (shapes, codes) = dsfms::track::shapes::read_shapes(&out.join("vertices.npz")).unwrap();
+    assert_eq!((shapes.len(), codes[4]), (8, 2));
+}
+
+#[test]
+fn a_frame_of_another_size_or_without_its_mask_is_lost_and_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let (frames, masks) = (folder.path().join("frames"), folder.path().join("masks"));
+    let out = folder.path().join("out");
+    std::fs::create_dir_all(&frames).unwrap();
+    std::fs::create_dir_all(&masks).unwrap();
+    for k in 0..6 {
+        let name = format!("frame_{k:03}.png");
+        let picture = if k == 3 { image::RgbImage::new(64, 48) } else { frame(k) };
+        picture.save(frames.join(&name)).unwrap();
+        if k != 1 {
+            image::GrayImage::new(picture.width(), picture.height())
+                .save(masks.join(&name))
+                .unwrap();
+        }
+    }
+    let arguments = ["--instrument-masks", masks.to_str().unwrap()];
+    let done = track(&out, frames.to_str().unwrap(), &arguments, Vec::new());
+    assert_eq!(done.status.code(), Some(2), "{}", String::from_utf8_lossy(&done.stderr));
+    let status = column(&out, "status");
+    let lost: Vec<bool> = status.iter().map(|s| s == "lost").collect();
+    assert_eq!(lost, [false, true, false, true, false, false], "{status:?}");
+    let reasons = column(&out, "reasons");
+    assert!(reasons[1].contains("mask") && reasons[3].contains("64"), "{reasons:?}");
+    assert!(out.join("vertices.npz").exists());
 }
 
 #[test]

@@ -21,6 +21,7 @@ pub mod energy;
 pub mod eval;
 pub mod experiment;
 pub mod geometry;
+pub mod guard;
 pub mod image;
 pub mod io;
 pub mod light;

@@ -4,8 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A module may use itself and what stands left of it.
-const ORDER: [&str; 25] = [
+const ORDER: [&str; 26] = [
     "options",
+    "guard",
     "geometry",
     "image",
     "mesh",

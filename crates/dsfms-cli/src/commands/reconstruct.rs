@@ -5,6 +5,7 @@ use crate::exit::{self, Outcome};
 use crate::formats::{Format, Formats, Shape};
 use crate::inputs::{self, Source};
 use crate::outputs::{self, FrameFiles, FrameReport};
+use crate::place;
 use crate::progress::Reporter;
 use crate::report::data::ShownFrame;
 use crate::report::frames::frames_page;
@@ -182,15 +183,16 @@ pub fn run(
     global: &Global,
     reporter: &Reporter,
 ) -> anyhow::Result<Outcome> {
-    outputs::prepare_folder(&args.output)?;
+    place::check(&args.output, &places(args))?;
     let job = prepare(args, global, reporter)?;
     let sources = inputs::sources(&args.images, inputs::Purpose::Reconstruct, reporter)?;
     let inputs: Vec<String> = sources.iter().map(Source::name).collect();
     let names = outputs::output_names(&inputs);
+    place::renew(&args.output, "reconstruct")?;
     let done = AtomicUsize::new(0);
     let shown = if args.no_report { Vec::new() } else { chosen(sources.len()) };
     reporter.step("frames", 0, sources.len());
-    let done_frames: Vec<Done> = sources
+    let done_frames: Vec<anyhow::Result<Done>> = sources
         .par_iter()
         .zip(&names)
         .enumerate()
@@ -199,9 +201,18 @@ pub fn run(
             reporter.step("frames", done.fetch_add(1, Ordering::Relaxed) + 1, sources.len());
             report
         })
-        .collect::<anyhow::Result<_>>()?;
+        .collect();
     let (mut rows, mut frames, mut shapes) = (Vec::new(), Vec::new(), Vec::new());
+    let mut failure = None;
     for (i, (name, done)) in names.into_iter().zip(done_frames).enumerate() {
+        let done = match done {
+            Ok(done) => done,
+            // Its files could not be written; those of the others are not to be lost with it.
+            Err(error) => {
+                failure.get_or_insert(error);
+                continue;
+            }
+        };
         shapes.extend(done.shape.map(|s| (name.clone(), i as f64, s)));
         frames.extend(done.page);
         rows.push((name, done.report));
@@ -212,7 +223,15 @@ pub fn run(
         job.write_page(&rows, frames)?;
     }
     reporter.finish();
+    failure.map_or(Ok(()), Err)?;
     Ok(conclude(&rows, reporter))
+}
+
+/// Folders and files of the input, apart from which results lie.
+fn places(args: &ReconstructArgs) -> Vec<&Path> {
+    let optional = [&args.matches, &args.instrument_masks, &args.organ_masks];
+    let optional = optional.into_iter().flatten();
+    args.images.iter().chain([&args.template]).chain(optional).map(PathBuf::as_path).collect()
 }
 
 fn prepare<'a>(
@@ -259,7 +278,11 @@ impl Job<'_> {
         let report = match self.attempt(source) {
             Ok((frame, result)) => {
                 files.write_surface(&self.template, &frame, &self.camera, &result)?;
-                let report = FrameReport::of(&input, method, self.template.unit, &result);
+                let mut report = FrameReport::of(&input, method, self.template.unit, &result);
+                if let Some(reason) = source.reservation() {
+                    report.status = "degraded";
+                    report.reasons.push(reason.into());
+                }
                 let places = self.carry_structures(name, &frame, &result)?;
                 if shown {
                     let mut part = ShownFrame::new(name, &frame)?;

@@ -11,11 +11,12 @@ use crate::inputs;
 use crate::memory::peak_mb;
 use crate::outputs::{prepare_folder, write_json};
 use crate::pictures::template::{write_pictures, write_textures};
+use crate::place;
 use crate::progress::Reporter;
 use crate::report::template::template_page;
 use clap::{Args, ValueEnum};
 use dsfms::io::poses::{PoseList, match_poses, read_poses};
-use dsfms::io::template::write_template;
+use dsfms::io::template::{check_target, write_template};
 use dsfms::pipeline::{
     BuiltTemplate, Exploration, OrganClick, OrganOutline, Progress, TemplateOptions,
     template_from_frames, template_from_mesh, template_from_posed_frames, template_from_poses,
@@ -187,6 +188,10 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
     check(args)?;
     let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty());
     prepare_folder(parent.unwrap_or(Path::new(".")))?;
+    check_target(&args.output)?;
+    let optional = [&args.masks, &args.organ_masks].into_iter().flatten();
+    let inputs: Vec<&Path> = args.frames.iter().chain(optional).map(PathBuf::as_path).collect();
+    place::check_apart(&args.output, &inputs)?;
     let options = options(args, global)?;
     let pictures = args.output.join("pictures");
     let (template, precision, loaded, complete) = match (args.frames.is_empty(), &args.mesh) {

@@ -5,11 +5,13 @@ use crate::report::folder::Source;
 use anyhow::Context;
 use clap::Args;
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::{Duration, UNIX_EPOCH};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant, UNIX_EPOCH};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -37,9 +39,13 @@ pub struct ViewArgs {
 }
 
 /// Longest request that is read, bytes.
-const LONGEST_REQUEST: u64 = 16384;
-/// A browser may open a connection and say nothing.
+const LONGEST_REQUEST: usize = 16384;
+/// A browser may open a connection and say nothing; a request must be whole by then.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// An answer must have been taken by then.
+const LONGEST_ANSWER: Duration = Duration::from_secs(120);
+/// Connections at a time; more are closed unanswered.
+const MOST_CONNECTIONS: usize = 32;
 
 /// Run the command; it ends with the process.
 pub fn run(args: &ViewArgs) -> anyhow::Result<Outcome> {
@@ -55,12 +61,39 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<Outcome> {
     if !args.no_open {
         open(&url);
     }
-    for stream in listener.incoming().flatten() {
-        let (path, root) = (args.path.clone(), root.clone());
-        // A browser that went away is no concern of the next one.
-        std::thread::spawn(move || answer(stream, &path, &root).ok());
-    }
+    serve(&listener, &args.path, &root);
     Ok(Outcome::Ok)
+}
+
+/// Answer, each connection on a thread of its own.
+fn serve(listener: &TcpListener, path: &Path, root: &str) {
+    let open = Arc::new(AtomicUsize::new(0));
+    for stream in listener.incoming() {
+        let Ok(stream) = stream else {
+            // Without file descriptors, say: the connections that are open end by themselves.
+            std::thread::sleep(Duration::from_millis(50));
+            continue;
+        };
+        let place = Place(open.clone());
+        if open.fetch_add(1, Ordering::SeqCst) >= MOST_CONNECTIONS {
+            continue;
+        }
+        let (path, root) = (path.to_path_buf(), root.to_owned());
+        std::thread::spawn(move || {
+            let _place = place;
+            // A browser that went away is no concern of the next one.
+            answer(stream, &path, &root).ok();
+        });
+    }
+}
+
+/// One of the connections, until it is dropped.
+struct Place(Arc<AtomicUsize>);
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::SeqCst);
+    }
 }
 
 /// 128 bits from the operating system, by way of the keys of the standard hasher.
@@ -80,12 +113,24 @@ fn open(url: &str) {
     let _ = browser.args(arguments).arg(url).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
 }
 
-fn answer(mut stream: TcpStream, path: &std::path::Path, root: &str) -> anyhow::Result<()> {
-    stream.set_read_timeout(Some(PATIENCE))?;
-    stream.set_write_timeout(Some(PATIENCE))?;
-    let Some(target) = request(&stream)? else {
+/// A request, as far as it matters.
+struct Request {
+    method: String,
+    target: String,
+    /// Of every `Host` header.
+    hosts: Vec<String>,
+}
+
+fn answer(mut stream: TcpStream, path: &Path, root: &str) -> anyhow::Result<()> {
+    let port = stream.local_addr()?.port();
+    let Request { method, target, hosts } = request(&stream, Instant::now() + PATIENCE)?;
+    // A page of elsewhere whose name was made to point here says its own name.
+    if !own_host(&hosts, port) {
+        return respond(&mut stream, "421 Misdirected Request", "text/plain", "not here\n");
+    }
+    if method != "GET" {
         return respond(&mut stream, "405 Method Not Allowed", "text/plain", "");
-    };
+    }
     let source = Source::of(path);
     let version = version(&source);
     let html = match target.strip_prefix(root) {
@@ -104,18 +149,35 @@ fn answer(mut stream: TcpStream, path: &std::path::Path, root: &str) -> anyhow::
     }
 }
 
-/// The target of a GET request.
-fn request(stream: &TcpStream) -> anyhow::Result<Option<String>> {
-    let mut reader = BufReader::new(stream.take(LONGEST_REQUEST));
-    let mut first = String::new();
-    reader.read_line(&mut first)?;
-    // The headers say nothing that matters, but must be read before the answer.
-    let mut line = String::new();
-    while reader.read_line(&mut line)? > 2 {
-        line.clear();
+/// Whether a request says once for whom it is, and that this is this server.
+fn own_host(hosts: &[String], port: u16) -> bool {
+    let own = [format!("127.0.0.1:{port}"), format!("localhost:{port}")];
+    matches!(hosts, [host] if own.iter().any(|own| own.eq_ignore_ascii_case(host)))
+}
+
+/// Read a request, which must be whole by `end` however it dribbles in.
+fn request(stream: &TcpStream, end: Instant) -> anyhow::Result<Request> {
+    let mut bytes: Vec<u8> = Vec::new();
+    let mut chunk = [0; 2048];
+    while !bytes.windows(4).any(|w| w == b"\r\n\r\n") {
+        let left = end.saturating_duration_since(Instant::now());
+        anyhow::ensure!(!left.is_zero() && bytes.len() <= LONGEST_REQUEST, "slow or long request");
+        stream.set_read_timeout(Some(left))?;
+        let count = (&*stream).read(&mut chunk)?;
+        anyhow::ensure!(count > 0, "the connection ended within the request");
+        bytes.extend(&chunk[..count]);
     }
-    let mut words = first.split_whitespace();
-    Ok((words.next() == Some("GET")).then(|| words.next().unwrap_or_default().to_string()))
+    let text = String::from_utf8_lossy(&bytes);
+    let mut lines = text.split("\r\n");
+    let mut words = lines.next().unwrap_or_default().split_whitespace();
+    let mut word = || words.next().unwrap_or_default().to_owned();
+    let header = |line: &str| {
+        let (name, value) = line.split_once(':')?;
+        name.eq_ignore_ascii_case("host").then(|| value.trim().to_owned())
+    };
+    let (method, target) = (word(), word());
+    let hosts = lines.take_while(|line| !line.is_empty()).filter_map(header).collect();
+    Ok(Request { method, target, hosts })
 }
 
 fn version(source: &anyhow::Result<Source>) -> String {
@@ -141,15 +203,23 @@ fn live(html: &str, version: &str) -> String {
 }
 
 fn respond(stream: &mut TcpStream, status: &str, kind: &str, body: &str) -> anyhow::Result<()> {
-    write!(
-        stream,
+    let head = format!(
         "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\n\
          Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\r\n",
         body.len()
-    )?;
-    stream.write_all(body.as_bytes())?;
+    );
+    let end = Instant::now() + LONGEST_ANSWER;
+    for part in head.as_bytes().chunks(CHUNK).chain(body.as_bytes().chunks(CHUNK)) {
+        let left = end.saturating_duration_since(Instant::now());
+        anyhow::ensure!(!left.is_zero(), "slow reader");
+        stream.set_write_timeout(Some(left.min(PATIENCE)))?;
+        stream.write_all(part)?;
+    }
     Ok(stream.flush()?)
 }
+
+/// Bytes written between two looks at the clock.
+const CHUNK: usize = 1 << 16;
 
 #[cfg(test)]
 mod tests {
@@ -175,21 +245,86 @@ mod tests {
         std::fs::write(&page, "<body>here</body>").unwrap();
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let address = listener.local_addr().unwrap();
-        let server = std::thread::spawn(move || {
-            for _ in 0..3 {
-                answer(listener.accept().unwrap().0, &page, "/secret/").unwrap();
-            }
-        });
-        let ask = |line: &str| {
+        std::thread::spawn(move || serve(&listener, &page, "/secret/"));
+        let port = address.port();
+        let to = |host: &str, line: &str| {
             let mut stream = TcpStream::connect(address).unwrap();
-            write!(stream, "{line} HTTP/1.1\r\nHost: x\r\n\r\n").unwrap();
+            write!(stream, "{line} HTTP/1.1\r\n{host}\r\n").unwrap();
             let mut text = String::new();
             stream.read_to_string(&mut text).unwrap();
             text
         };
-        assert!(ask("GET /secret/").contains("here"));
-        assert!(ask("GET /").starts_with("HTTP/1.1 404"));
-        assert!(ask("POST /secret/").starts_with("HTTP/1.1 405"));
-        server.join().unwrap();
+        let own = format!("Host: 127.0.0.1:{port}\r\n");
+        assert!(to(&own, "GET /secret/").contains("here"));
+        assert!(to(&format!("host: LOCALHOST:{port}\r\n"), "GET /secret/").contains("here"));
+        assert!(to(&own, "GET /").starts_with("HTTP/1.1 404"));
+        assert!(to(&own, "POST /secret/").starts_with("HTTP/1.1 405"));
+        // A name that was made to point here, another port, none, two.
+        let others = [
+            "Host: evil.example\r\n".into(),
+            format!("Host: evil.example:{port}\r\n"),
+            "Host: 127.0.0.1:1\r\n".into(),
+            String::new(),
+            format!("{own}Host: evil.example\r\n"),
+        ];
+        for host in others {
+            let text = to(&host, "GET /secret/");
+            assert!(text.starts_with("HTTP/1.1 421") && !text.contains("<body>"), "{host}: {text}");
+        }
+    }
+
+    /// A sender that dribbles is cut off although it never pauses for long.
+    #[test]
+    fn slow_senders_are_cut_off() {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let mut sender = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        let stream = listener.accept().unwrap().0;
+        let dribble = std::thread::spawn(move || {
+            for _ in 0..200 {
+                if sender.write_all(b"G").is_err() {
+                    return;
+                }
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        });
+        let begin = Instant::now();
+        assert!(request(&stream, begin + Duration::from_millis(300)).is_err());
+        assert!(begin.elapsed() < Duration::from_secs(3), "{:?}", begin.elapsed());
+        drop(stream);
+        dribble.join().unwrap();
+        let mut sender = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        let stream = listener.accept().unwrap().0;
+        sender.write_all(&[b'x'; 20_000]).unwrap();
+        assert!(request(&stream, Instant::now() + PATIENCE).is_err(), "a long request");
+    }
+
+    #[test]
+    fn connections_are_bounded_and_come_free_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let page = folder.path().join("report.html");
+        std::fs::write(&page, "<body>here</body>").unwrap();
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let address = listener.local_addr().unwrap();
+        std::thread::spawn(move || serve(&listener, &page, "/secret/"));
+        let ask = || {
+            let mut stream = TcpStream::connect(address).unwrap();
+            stream.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+            let line = format!("GET /secret/ HTTP/1.1\r\nHost: {address}\r\n\r\n");
+            // Closed unanswered is what is asked for here.
+            let _ = stream.write_all(line.as_bytes());
+            let mut text = String::new();
+            let _ = stream.read_to_string(&mut text);
+            text
+        };
+        let idle: Vec<TcpStream> =
+            (0..MOST_CONNECTIONS).map(|_| TcpStream::connect(address).unwrap()).collect();
+        // The last of them has been taken when this one has been closed.
+        assert!(ask().is_empty());
+        drop(idle);
+        let free = (0..100).any(|_| {
+            std::thread::sleep(Duration::from_millis(50));
+            ask().contains("here")
+        });
+        assert!(free);
     }
 }

@@ -1,5 +1,7 @@
 //! A known albedo: an sRGB picture in the mesh's UV, or a CSV with one value per vertex.
 
+use super::images::decode_bytes;
+use crate::guard;
 use crate::image::{ColorImage, ToneCurve};
 use std::path::{Path, PathBuf};
 
@@ -39,9 +41,9 @@ pub enum AlbedoFileError {
 
 /// Read an 8-bit albedo picture as linear RGB (the file is taken to be sRGB-encoded).
 pub fn read_albedo_image(path: &Path) -> Result<ColorImage, AlbedoFileError> {
-    let picture = image::open(path)
-        .map_err(|e| AlbedoFileError::Unreadable { path: path.into(), reason: e.to_string() })?
-        .to_rgb8();
+    let wrong = |reason| AlbedoFileError::Unreadable { path: path.into(), reason };
+    let bytes = guard::read(path).map_err(|e| wrong(e.to_string()))?;
+    let picture = decode_bytes(&bytes).map_err(wrong)?.to_rgb8();
     let table = ToneCurve::Srgb.table();
     let size = [picture.width() as usize, picture.height() as usize];
     let data = picture.pixels().map(|p| p.0.map(|v| table[v as usize])).collect();
@@ -51,7 +53,7 @@ pub fn read_albedo_image(path: &Path) -> Result<ColorImage, AlbedoFileError> {
 /// Read one linear value (`grey`, or `r,g,b`) per vertex, in `[0, 1]`, in the mesh's order. A first
 /// line that is no number is a header; empty lines and lines with `#` are skipped.
 pub fn read_albedo_csv(path: &Path, vertices: usize) -> Result<Vec<[f32; 3]>, AlbedoFileError> {
-    let text = std::fs::read_to_string(path)
+    let text = guard::read_text(path)
         .map_err(|e| AlbedoFileError::Unreadable { path: path.into(), reason: e.to_string() })?;
     let mut values = Vec::new();
     let mut first = true;

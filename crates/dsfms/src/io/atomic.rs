@@ -32,7 +32,8 @@ pub fn write_atomic(
     let fail = |source: io::Error| WriteError::new(path, source);
     let folder = parent(path);
     fs::create_dir_all(folder).map_err(fail)?;
-    let file = tempfile::Builder::new().prefix(".partial-").tempfile_in(folder).map_err(fail)?;
+    let file = tempfile::Builder::new().prefix(&partial_prefix("")).tempfile_in(folder);
+    let file = file.map_err(fail)?;
     let mut writer = BufWriter::new(file);
     write(&mut writer).map_err(fail)?;
     let file = writer.into_inner().map_err(|e| fail(e.into_error()))?;
@@ -40,6 +41,62 @@ pub fn write_atomic(
     share(file.path()).map_err(fail)?;
     file.persist(path).map_err(|e| fail(e.error))?;
     Ok(())
+}
+
+/// What partial files and folders begin with, before the number of their process.
+const PARTIAL: &str = ".partial-";
+/// What an older template is called while a new one takes its name.
+const OLD: &str = ".old-template-";
+
+/// The start of a name that tells [`remove_stale`] whose file or folder it is.
+pub(super) fn partial_prefix(what: &str) -> String {
+    format!("{PARTIAL}{what}{}-", std::process::id())
+}
+
+/// Likewise, for what steps aside.
+pub(super) fn old_prefix() -> String {
+    format!("{OLD}{}-", std::process::id())
+}
+
+/// Remove what killed runs were in the middle of writing in a folder: partial files and folders of processes
+/// that are no more, or, where the system does not tell, older than an hour. Of a template that had stepped
+/// aside for a newer one when the run was killed, the old one gets its name back.
+///
+/// # Errors
+/// A folder that cannot be read, or a file that cannot be removed.
+pub fn remove_stale(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let own = [PARTIAL, OLD].iter().find_map(|start| name.strip_prefix(start));
+        let Some(rest) = own.filter(|rest| is_stale(&path, rest)) else { continue };
+        if name.starts_with(OLD) {
+            for entry in fs::read_dir(&path)?.flatten() {
+                let place = folder.join(entry.file_name());
+                if !rest.is_empty() && !place.exists() {
+                    fs::rename(entry.path(), place)?;
+                }
+            }
+        }
+        if path.is_dir() { fs::remove_dir_all(&path)? } else { fs::remove_file(&path)? }
+    }
+    Ok(())
+}
+
+/// Whether the process whose number a name holds is gone.
+fn is_stale(path: &Path, rest: &str) -> bool {
+    let process = rest.split('-').find_map(|word| word.parse::<u32>().ok());
+    match process {
+        Some(number) if number == std::process::id() => false,
+        Some(number) if Path::new("/proc/self").exists() => {
+            !Path::new(&format!("/proc/{number}")).exists()
+        }
+        _ => {
+            let age =
+                path.metadata().and_then(|m| m.modified()).ok().and_then(|t| t.elapsed().ok());
+            age.is_some_and(|age| age.as_secs() > 3600)
+        }
+    }
 }
 
 /// The folder a path lies in; `.` for a bare name.
@@ -78,6 +135,37 @@ mod tests {
         assert!(error.to_string().contains("a.txt"));
         assert_eq!(fs::read(&path).unwrap(), b"first");
         assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_killed_runs_left_goes_and_what_others_write_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        // No process has the largest number; this one and its parent live.
+        let dead = u32::MAX - 1;
+        let (own, parent) = (std::process::id(), 1);
+        for name in [
+            format!(".partial-{dead}-x"),
+            format!(".partial-{own}-x"),
+            format!(".partial-{parent}-x"),
+        ] {
+            fs::write(at(&name), "half").unwrap();
+        }
+        fs::create_dir(at(&format!(".partial-template-{dead}-x"))).unwrap();
+        fs::write(at("notes.txt"), "x").unwrap();
+        let aside = at(&format!(".old-template-{dead}-x"));
+        fs::create_dir_all(aside.join("organ.template")).unwrap();
+        remove_stale(folder.path()).unwrap();
+        let left = |name: &str| at(name).exists();
+        assert!(
+            !left(&format!(".partial-{dead}-x")) && !left(&format!(".partial-template-{dead}-x"))
+        );
+        assert!(left(&format!(".partial-{own}-x")) && left("notes.txt"));
+        if Path::new("/proc/1").exists() {
+            assert!(left(".partial-1-x"));
+        }
+        // The older template is whole, and would have been lost.
+        assert!(left("organ.template") && !aside.exists());
     }
 
     #[test]

@@ -3,10 +3,10 @@
 
 use super::InputError;
 use super::atomic::{WriteError, write_atomic};
+use super::npz::Npz;
 use crate::geometry::Point3;
 use ndarray::{Array2, Array3};
-use ndarray_npy::{NpzReader, NpzWriter, ReadNpzError, WriteNpzError};
-use std::fs::File;
+use ndarray_npy::{NpzWriter, WriteNpzError};
 use std::io::Cursor;
 use std::path::Path;
 
@@ -80,17 +80,12 @@ fn pack(truth: &ClipTruth) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
 /// # Errors
 /// No file, no `.npz`, an array that is missing or of another shape than `vertices` says.
 pub fn read_clip_truth(path: &Path) -> Result<ClipTruth, InputError> {
-    let wrong = |what: &str, error: ReadNpzError| InputError::Format {
-        path: path.into(),
-        reason: format!("{what}: {error}"),
-    };
-    let file = File::open(path).map_err(|source| InputError::Read { path: path.into(), source })?;
-    let mut npz = NpzReader::new(file).map_err(|e| wrong("expected a NumPy .npz", e))?;
-    let vertices: Array3<f32> = npz.by_name("vertices").map_err(|e| wrong("vertices", e))?;
-    let displacement: Array2<f32> =
-        npz.by_name("displacement").map_err(|e| wrong("displacement", e))?;
-    let visible: Array2<bool> = npz.by_name("visible").map_err(|e| wrong("visible", e))?;
-    let zone: Array2<bool> = npz.by_name("zone").map_err(|e| wrong("zone", e))?;
+    let wrong = |reason: String| InputError::format(path, reason);
+    let mut npz = Npz::open(path).map_err(wrong)?;
+    let vertices: Array3<f32> = npz.array("vertices").map_err(wrong)?;
+    let displacement: Array2<f32> = npz.array("displacement").map_err(wrong)?;
+    let visible: Array2<bool> = npz.array("visible").map_err(wrong)?;
+    let zone: Array2<bool> = npz.array("zone").map_err(wrong)?;
     let expected = &vertices.shape()[..2];
     let shapes = [displacement.shape(), visible.shape(), zone.shape()];
     if vertices.shape()[2] != 3 || shapes.iter().any(|s| *s != expected) {

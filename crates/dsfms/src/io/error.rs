@@ -1,5 +1,6 @@
 //! What can be wrong with an input file. Every message names the file.
 
+use crate::guard;
 use std::path::{Path, PathBuf};
 
 /// An image, mask, camera, pose or match file that cannot be used.
@@ -195,7 +196,7 @@ impl InputError {
 
 /// The text of a file; a byte-order mark at its start is dropped.
 pub(super) fn read_text(path: &Path) -> Result<String, InputError> {
-    let bytes = std::fs::read(path).map_err(|source| InputError::read(path, source))?;
+    let bytes = guard::read(path).map_err(|source| InputError::read(path, source))?;
     let text = String::from_utf8(bytes)
         .map_err(|_| InputError::format(path, "not a text file (invalid UTF-8)"))?;
     if text.trim().is_empty() {
@@ -208,7 +209,8 @@ pub(super) fn read_text(path: &Path) -> Result<String, InputError> {
 pub(super) fn write_text(path: &Path, text: &str) -> Result<(), InputError> {
     let failed = |source| InputError::Write { path: path.into(), source };
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
+    let prefix = super::atomic::partial_prefix("");
+    let mut file = tempfile::Builder::new().prefix(&prefix).tempfile_in(folder).map_err(failed)?;
     std::io::Write::write_all(&mut file, text.as_bytes()).map_err(failed)?;
     file.persist(path).map_err(|e| failed(e.error))?;
     Ok(())

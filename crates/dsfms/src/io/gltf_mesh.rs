@@ -1,99 +1,122 @@
 //! glTF 2.0 (`.glb`, `.gltf`): all triangle primitives of the default scene, node transforms applied.
+//!
+//! An own reader of the little that a surface needs (positions, indices, one set of UV, nodes), since
+//! files of others must neither run for ever nor take all memory: every number of the file is checked
+//! against the bytes that are there before it is followed.
+
+mod accessor;
+mod document;
 
 use super::mesh::{FormatError, MeshUnit, RawMesh};
 use crate::geometry::{Point2, Point3};
-use gltf::mesh::{Mode, Primitive};
-use nalgebra::Matrix4;
+use accessor::Arrays;
+use document::{Node, Primitive};
+use nalgebra::{Matrix4, Quaternion, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
 
+/// Most vertices and most faces of all primitives together, each as often as nodes place it.
+const MOST: usize = 5_000_000;
+
+/// A finding about the file.
+fn malformed(reason: impl Into<String>) -> FormatError {
+    FormatError::Malformed(reason.into())
+}
+
 pub(super) fn read(bytes: &[u8], path: &Path) -> Result<RawMesh, FormatError> {
-    let malformed = |e: gltf::Error| match e {
-        gltf::Error::Io(_) | gltf::Error::BufferLength { .. } => {
-            FormatError::Truncated(format!("its buffers ({e})"))
+    let (document, chunk) = document::parse(bytes)?;
+    let roots = document.roots()?;
+    let arrays = Arrays::new(&document, chunk, path)?;
+    let mut collector = Collector { mesh: RawMesh::default(), uv: Vec::new(), arrays, skipped: 0 };
+    let mut seen = vec![false; document.nodes.len()];
+    // Depth first, children in their order; no recursion, so that depth costs no stack.
+    let mut open: Vec<(usize, Matrix4<f64>)> =
+        roots.iter().rev().map(|&node| (node, Matrix4::identity())).collect();
+    while let Some((index, parent)) = open.pop() {
+        let Some(node) = document.nodes.get(index) else {
+            return Err(malformed(format!("node {index} does not exist")));
+        };
+        if std::mem::replace(&mut seen[index], true) {
+            return Err(malformed(format!(
+                "node {index} is reached twice; glTF's nodes form trees, each with one parent"
+            )));
         }
-        _ => FormatError::Malformed(e.to_string()),
-    };
-    check_glb_length(bytes)?;
-    let gltf = gltf::Gltf::from_slice(bytes).map_err(malformed)?;
-    let buffers = gltf::import_buffers(&gltf.document, path.parent(), gltf.blob.clone())
-        .map_err(malformed)?;
-    let mut collector = Collector { mesh: RawMesh::default(), uv: Vec::new(), buffers, skipped: 0 };
-    let Some(scene) = gltf.document.default_scene().or_else(|| gltf.document.scenes().next())
-    else {
-        return Err(FormatError::Malformed("it has no scene".into()));
-    };
-    for node in scene.nodes() {
-        collector.node(&node, Matrix4::identity())?;
+        let world = parent * transform(node);
+        for primitive in document.primitives(node)? {
+            collector.primitive(primitive, &world)?;
+        }
+        open.extend(node.children.iter().rev().map(|&child| (child, world)));
     }
     Ok(collector.finish())
 }
 
-/// A binary container states its own length.
-fn check_glb_length(bytes: &[u8]) -> Result<(), FormatError> {
-    if !bytes.starts_with(b"glTF") {
-        return Ok(());
+/// A node's own transform: a matrix, or translation, rotation and scale.
+fn transform(node: &Node) -> Matrix4<f64> {
+    if let Some(matrix) = node.matrix {
+        return Matrix4::from_column_slice(&matrix);
     }
-    let Some(length) = bytes.get(8..12) else {
-        return Err(FormatError::Truncated("the 12-byte GLB header".into()));
+    let [x, y, z, w] = node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+    let quaternion = Quaternion::new(w, x, y, z);
+    // Exporters write the identity as zeros, too.
+    let rotation = match quaternion.norm() > 0.0 {
+        true => UnitQuaternion::from_quaternion(quaternion),
+        false => UnitQuaternion::identity(),
     };
-    let stated = u32::from_le_bytes([length[0], length[1], length[2], length[3]]) as usize;
-    if bytes.len() < stated {
-        return Err(FormatError::Truncated(format!("byte {} of {stated}", bytes.len())));
-    }
-    Ok(())
+    let shift = Translation3::from(node.translation.unwrap_or_default());
+    let scale = Vector3::from(node.scale.unwrap_or([1.0; 3]));
+    shift.to_homogeneous() * rotation.to_homogeneous() * Matrix4::new_nonuniform_scaling(&scale)
 }
 
-struct Collector {
+struct Collector<'a> {
     mesh: RawMesh,
     uv: Vec<[Point2; 3]>,
-    buffers: Vec<gltf::buffer::Data>,
+    arrays: Arrays<'a>,
     skipped: usize,
 }
 
-impl Collector {
-    fn node(&mut self, node: &gltf::Node, parent: Matrix4<f64>) -> Result<(), FormatError> {
-        let local = Matrix4::from(node.transform().matrix()).map(f64::from);
-        let world = parent * local;
-        if let Some(mesh) = node.mesh() {
-            for primitive in mesh.primitives() {
-                self.primitive(&primitive, &world)?;
-            }
-        }
-        node.children().try_for_each(|child| self.node(&child, world))
-    }
-
+impl Collector<'_> {
     fn primitive(
         &mut self,
         primitive: &Primitive,
         world: &Matrix4<f64>,
     ) -> Result<(), FormatError> {
-        if primitive.mode() != Mode::Triangles {
+        const TRIANGLES: u32 = 4;
+        if primitive.mode.unwrap_or(TRIANGLES) != TRIANGLES {
             self.skipped += 1;
             return Ok(());
         }
-        let buffers = &self.buffers;
-        let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(|d| &d.0[..]));
-        let Some(positions) = reader.read_positions() else {
-            return Err(FormatError::Malformed("a primitive has no readable POSITION".into()));
+        let Some(&accessor) = primitive.attributes.get("POSITION") else {
+            return Err(malformed("a primitive has no POSITION"));
         };
-        let first = self.mesh.positions.len() as u32;
-        let place = |p: [f32; 3]| world.transform_point(&Point3::from(p.map(f64::from)));
-        self.mesh.positions.extend(positions.map(place));
-        let count = self.mesh.positions.len() as u32 - first;
-        let corners: Vec<u32> = match reader.read_indices() {
-            Some(indices) => indices.into_u32().collect(),
-            None => (0..count).collect(),
+        let first = self.mesh.positions.len();
+        // Asked before anything is read: a small file may name the same numbers many times.
+        let count = self.arrays.count(accessor)?;
+        let corners = match primitive.indices {
+            Some(indices) => self.arrays.count(indices)?,
+            None => count,
         };
-        let texture: Option<Vec<[f32; 2]>> =
-            reader.read_tex_coords(0).map(|t| t.into_f32().collect());
+        if first + count > MOST || self.mesh.faces.len() + corners / 3 > MOST {
+            return Err(malformed(format!("it holds more than {MOST} vertices or faces")));
+        }
+        let positions = self.arrays.floats::<3>(accessor, "POSITION")?;
+        let place = |p: [f64; 3]| world.transform_point(&Point3::from(p));
+        self.mesh.positions.extend(positions.into_iter().map(place));
+        let corners: Vec<u32> = match primitive.indices {
+            Some(indices) => self.arrays.indices(indices)?,
+            None => (0..count as u32).collect(),
+        };
+        if let Some(wrong) = corners.iter().find(|&&v| v as usize >= count) {
+            return Err(malformed(format!("a face names vertex {wrong} of {count}")));
+        }
+        let texture = primitive.attributes.get("TEXCOORD_0");
+        let texture = texture.map(|&t| self.arrays.floats::<2>(t, "TEXCOORD_0")).transpose()?;
         // A mirroring node turns every face inside out; swap two corners to turn it back.
         let mirrored = world.fixed_view::<3, 3>(0, 0).determinant() < 0.0;
-        for k in corners.chunks_exact(3) {
-            let k = if mirrored { [k[0], k[2], k[1]] } else { [k[0], k[1], k[2]] };
-            self.mesh.faces.push(k.map(|v| v.saturating_add(first)));
+        for k in corners.as_chunks::<3>().0 {
+            let k = if mirrored { [k[0], k[2], k[1]] } else { *k };
+            self.mesh.faces.push(k.map(|v| v + first as u32));
             let uv = |v: u32| texture.as_ref().and_then(|t| t.get(v as usize));
             if let [Some(a), Some(b), Some(c)] = k.map(uv) {
-                self.uv.push([a, b, c].map(|t| Point2::new(t[0] as f64, 1.0 - t[1] as f64)));
+                self.uv.push([a, b, c].map(|t| Point2::new(t[0], 1.0 - t[1])));
             }
         }
         Ok(())
@@ -117,3 +140,6 @@ impl Collector {
         self.mesh
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,9 +2,13 @@
 
 use super::error::InputError;
 use super::names::{files_in, matches_pattern, name_of, natural_order, stem_of};
+use crate::guard;
 use crate::image::Frame;
+use image::ImageFormat::{Jpeg, Png, Tiff};
+use image::{DynamicImage, ImageDecoder};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 /// Extensions of files that are taken for images, in any case.
@@ -98,23 +102,44 @@ pub fn check_camera_size(
     }
 }
 
-pub(super) fn decode(path: &Path) -> Result<image::DynamicImage, InputError> {
-    let bytes = std::fs::read(path).map_err(|source| InputError::read(path, source))?;
-    let bad = |reason: String| InputError::Image { path: path.into(), reason };
+pub(super) fn decode(path: &Path) -> Result<DynamicImage, InputError> {
+    let bytes = guard::read(path).map_err(|source| InputError::read(path, source))?;
+    decode_bytes(&bytes).map_err(|reason| InputError::Image { path: path.into(), reason })
+}
+
+/// The picture in the bytes of a PNG, JPEG or TIFF file, upright as its EXIF orientation says; or what is
+/// wrong with it. At most 16384 px wide and high, and 512 MiB while it is decoded.
+pub fn decode_bytes(bytes: &[u8]) -> Result<DynamicImage, String> {
     if bytes.is_empty() {
-        return Err(bad("the file has zero bytes".into()));
+        return Err("the file has zero bytes".into());
     }
-    let Ok(format) = image::guess_format(&bytes) else {
-        return Err(bad("the content is not PNG, JPEG or TIFF".into()));
+    let format = image::guess_format(bytes).ok();
+    let Some(format) = format.filter(|f| [Png, Jpeg, Tiff].contains(f)) else {
+        return Err("the content is not PNG, JPEG or TIFF".into());
     };
-    if format == image::ImageFormat::Jpeg && !jpeg_is_complete(&bytes) {
-        return Err(bad("the JPEG data ends too early (truncated file)".into()));
+    if format == Jpeg && !jpeg_is_complete(bytes) {
+        return Err("the JPEG data ends too early (truncated file)".into());
     }
-    let image = image::load_from_memory_with_format(&bytes, format)
-        .map_err(|error| bad(format!("{error} (truncated or damaged {format:?} file?)")))?;
+    let image = guard::caught(|| decode_as(bytes, format))?
+        .map_err(|error| format!("{error} (truncated or damaged {format:?} file?)"))?;
     if image.width() == 0 || image.height() == 0 {
-        return Err(bad("the image has no pixels".into()));
+        return Err("the image has no pixels".into());
     }
+    Ok(image)
+}
+
+fn decode_as(bytes: &[u8], format: image::ImageFormat) -> image::ImageResult<DynamicImage> {
+    let mut limits = image::Limits::default();
+    limits.max_image_width = Some(guard::MOST_IMAGE_SIDE);
+    limits.max_image_height = Some(guard::MOST_IMAGE_SIDE);
+    limits.max_alloc = Some(guard::MOST_IMAGE_BYTES);
+    let mut reader = image::ImageReader::with_format(Cursor::new(bytes), format);
+    reader.limits(limits.clone());
+    let mut decoder = reader.into_decoder()?;
+    limits.reserve(decoder.total_bytes())?;
+    let upright = decoder.orientation()?;
+    let mut image = DynamicImage::from_decoder(decoder)?;
+    image.apply_orientation(upright);
     Ok(image)
 }
 
@@ -175,6 +200,43 @@ mod tests {
             image.save(&path).unwrap();
             assert_eq!(read_frame(&path).unwrap().rgb[3], expected, "{name}");
         }
+    }
+
+    /// Six by four px, the left half red; EXIF says to turn it by 90 degrees to the right.
+    #[test]
+    fn pictures_stand_upright_as_exif_says() {
+        let dir = folder();
+        let path = dir.path().join("turned.jpg");
+        let half = |x, _| image::Rgb(if x < 16 { [220, 20, 20] } else { [20, 20, 220] });
+        let mut bytes = Vec::new();
+        let picture = RgbImage::from_fn(32, 16, half);
+        picture.write_with_encoder(image::codecs::jpeg::JpegEncoder::new(&mut bytes)).unwrap();
+        let exif = b"\xFF\xE1\x00\x22Exif\0\0II\x2A\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0";
+        bytes.splice(2..2, exif.iter().copied());
+        std::fs::write(&path, bytes).unwrap();
+        let frame = read_frame(&path).unwrap();
+        assert_eq!(frame.size, [16, 32]);
+        assert!(frame.rgb[0][0] > 180 && frame.rgb[31 * 16][2] > 180);
+    }
+
+    #[test]
+    fn pictures_that_would_take_all_memory_are_refused() {
+        // A PNG of 60000 x 60000 px in a few bytes: only its header is needed.
+        let dir = folder();
+        let path = dir.path().join("a.png");
+        rgb(&path, 2, 2);
+        let mut bytes = std::fs::read(&path).unwrap();
+        bytes[16..20].copy_from_slice(&60_000u32.to_be_bytes());
+        bytes[20..24].copy_from_slice(&60_000u32.to_be_bytes());
+        // The check sum of the header, which a decoder may look at first.
+        let sum = bytes[12..29].iter().fold(!0u32, |mut c, &b| {
+            c ^= u32::from(b);
+            (0..8).for_each(|_| c = if c & 1 == 1 { c >> 1 ^ 0xEDB8_8320 } else { c >> 1 });
+            c
+        });
+        bytes[29..33].copy_from_slice(&(!sum).to_be_bytes());
+        let reason = decode_bytes(&bytes).unwrap_err();
+        assert!(reason.to_lowercase().contains("limit"), "{reason}");
     }
 
     #[test]

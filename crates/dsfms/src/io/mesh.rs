@@ -1,6 +1,7 @@
 //! Reading a user's surface mesh: PLY, OBJ, STL, glTF. Vertex order and connectivity are kept.
 
 use crate::geometry::{Point2, Point3};
+use crate::guard;
 use crate::io::{gltf_mesh, obj, ply_read, stl};
 use crate::mesh::components::components;
 use crate::mesh::{Mesh, Topology, TopologyError};
@@ -161,7 +162,7 @@ pub(super) enum FormatError {
 /// welded, oriented or rescaled. The format is chosen by the extension.
 pub fn read_mesh(path: &Path) -> Result<MeshFile, MeshFileError> {
     let bytes =
-        std::fs::read(path).map_err(|source| MeshFileError::Io { path: path.into(), source })?;
+        guard::read(path).map_err(|source| MeshFileError::Io { path: path.into(), source })?;
     parse_mesh(&bytes, path)
 }
 
@@ -176,7 +177,8 @@ pub fn parse_mesh(bytes: &[u8], path: &Path) -> Result<MeshFile, MeshFileError> 
     let raw = match extension.as_str() {
         "ply" => ply_read::read(bytes),
         "obj" => obj::read(bytes),
-        "stl" => stl::read(bytes),
+        "stl" => guard::caught(|| stl::read(bytes))
+            .unwrap_or_else(|reason| Err(FormatError::Malformed(reason))),
         "glb" | "gltf" => gltf_mesh::read(bytes, path),
         _ => return Err(MeshFileError::UnknownFormat { path: owned(), extension }),
     };

@@ -15,6 +15,7 @@ pub mod masks;
 pub mod matches;
 pub mod mesh;
 pub mod names;
+pub(crate) mod npz;
 pub mod obj;
 pub mod ply;
 mod ply_read;

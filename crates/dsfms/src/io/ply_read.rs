@@ -75,7 +75,12 @@ fn header(bytes: &[u8]) -> Result<(Header, usize), FormatError> {
         }
         at += length + 1;
         if line == "end_header" {
-            return Ok((header, at));
+            // Rows of nothing could be counted for ever.
+            let bare = |e: &&Element| e.properties.is_empty() && e.count > 0;
+            return match header.elements.iter().find(bare) {
+                None => Ok((header, at)),
+                Some(e) => malformed(format!("element '{}' has no property", e.name)),
+            };
         }
         header_line(&mut header, &line)?;
     }
@@ -181,7 +186,10 @@ impl Body<'_> {
         let word = String::from_utf8_lossy(&rest[begin..end]);
         match word.parse() {
             Ok(value) => Ok(Some(value)),
-            Err(_) => malformed(format!("expected a number, found '{word}'")),
+            Err(_) => {
+                let word: String = word.chars().take(40).collect();
+                malformed(format!("expected a number, found '{word}'"))
+            }
         }
     }
 

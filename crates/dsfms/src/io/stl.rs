@@ -4,6 +4,7 @@ use super::atomic::{WriteError, write_atomic};
 use super::mesh::{FormatError, RawMesh};
 use crate::geometry::{Point3, normal};
 use crate::mesh::Mesh;
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::Path;
@@ -50,10 +51,13 @@ fn check_length(bytes: &[u8]) -> Result<(), FormatError> {
     };
     let count = u32::from_le_bytes([count[0], count[1], count[2], count[3]]) as usize;
     let found = (bytes.len() - HEADER) / TRIANGLE;
-    if found < count {
-        return Err(FormatError::Truncated(format!("triangle {found} of {count}")));
+    match found.cmp(&count) {
+        Ordering::Less => Err(FormatError::Truncated(format!("triangle {found} of {count}"))),
+        Ordering::Greater => Err(FormatError::Malformed(format!(
+            "its header states {count} triangles, but {found} are there; export it again"
+        ))),
+        Ordering::Equal => Ok(()),
     }
-    Ok(())
 }
 
 /// Write a binary STL (single precision; STL knows no shared vertices, so their order is lost).

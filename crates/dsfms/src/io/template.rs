@@ -6,7 +6,7 @@
 //! Reading uses the manifest, the PLY, the npz files and the points of `sparse/`; the rest is for other
 //! programs.
 
-use super::atomic::{WriteError, parent, share};
+use super::atomic::{WriteError, old_prefix, parent, partial_prefix, share};
 use super::mesh::{MeshFileError, read_mesh};
 use super::ply::{PlyExtras, Precision, write_ply};
 use super::template_manifest::{Counts, FileNote, Manifest, VERSION, VersionOnly};
@@ -26,6 +26,21 @@ const SEEN: &str = "seen.npz";
 /// Optional: older templates have none, older programs do not look for it.
 const SIGMA: &str = "sigma.npz";
 const VIEWER: &str = "template.glb";
+/// All that is in a template: its files, and what programs add about them.
+const CONTENT: [&str; 12] = [
+    MANIFEST,
+    SURFACE,
+    ALBEDO,
+    FLATTENING,
+    FEATURES,
+    SPARSE,
+    SEEN,
+    SIGMA,
+    VIEWER,
+    "report.html",
+    "pictures",
+    "precision.json",
+];
 
 /// Why a template could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +51,14 @@ pub enum TemplateFileError {
     NotATemplate {
         /// The target.
         path: PathBuf,
+    },
+    /// The target is a template that holds something else besides, which would go with it.
+    #[error("{} holds {name}, which is no part of a template and would be lost; move it elsewhere or choose another name", path.display())]
+    Foreign {
+        /// The target.
+        path: PathBuf,
+        /// The first such file.
+        name: String,
     },
     /// Nothing there, or not a directory.
     #[error("no template at {}: expected a directory with {MANIFEST}; build one with 'dsfms template'", path.display())]
@@ -95,25 +118,45 @@ pub enum TemplateFileError {
     Write(#[from] WriteError),
 }
 
+/// Check, before any work, that a template can take this name: nothing is there, or a template and nothing
+/// but what [`write_template`] and the pages about it leave in one.
+///
+/// # Errors
+/// [`NotATemplate`](TemplateFileError::NotATemplate), [`Foreign`](TemplateFileError::Foreign).
+pub fn check_target(path: &Path) -> Result<(), TemplateFileError> {
+    if !path.exists() {
+        return Ok(());
+    }
+    let owned = || path.to_path_buf();
+    if !path.join(MANIFEST).is_file() {
+        return Err(TemplateFileError::NotATemplate { path: owned() });
+    }
+    let entries = fs::read_dir(path).map_err(|source| WriteError::new(path, source))?;
+    let names = entries.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned());
+    match names.into_iter().find(|name| !CONTENT.contains(&name.as_str())) {
+        Some(name) => Err(TemplateFileError::Foreign { path: owned(), name }),
+        None => Ok(()),
+    }
+}
+
 /// Write a template directory. All files are written to a temporary directory beside `path`, which
 /// then takes its name; an older template there is replaced, anything else is refused.
 pub fn write_template(path: &Path, template: &Template) -> Result<(), TemplateFileError> {
+    check_target(path)?;
     let replaces = path.exists();
-    if replaces && !path.join(MANIFEST).is_file() {
-        return Err(TemplateFileError::NotATemplate { path: path.to_path_buf() });
-    }
     let fail = |source| WriteError::new(path, source);
     let folder = parent(path);
     fs::create_dir_all(folder).map_err(fail)?;
-    let temporary = |prefix| tempfile::Builder::new().prefix(prefix).tempdir_in(folder);
-    let fresh = temporary(".partial-template-").map_err(fail)?;
+    let temporary = |prefix: String| tempfile::Builder::new().prefix(&prefix).tempdir_in(folder);
+    let fresh = temporary(partial_prefix("template-")).map_err(fail)?;
     write_files(fresh.path(), template)?;
     read_template(fresh.path())
         .map_err(|e| TemplateFileError::Unreadable { path: path.into(), source: Box::new(e) })?;
     share(fresh.path()).map_err(fail)?;
     // The old directory steps aside first: a directory cannot be renamed over another.
-    let old = temporary(".old-template-").map_err(fail)?;
-    let aside = old.path().join("template");
+    let old = temporary(old_prefix()).map_err(fail)?;
+    // Under its own name, by which it is found again if this run is killed here.
+    let aside = old.path().join(path.file_name().unwrap_or_default());
     if replaces {
         fs::rename(path, &aside).map_err(fail)?;
     }
@@ -196,6 +239,13 @@ fn counts(template: &Template) -> Counts {
 /// Read a template directory; what [`write_template`] wrote comes back bit for bit.
 pub fn read_template(path: &Path) -> Result<Template, TemplateFileError> {
     let manifest = read_manifest(path)?;
+    let wrong = |reason: String| TemplateFileError::Manifest { path: path.join(MANIFEST), reason };
+    if let Some(camera) = &manifest.camera {
+        camera.validate().map_err(|e| wrong(e.to_string()))?;
+    }
+    if let Some(light) = &manifest.light {
+        light.validate().map_err(|e| wrong(e.to_string()))?;
+    }
     let counts = manifest.counts;
     let surface = path.join(SURFACE);
     let mesh = read_mesh(&surface)?.mesh;
@@ -246,7 +296,7 @@ fn read_manifest(folder: &Path) -> Result<Manifest, TemplateFileError> {
         return Err(TemplateFileError::Missing { path: folder.to_path_buf() });
     }
     let wrong = |reason: String| TemplateFileError::Manifest { path: path.clone(), reason };
-    let text = fs::read_to_string(&path).map_err(|e| wrong(e.to_string()))?;
+    let text = crate::guard::read_text(&path).map_err(|e| wrong(e.to_string()))?;
     let version: VersionOnly = toml::from_str(&text).map_err(|e| wrong(e.to_string()))?;
     if version.version != VERSION {
         let path = folder.to_path_buf();

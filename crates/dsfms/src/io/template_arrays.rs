@@ -1,13 +1,13 @@
 //! The NumPy files of a template.
 
 use super::atomic::{WriteError, write_atomic};
+use super::npz;
 use super::template::{TemplateFileError, expect};
 use crate::geometry::Point2;
 use crate::mesh::Topology;
 use crate::template::{Features, Flattening, SurfaceTexels};
-use ndarray::{Array, Array1, Array2, Array3, Dimension};
-use ndarray_npy::{NpzReader, NpzWriter, ReadableElement, WritableElement};
-use std::fs::File;
+use ndarray::{Array, Array2, Array3, Dimension};
+use ndarray_npy::{NpzWriter, ReadableElement, WritableElement};
 use std::io::{self, Cursor, Write};
 use std::path::Path;
 
@@ -40,14 +40,12 @@ impl Npz {
 /// An npz being read; every failure names the file and the array.
 struct Reader<'a> {
     path: &'a Path,
-    npz: NpzReader<File>,
+    npz: npz::Npz,
 }
 
 impl<'a> Reader<'a> {
     fn open(path: &'a Path) -> Result<Self, TemplateFileError> {
-        let wrong = |reason: String| damaged(path, reason);
-        let file = File::open(path).map_err(|e| wrong(e.to_string()))?;
-        let npz = NpzReader::new(file).map_err(|e| wrong(format!("not a whole npz ({e})")))?;
+        let npz = npz::Npz::open(path).map_err(|reason| damaged(path, reason))?;
         Ok(Self { path, npz })
     }
 
@@ -55,14 +53,11 @@ impl<'a> Reader<'a> {
         &mut self,
         name: &str,
     ) -> Result<Array<T, D>, TemplateFileError> {
-        self.npz
-            .by_name::<ndarray::OwnedRepr<T>, D>(name)
-            .map_err(|e| damaged(self.path, format!("array '{name}': {e}")))
+        self.npz.array(name).map_err(|reason| damaged(self.path, reason))
     }
 
     fn list<T: ReadableElement>(&mut self, name: &str) -> Result<Vec<T>, TemplateFileError> {
-        let array: Array1<T> = self.array(name)?;
-        Ok(array.into_iter().collect())
+        self.npz.list(name).map_err(|reason| damaged(self.path, reason))
     }
 
     /// Rows of an `n × N` array.
@@ -204,6 +199,12 @@ pub(super) fn read_features(
     expect(path, "descriptors", count, features.descriptors.len())?;
     expect(path, "feature faces", count, features.faces.len())?;
     expect(path, "feature barycentrics", count, features.barycentrics.len())?;
+    if features.barycentrics.iter().flatten().any(|b| !b.is_finite()) {
+        return Err(damaged(
+            path,
+            "a feature lies nowhere (its barycentrics are not finite)".into(),
+        ));
+    }
     if let Some(bad) = features.faces.iter().find(|&&f| f as usize >= faces) {
         return Err(damaged(path, format!("a feature names face {bad} of {faces}")));
     }

@@ -3,9 +3,9 @@
 
 use super::InputError;
 use super::atomic::{WriteError, write_atomic};
+use super::npz::Npz;
 use ndarray::Array1;
-use ndarray_npy::{NpzReader, NpzWriter, ReadNpzError};
-use std::fs::File;
+use ndarray_npy::NpzWriter;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
@@ -26,18 +26,12 @@ pub fn vertex_truth_path(mesh: &Path) -> PathBuf {
 
 /// Read `visible` and `displacement`.
 pub fn read_vertex_truth(path: &Path) -> Result<VertexTruth, InputError> {
-    let wrong = |what: &str, error: ReadNpzError| InputError::Format {
-        path: path.into(),
-        reason: format!("{what}: {error}"),
-    };
-    let file = File::open(path).map_err(|source| InputError::Read { path: path.into(), source })?;
-    let mut npz = NpzReader::new(file).map_err(|e| wrong("expected a NumPy .npz", e))?;
-    let visible: Array1<bool> = npz.by_name("visible").map_err(|e| wrong("visible", e))?;
-    let displacement: Array1<f32> =
-        npz.by_name("displacement").map_err(|e| wrong("displacement", e))?;
+    let wrong = |reason: String| InputError::format(path, reason);
+    let mut npz = Npz::open(path).map_err(wrong)?;
+    let displacement: Vec<f32> = npz.list("displacement").map_err(wrong)?;
     Ok(VertexTruth {
-        visible: visible.to_vec(),
-        displacement: displacement.iter().map(|&d| f64::from(d)).collect(),
+        visible: npz.list("visible").map_err(wrong)?,
+        displacement: displacement.into_iter().map(f64::from).collect(),
     })
 }
 
@@ -64,7 +58,7 @@ mod tests {
         let path = vertex_truth_path(&folder.path().join("frame_001.ply"));
         assert!(path.ends_with("frame_001_vertices.npz"));
         let write = |with_displacement: bool| {
-            let mut npz = NpzWriter::new(File::create(&path).unwrap());
+            let mut npz = NpzWriter::new(std::fs::File::create(&path).unwrap());
             npz.add_array("visible", &array![true, false]).unwrap();
             if with_displacement {
                 npz.add_array("displacement", &array![0.5f32, 2.0]).unwrap();

@@ -3,6 +3,12 @@
 //! comments are dropped. The result is a JSON value.
 
 use serde_json::{Map, Value};
+use std::collections::VecDeque;
+
+/// Most levels of nesting; a calibration has four.
+const MOST_DEPTH: usize = 20;
+/// Most lines with content: a calibration with the board's corners of every view has thousands.
+const MOST_LINES: usize = 100_000;
 
 /// A line with content: its number in the file, its indentation and the text.
 #[derive(Clone, Debug)]
@@ -14,9 +20,9 @@ struct Line {
 
 /// Parse a document; the error is the 1-based line and what is wrong with it.
 pub(super) fn parse(text: &str) -> Result<Value, (usize, String)> {
-    let mut lines = logical_lines(text)?;
+    let mut lines = VecDeque::from(logical_lines(text)?);
     let value = block(&mut lines, 0, 0)?;
-    match lines.first() {
+    match lines.front() {
         Some(line) => Err((line.number, format!("unexpected indentation at {:?}", line.text))),
         None => Ok(value),
     }
@@ -32,6 +38,9 @@ fn logical_lines(text: &str) -> Result<Vec<Line>, (usize, String)> {
         let skipped = trimmed.is_empty() || trimmed.starts_with(['#', '%']);
         if skipped || ["---", "..."].contains(&trimmed) {
             continue;
+        }
+        if lines.len() == MOST_LINES {
+            return Err((i + 1, format!("more than {MOST_LINES} lines: no calibration")));
         }
         match lines.last_mut() {
             Some(last) if open > 0 => {
@@ -53,11 +62,15 @@ fn logical_lines(text: &str) -> Result<Vec<Line>, (usize, String)> {
 }
 
 /// A mapping or sequence whose lines are indented by at least `indent`.
-fn block(lines: &mut Vec<Line>, indent: usize, depth: usize) -> Result<Value, (usize, String)> {
-    let Some(first) = lines.first().cloned().filter(|line| line.indent >= indent) else {
+fn block(
+    lines: &mut VecDeque<Line>,
+    indent: usize,
+    depth: usize,
+) -> Result<Value, (usize, String)> {
+    let Some(first) = lines.front().cloned().filter(|line| line.indent >= indent) else {
         return Ok(Value::Null);
     };
-    if depth > 20 {
+    if depth > MOST_DEPTH {
         return Err((first.number, "nested too deeply".into()));
     }
     if first.text.starts_with("- ") || first.text == "-" {
@@ -65,20 +78,24 @@ fn block(lines: &mut Vec<Line>, indent: usize, depth: usize) -> Result<Value, (u
     } else if key_and_rest(&first.text).is_some() {
         mapping(lines, first.indent, depth)
     } else {
-        lines.remove(0);
-        scalar(&first.text, first.number)
+        lines.pop_front();
+        scalar(&first.text, first.number, depth)
     }
 }
 
-fn sequence(lines: &mut Vec<Line>, indent: usize, depth: usize) -> Result<Value, (usize, String)> {
+fn sequence(
+    lines: &mut VecDeque<Line>,
+    indent: usize,
+    depth: usize,
+) -> Result<Value, (usize, String)> {
     let mut items = Vec::new();
-    while let Some(line) = lines.first_mut().filter(|line| line.indent == indent) {
+    while let Some(line) = lines.front_mut().filter(|line| line.indent == indent) {
         let Some(rest) = line.text.strip_prefix('-') else { break };
         // The item is a block of its own that begins behind the dash.
         let item = rest.trim_start().to_owned();
         let inner = indent + line.text.len() - item.len();
         if item.is_empty() {
-            lines.remove(0);
+            lines.pop_front();
         } else {
             (line.indent, line.text) = (inner, item);
         }
@@ -87,21 +104,25 @@ fn sequence(lines: &mut Vec<Line>, indent: usize, depth: usize) -> Result<Value,
     Ok(Value::Array(items))
 }
 
-fn mapping(lines: &mut Vec<Line>, indent: usize, depth: usize) -> Result<Value, (usize, String)> {
+fn mapping(
+    lines: &mut VecDeque<Line>,
+    indent: usize,
+    depth: usize,
+) -> Result<Value, (usize, String)> {
     let mut map = Map::new();
-    while let Some(line) = lines.first().filter(|line| line.indent == indent).cloned() {
+    while let Some(line) = lines.front().filter(|line| line.indent == indent).cloned() {
         let Some((key, rest)) = key_and_rest(&line.text) else {
             return Err((line.number, format!("expected `name: value`, found {:?}", line.text)));
         };
-        lines.remove(0);
+        lines.pop_front();
         let rest = without_tag(rest);
         let value = if rest.is_empty() {
             // PyYAML does not indent a sequence below its key.
             let flush =
-                lines.first().is_some_and(|l| l.indent == indent && l.text.starts_with("- "));
+                lines.front().is_some_and(|l| l.indent == indent && l.text.starts_with("- "));
             block(lines, if flush { indent } else { indent + 1 }, depth + 1)?
         } else {
-            scalar(rest, line.number)?
+            scalar(rest, line.number, depth)?
         };
         map.insert(key.to_owned(), value);
     }
@@ -125,11 +146,14 @@ fn without_tag(text: &str) -> &str {
 }
 
 /// A number, a bracketed list of values, or a string.
-fn scalar(text: &str, line: usize) -> Result<Value, (usize, String)> {
+fn scalar(text: &str, line: usize, depth: usize) -> Result<Value, (usize, String)> {
     let text = text.trim();
     if let Some(inner) = text.strip_prefix('[') {
+        if depth > MOST_DEPTH {
+            return Err((line, "nested too deeply".into()));
+        }
         let inner = inner.strip_suffix(']').ok_or((line, "a list does not end with ]".into()))?;
-        let items = split_top(inner).into_iter().map(|item| scalar(item, line));
+        let items = split_top(inner).into_iter().map(|item| scalar(item, line, depth + 1));
         return Ok(Value::Array(items.collect::<Result<_, _>>()?));
     }
     // OpenCV writes `1.` and `.5`, which JSON would refuse.
@@ -182,6 +206,19 @@ mod tests {
         let expected =
             json!({ "K": [[1.0, 2.0], [3.0, ".nan"]], "name": "left", "d": [[1.0], [2.0]] });
         assert_eq!(parse(text).unwrap(), expected);
+    }
+
+    #[test]
+    fn depth_and_length_are_bounded() {
+        let start = std::time::Instant::now();
+        let deep = format!("a: {}{}\n", "[".repeat(60_000), "]".repeat(60_000));
+        assert!(parse(&deep).unwrap_err().1.contains("too deeply"));
+        let long: String = (0..150_000).map(|i| format!("key{i}: {i}\n")).collect();
+        assert!(parse(&long).unwrap_err().1.contains("100000 lines"));
+        let allowed: String = (0..90_000).map(|i| format!("key{i}: {i}\n")).collect();
+        assert_eq!(parse(&allowed).unwrap().as_object().unwrap().len(), 90_000);
+        assert!(parse(&"- ".repeat(90_000)).unwrap_err().1.contains("too deeply"));
+        assert!(start.elapsed() < std::time::Duration::from_secs(10), "{:?}", start.elapsed());
     }
 
     #[test]

@@ -3,8 +3,8 @@
 use crate::geometry::Point3;
 use crate::io::InputError;
 use crate::io::atomic::{WriteError, write_atomic};
+use crate::io::npz::Npz;
 use ndarray::{Array1, Array3};
-use ndarray_npy::{NpzReader, ReadNpzError};
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -71,11 +71,9 @@ impl ShapeFile {
 /// No file, no `.npz`, arrays that are missing or of other shapes.
 pub fn read_shapes(path: &Path) -> Result<(Vec<Vec<Point3>>, Vec<u8>), InputError> {
     let format = |reason: String| InputError::Format { path: path.into(), reason };
-    let wrong = |what: &str, error: ReadNpzError| format(format!("{what}: {error}"));
-    let file = File::open(path).map_err(|source| InputError::Read { path: path.into(), source })?;
-    let mut npz = NpzReader::new(file).map_err(|e| wrong("expected a NumPy .npz", e))?;
-    let shapes: Array3<f32> = npz.by_name("vertices").map_err(|e| wrong("vertices", e))?;
-    let status: Array1<u8> = npz.by_name("status").map_err(|e| wrong("status", e))?;
+    let mut npz = Npz::open(path).map_err(format)?;
+    let shapes: Array3<f32> = npz.array("vertices").map_err(format)?;
+    let status: Array1<u8> = npz.array("status").map_err(format)?;
     if shapes.shape()[2] != 3 || shapes.shape()[0] != status.len() {
         return Err(format("vertices is not frames x vertices x 3 of as many as status".into()));
     }

@@ -5,12 +5,15 @@
 
 mod colour;
 mod ffmpeg;
+pub mod mjpeg;
 pub mod motion;
 mod mp4;
 mod select;
 
+use crate::guard;
 use crate::image::Frame;
 use serde::{Deserialize, Serialize};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 /// Extensions of files that are taken for videos, in any case.
@@ -100,10 +103,33 @@ pub enum VideoError {
 
 /// One decoded picture.
 struct Picture {
-    /// 0-based, in display order.
-    index: usize,
     size: [usize; 2],
     rgb: Vec<[u8; 3]>,
+}
+
+impl Picture {
+    fn into_frame(self, number: usize) -> Frame {
+        Frame { name: frame_name(number), size: self.size, rgb: self.rgb }
+    }
+}
+
+/// A frame of a video, or its loss.
+#[derive(Clone, Debug)]
+pub struct VideoFrame {
+    /// Place in the video by the container's time stamps, from 0.
+    pub number: usize,
+    /// Frames of the video, where the container says so.
+    pub total: Option<usize>,
+    /// The picture under [`frame_name`], or why it is lost.
+    pub content: Result<Frame, String>,
+    /// A lost frame from which this one is predicted, directly or through others: parts of it may show what
+    /// was before the loss.
+    pub rests_on: Option<usize>,
+}
+
+/// The name of a frame of a video: `frame_NNN` by its 0-based number.
+pub fn frame_name(number: usize) -> String {
+    format!("frame_{number:03}")
 }
 
 /// Whether a path is a video by its extension.
@@ -129,85 +155,83 @@ pub fn select_reporting(
     progress: &mut dyn FnMut(usize, Option<usize>),
 ) -> Result<Vec<Frame>, VideoError> {
     options.validate()?;
-    let bytes =
-        std::fs::read(path).map_err(|source| VideoError::Read { path: path.into(), source })?;
-    let chosen = match mp4::open(&bytes) {
-        Ok(stream) => {
-            let total = stream.frame_count();
-            let mut candidates = select::Candidates::new(options, Some(total));
-            let decoded = stream.decode(&mut |picture| {
-                progress(picture.index + 1, Some(total));
-                candidates.offer(picture);
-            });
-            match decoded {
-                Ok(()) => candidates.choose(options),
-                Err(mp4::Stop::Unsupported(reason)) => {
-                    through_ffmpeg(path, options, &reason, progress)?
-                }
-                Err(mp4::Stop::Damaged(reason)) => {
-                    return Err(VideoError::Damaged { path: path.into(), reason });
-                }
+    let mut candidates = None;
+    let mut lost = None;
+    each_frame(path, &mut |VideoFrame { number, total, content, rests_on }| {
+        progress(number + 1, total);
+        let candidates = candidates.get_or_insert_with(|| select::Candidates::new(options, total));
+        match content {
+            // What rests on a damaged frame may show two moments at once.
+            Ok(frame) if rests_on.is_none() => candidates.offer(number, frame),
+            Ok(_) => {}
+            Err(reason) => {
+                lost.get_or_insert(format!("{}: {reason}", frame_name(number)));
             }
         }
-        Err(reason) => through_ffmpeg(path, options, &reason, progress)?,
-    };
-    if chosen.is_empty() {
-        return Err(VideoError::Empty { path: path.into() });
+        true
+    })?;
+    let chosen = candidates.map_or(Vec::new(), |candidates| candidates.choose(options));
+    match (chosen.is_empty(), lost) {
+        (false, _) => Ok(chosen),
+        (true, Some(reason)) => Err(VideoError::Damaged { path: path.into(), reason }),
+        (true, None) => Err(VideoError::Empty { path: path.into() }),
     }
-    Ok(chosen)
 }
 
-/// Every frame of a video in display order, named `frame_NNN` by its 0-based number, one at a time:
-/// `each` gets the frame and, where the container says so, how many there are.
+/// Every frame of a video in display order, one at a time, until `each` says that it wants no more. A frame
+/// that cannot be decoded is given as lost under its own number; the others go on.
 ///
 /// # Errors
-/// A file that cannot be read or decoded; frames before the damage have been given by then.
-pub fn each_frame(
-    path: &Path,
-    each: &mut dyn FnMut(Frame, Option<usize>),
-) -> Result<(), VideoError> {
-    let bytes =
-        std::fs::read(path).map_err(|source| VideoError::Read { path: path.into(), source })?;
-    let given = std::cell::Cell::new(0);
-    let mut give = |picture: Picture, total| {
-        let name = format!("frame_{:03}", picture.index);
-        given.set(given.get() + 1);
-        each(Frame { name, size: picture.size, rgb: picture.rgb }, total);
-    };
-    let reason = match mp4::open(&bytes) {
+/// A file that cannot be read, or of which nothing can be decoded. Where another decoder (`ffmpeg`)
+/// fails in the middle, the frames before have been given by then.
+pub fn each_frame(path: &Path, each: &mut dyn FnMut(VideoFrame) -> bool) -> Result<(), VideoError> {
+    let file =
+        guard::open(path).map_err(|source| VideoError::Read { path: path.into(), source })?;
+    let damaged = |reason| VideoError::Damaged { path: path.into(), reason };
+    let mut given = 0;
+    let reason = match mp4::open(BufReader::new(file)) {
         Ok(stream) => {
             let total = Some(stream.frame_count());
-            match stream.decode(&mut |picture| give(picture, total)) {
-                Ok(()) if given.get() == 0 => return Err(VideoError::Empty { path: path.into() }),
+            let decoded = stream.decode(&mut |mp4::Shown { content, number, rests_on }| {
+                given += 1;
+                let content = content.map(|picture| picture.into_frame(number));
+                each(VideoFrame { number, total, content, rests_on })
+            });
+            match decoded {
+                Ok(()) if given == 0 => return Err(VideoError::Empty { path: path.into() }),
                 Ok(()) => return Ok(()),
-                Err(mp4::Stop::Unsupported(reason)) if given.get() == 0 => reason,
+                Err(mp4::Stop::Unsupported(reason)) if given == 0 => reason,
                 Err(mp4::Stop::Unsupported(reason) | mp4::Stop::Damaged(reason)) => {
-                    return Err(VideoError::Damaged { path: path.into(), reason });
+                    return Err(damaged(reason));
                 }
             }
         }
         Err(reason) => reason,
     };
-    ffmpeg::decode("ffmpeg", path, &reason, &mut |picture| give(picture, None))
+    ffmpeg::decode("ffmpeg", path, &reason, &mut |number, picture| {
+        let content = Ok(picture.into_frame(number));
+        each(VideoFrame { number, total: None, content, rests_on: None })
+    })
 }
 
 /// Frames a second of a video on average, where it is H.264 in mp4 and says so.
 pub fn frame_rate(path: &Path) -> Option<f64> {
-    mp4::open(&std::fs::read(path).ok()?).ok()?.frame_rate()
+    mp4::open(BufReader::new(guard::open(path).ok()?)).ok()?.frame_rate()
 }
 
-fn through_ffmpeg(
-    path: &Path,
-    options: &VideoOptions,
-    reason: &str,
-    progress: &mut dyn FnMut(usize, Option<usize>),
-) -> Result<Vec<Frame>, VideoError> {
-    let mut candidates = select::Candidates::new(options, None);
-    ffmpeg::decode("ffmpeg", path, reason, &mut |picture| {
-        progress(picture.index + 1, None);
-        candidates.offer(picture);
-    })?;
-    Ok(candidates.choose(options))
+/// Decode an mp4 file in memory and count pictures and losses; for tests of damaged input.
+#[doc(hidden)]
+pub fn count_frames(bytes: &[u8]) -> Result<[usize; 2], String> {
+    let mut counts = [0; 2];
+    let stream = mp4::open(std::io::Cursor::new(bytes))?;
+    let decoded = stream.decode(&mut |shown| {
+        counts[usize::from(shown.content.is_err())] += 1;
+        true
+    });
+    match decoded {
+        Ok(()) => Ok(counts),
+        Err(mp4::Stop::Unsupported(reason) | mp4::Stop::Damaged(reason)) => Err(reason),
+    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The sharpest frame of every window, then those that moved.
 
+use super::VideoOptions;
 use super::motion::{Thumbnail, displacement};
-use super::{Picture, VideoOptions};
 use crate::image::Frame;
 use crate::image::filter::{halve, laplacian_variance};
 
@@ -24,11 +24,9 @@ impl Candidates {
         Self { window, limit, best: Vec::new() }
     }
 
-    /// Look at one picture.
-    pub(super) fn offer(&mut self, picture: Picture) {
-        let window = (picture.index as f64 / self.window) as usize;
-        let name = format!("frame_{:03}", picture.index);
-        let frame = Frame { name, size: picture.size, rgb: picture.rgb };
+    /// Look at one frame and its number.
+    pub(super) fn offer(&mut self, number: usize, frame: Frame) {
+        let window = (number as f64 / self.window) as usize;
         let sharpness = laplacian_variance(&halve(&frame.luma()), None);
         match self.best.last_mut() {
             Some(best) if best.0 == window => {
@@ -82,16 +80,17 @@ impl Candidates {
 
 #[cfg(test)]
 mod tests {
+    use super::super::frame_name;
     use super::*;
 
     /// A moving texture; every frame but each `sharp`th is blurred to a low contrast.
-    fn picture(index: usize, shift: usize, contrast: usize) -> Picture {
+    fn picture(index: usize, shift: usize, contrast: usize) -> Frame {
         let size = [240, 120];
         let grey = |i: usize| {
             let (x, y) = ((i % 240 + shift) / 4, (i / 240) / 4);
             (100 + contrast * ((x * 7919 + y * 104_729) % 19) / 2) as u8
         };
-        Picture { index, size, rgb: (0..240 * 120).map(|i| [grey(i); 3]).collect() }
+        Frame { name: frame_name(index), size, rgb: (0..240 * 120).map(|i| [grey(i); 3]).collect() }
     }
 
     fn names(frames: &[Frame]) -> Vec<&str> {
@@ -103,7 +102,7 @@ mod tests {
         let options = VideoOptions { max_frames: 4, ..Default::default() };
         let mut candidates = Candidates::new(&options, Some(20));
         for i in 0..20 {
-            candidates.offer(picture(i, 2 * i, if i % 5 == 3 { 10 } else { 6 }));
+            candidates.offer(i, picture(i, 2 * i, if i % 5 == 3 { 10 } else { 6 }));
         }
         let frames = candidates.choose(&options);
         assert_eq!(names(&frames), ["frame_003", "frame_008", "frame_013", "frame_018"]);
@@ -113,7 +112,7 @@ mod tests {
     fn windows_need_not_be_of_whole_frames() {
         let options = VideoOptions { max_frames: 8, ..Default::default() };
         let mut candidates = Candidates::new(&options, Some(20));
-        (0..20).for_each(|i| candidates.offer(picture(i, 3 * i, 6)));
+        (0..20).for_each(|i| candidates.offer(i, picture(i, 3 * i, 6)));
         assert_eq!(candidates.choose(&options).len(), 8);
     }
 
@@ -121,7 +120,7 @@ mod tests {
     fn a_resting_camera_gives_one_frame() {
         let options = VideoOptions { max_frames: 4, ..Default::default() };
         let mut candidates = Candidates::new(&options, Some(20));
-        (0..20).for_each(|i| candidates.offer(picture(i, 7, 6)));
+        (0..20).for_each(|i| candidates.offer(i, picture(i, 7, 6)));
         assert_eq!(names(&candidates.choose(&options)), ["frame_000"]);
     }
 
@@ -130,14 +129,14 @@ mod tests {
         let options = VideoOptions { max_frames: 3, ..Default::default() };
         let mut candidates = Candidates::new(&options, None);
         for i in 0..50 {
-            candidates.offer(picture(i, 3 * i, 6));
+            candidates.offer(i, picture(i, 3 * i, 6));
             assert!(candidates.best.len() <= 7);
         }
         let frames = candidates.choose(&options);
         assert!((2..=3).contains(&frames.len()), "{:?}", names(&frames));
         let every = VideoOptions { stride: Some(5), max_frames: 100, min_motion: 0.0 };
         let mut candidates = Candidates::new(&every, None);
-        (0..20).for_each(|i| candidates.offer(picture(i, 0, 6)));
+        (0..20).for_each(|i| candidates.offer(i, picture(i, 0, 6)));
         assert_eq!(candidates.choose(&every).len(), 4);
     }
 }

@@ -112,8 +112,9 @@ pub enum TrackMethod {
 pub fn size(text: &str) -> Result<[usize; 2], String> {
     let parts: Option<Vec<usize>> = text.split('x').map(|n| n.parse().ok()).collect();
     match parts.as_deref() {
-        Some(&[w, h]) if (1..65536).contains(&w) && (1..65536).contains(&h) => Ok([w, h]),
-        _ => Err("expected WIDTHxHEIGHT, for example 1280x720".into()),
+        // Frames of up to 64 million px, 200 MB.
+        Some(&[w, h]) if w >= 1 && h >= 1 && w.max(h) <= 16384 && w * h <= 1 << 26 => Ok([w, h]),
+        _ => Err("expected WIDTHxHEIGHT, for example 1280x720, of at most 64 million px".into()),
     }
 }
 

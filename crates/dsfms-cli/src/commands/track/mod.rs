@@ -2,7 +2,6 @@
 
 mod args;
 mod live;
-mod mjpeg;
 mod outputs;
 mod queue;
 mod source;
@@ -12,7 +11,8 @@ use crate::args::Global;
 use crate::exit::Outcome;
 use crate::formats::{Formats, Shape};
 use crate::inputs;
-use crate::outputs::{prepare_folder, write_png, write_text};
+use crate::outputs::{write_png, write_text};
+use crate::place;
 use crate::progress::Reporter;
 use crate::report::track::TrackReport;
 pub use args::{TrackArgs, size};
@@ -28,13 +28,13 @@ use dsfms::track::shapes::ShapeFile;
 use dsfms::track::{TrackOptions, TrackStatus, Tracked, Tracker};
 use live::{Told, tell};
 use source::{Content, Item, Source};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Run the command.
 pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
     let live = args.input == [PathBuf::from("-")];
     check(args, live)?;
-    prepare_folder(&args.output)?;
+    place::check(&args.output, &places(args))?;
     let mut template = read_template(&args.template)?;
     let (camera, tone) = inputs::frame_camera(args.camera.as_deref(), global, &mut template)?;
     let base = if args.realtime { TrackOptions::realtime() } else { TrackOptions::default() };
@@ -48,6 +48,7 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
         TrackMethod::Joint => Method::Joint,
     };
     let tracker = Tracker::new(&template, &camera, &tone, method, options)?;
+    place::renew(&args.output, "track")?;
     let path = args.output.join("vertices.npz");
     let shapes = ShapeFile::create(&path, template.mesh.positions.len())?;
     let name = args.template.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -73,10 +74,24 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
         counts: [0; 3],
     };
     let reading = source.start(rate, job.tracker.preparation());
-    while let Some((item, dropped)) = reading.next()? {
-        job.take(item, dropped)?;
-    }
-    job.conclude()
+    let ended = loop {
+        match reading.next() {
+            Ok(Some((item, dropped))) => {
+                if let Err(error) = job.take(item, dropped) {
+                    break Err(error);
+                }
+            }
+            Ok(None) => break Ok(()),
+            Err(error) => break Err(error),
+        }
+    };
+    job.conclude(ended)
+}
+
+/// Folders and files of the input, apart from which results lie.
+fn places(args: &TrackArgs) -> Vec<&Path> {
+    let masks = args.instrument_masks.iter();
+    args.input.iter().chain([&args.template]).chain(masks).map(PathBuf::as_path).collect()
 }
 
 /// Frames a second where nothing says so.
@@ -133,8 +148,14 @@ impl<'a> Job<'a> {
         self.dropped += dropped;
         let start = std::time::Instant::now();
         let (frame, tracked) = match content {
-            Content::Frame(prepared) => {
-                let tracked = self.tracker.solve(&prepared);
+            Content::Frame(prepared, reservation) => {
+                let mut tracked = self.tracker.solve(&prepared);
+                if let (Some(reason), Some(_)) = (reservation, &tracked.surface) {
+                    if tracked.status == TrackStatus::Ok {
+                        tracked.status = TrackStatus::Degraded;
+                    }
+                    tracked.reasons.push(reason);
+                }
                 (prepared.frame, tracked)
             }
             Content::Unreadable(name, reason) => {
@@ -209,10 +230,18 @@ impl<'a> Job<'a> {
         Formats { folder: &args.output, template, list: &args.formats }
     }
 
-    fn conclude(self) -> anyhow::Result<Outcome> {
+    /// Whatever ended the run, what was done by then is written.
+    fn conclude(self, ended: anyhow::Result<()>) -> anyhow::Result<Outcome> {
         self.reporter.finish();
         let total: usize = self.counts.iter().sum();
-        anyhow::ensure!(total > 0, "the input holds no frame");
+        if total == 0 {
+            ended?;
+            anyhow::bail!("the input holds no frame");
+        }
+        if let Err(error) = &ended {
+            let why = crate::exit::describe(error);
+            self.reporter.error(&format!("{why}; the {total} frame(s) before are written"));
+        }
         self.formats().write_series(&self.kept)?;
         self.shapes.finish()?;
         write_text(&self.args.output.join("summary.csv"), &self.summary)?;
@@ -230,7 +259,7 @@ impl<'a> Job<'a> {
         };
         self.reporter.say(&format!("{ok} frame(s) ok, {degraded} degraded, {lost} lost{dropped}"));
         Ok(match () {
-            () if ok == total => Outcome::Ok,
+            () if ok == total && ended.is_ok() => Outcome::Ok,
             () if lost == total => Outcome::Nothing,
             () => Outcome::Degraded,
         })

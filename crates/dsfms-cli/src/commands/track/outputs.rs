@@ -80,7 +80,8 @@ pub fn picture(
 /// `OUT/overlay.mp4` of pictures, in their order; the error says why there is none.
 pub fn film(folder: &Path, pictures: &[PathBuf], rate: f64) -> Result<(), String> {
     // Under its name only when it is complete; the ending tells ffmpeg the format.
-    let (partial, whole) = (folder.join(".partial-overlay.mp4"), folder.join("overlay.mp4"));
+    let partial = folder.join(format!(".partial-{}-overlay.mp4", std::process::id()));
+    let whole = folder.join("overlay.mp4");
     let said = tempfile::NamedTempFile::new().map_err(|error| error.to_string())?;
     let child = Command::new("ffmpeg")
         .args(["-y", "-v", "error", "-f", "image2pipe", "-framerate", &rate.to_string()])

@@ -1,16 +1,17 @@
 //! Frames from files, videos or standard input, read on a thread of their own so that the next is
 //! ready when the last is solved.
 
-use super::mjpeg::Pictures;
 use super::queue::{EndOnDrop, Full, Queue};
 use crate::exit::describe;
+use crate::inputs::{predicted_from, rest_lost};
 use anyhow::Context;
 use clap::ValueEnum;
 use dsfms::image::{Frame, Mask};
-use dsfms::io::images::{find_frames, read_frame};
+use dsfms::io::images::{decode_bytes, find_frames, read_frame};
 use dsfms::io::masks::{MaskKind, read_masks};
 use dsfms::track::{Preparation, Prepared};
-use dsfms::video::{each_frame, frame_rate, is_video};
+use dsfms::video::mjpeg::Pictures;
+use dsfms::video::{VideoFrame, each_frame, frame_name, frame_rate, is_video};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -42,7 +43,8 @@ pub struct Item {
 /// What an item holds.
 pub enum Content {
     /// A frame, ready to be solved.
-    Frame(Box<Prepared>),
+    /// With what must be said of it besides.
+    Frame(Box<Prepared>, Option<String>),
     /// No frame: its name and the reason.
     Unreadable(String, String),
 }
@@ -140,9 +142,7 @@ impl Reader<'_> {
         }
         for input in &self.source.inputs {
             if input.is_file() && is_video(input) {
-                each_frame(input, &mut |frame, total| {
-                    self.give(frame, None, total);
-                })?;
+                self.video(input)?;
             } else {
                 let paths = find_frames(std::slice::from_ref(input))?;
                 for path in &paths {
@@ -160,6 +160,27 @@ impl Reader<'_> {
             }
         }
         Ok(())
+    }
+
+    fn video(&mut self, path: &Path) -> anyhow::Result<()> {
+        let mut given = 0;
+        let read = each_frame(path, &mut |VideoFrame { number, total, content, rests_on }| {
+            given = number + 1;
+            match content {
+                Ok(frame) => {
+                    let reservation = rests_on.map(predicted_from);
+                    self.give_with(frame, None, total, reservation)
+                }
+                Err(reason) => self.lose(frame_name(number), reason),
+            }
+        });
+        match read {
+            Err(error) if given > 0 => {
+                self.lose(frame_name(given), rest_lost(&error));
+                Ok(())
+            }
+            read => Ok(read?),
+        }
     }
 
     fn raw(&mut self) -> anyhow::Result<()> {
@@ -230,9 +251,27 @@ impl Reader<'_> {
 
     /// Hand a frame over; `false` where nobody wants more.
     fn give(&mut self, frame: Frame, path: Option<&Path>, total: Option<usize>) -> bool {
+        self.give_with(frame, path, total, None)
+    }
+
+    fn give_with(
+        &mut self,
+        frame: Frame,
+        path: Option<&Path>,
+        total: Option<usize>,
+        reservation: Option<String>,
+    ) -> bool {
         let Some(number) = self.taken() else { return true };
-        let item = self.item(number, frame, path, total);
-        self.queue.push(item)
+        let name = frame.name.clone();
+        let item = self.item(number, frame, path, total, reservation);
+        // Of another size, or without its mask: this frame is lost, and no other.
+        let lost = |error: anyhow::Error| Item {
+            number,
+            total,
+            warnings: Vec::new(),
+            content: Content::Unreadable(name, describe(&error)),
+        };
+        self.queue.push(Ok(item.unwrap_or_else(lost)))
     }
 
     fn item(
@@ -241,10 +280,12 @@ impl Reader<'_> {
         frame: Frame,
         path: Option<&Path>,
         total: Option<usize>,
+        reservation: Option<String>,
     ) -> anyhow::Result<Item> {
         let (mask, warnings) = self.mask(&frame, path)?;
         let prepared = self.preparation.prepare(frame, mask.as_ref())?;
-        Ok(Item { number, total, warnings, content: Content::Frame(Box::new(prepared)) })
+        let content = Content::Frame(Box::new(prepared), reservation);
+        Ok(Item { number, total, warnings, content })
     }
 
     fn lose(&mut self, name: String, reason: String) -> bool {
@@ -268,10 +309,7 @@ impl Reader<'_> {
 
 /// Size and pixels of a JPEG picture.
 fn decode(bytes: &[u8]) -> Result<([usize; 2], Vec<[u8; 3]>), String> {
-    // The reader's own limits hold, so that a wrong size cannot take all memory.
-    let mut reader = image::ImageReader::new(std::io::Cursor::new(bytes));
-    reader.set_format(image::ImageFormat::Jpeg);
-    let picture = reader.decode().map_err(|error| format!("damaged JPEG picture: {error}"))?;
+    let picture = decode_bytes(bytes).map_err(|error| format!("damaged JPEG picture: {error}"))?;
     let rgb = picture.to_rgb8();
     let size = [rgb.width() as usize, rgb.height() as usize];
     Ok((size, rgb.pixels().map(|p| p.0).collect()))

@@ -4,6 +4,9 @@ use super::super::error::InputError;
 use serde_json::{Map, Value};
 use std::path::Path;
 
+/// Most names that an error lists.
+const MOST_NAMED: usize = 12;
+
 /// An object of a file, with the name under which errors speak of its fields.
 pub(super) struct Fields<'a> {
     pub(super) path: &'a Path,
@@ -43,6 +46,25 @@ impl<'a> Fields<'a> {
         InputError::field(self.path, format!("{}{key}", self.prefix), problem)
     }
 
+    /// An error about a field whose name is nearly one of `known`, or, where `strict`, that is none of them
+    /// and no text (a remark): what it says would be lost.
+    pub(super) fn check_names(&self, known: &[&str], strict: bool) -> Result<(), InputError> {
+        for (key, value) in self.map {
+            if known.contains(&key.as_str()) {
+                continue;
+            }
+            if let Some(near) = known.iter().find(|k| k.len() >= 5 && one_slip(k, key)) {
+                return Err(self.error(key, format!("is not known; did you mean {near:?}?")));
+            }
+            if strict && !value.is_string() && !value.is_null() {
+                let problem =
+                    format!("is not known; expected {} (a text is a remark)", known.join(", "));
+                return Err(self.error(key, problem));
+            }
+        }
+        Ok(())
+    }
+
     /// A required finite number.
     pub(super) fn number(&self, key: &str) -> Result<f64, InputError> {
         match self.map.get(key) {
@@ -71,11 +93,26 @@ impl<'a> Fields<'a> {
         match near {
             Some(near) => format!("is missing; did you mean to write {near:?} as {key:?}?"),
             None => {
-                let found: Vec<_> = self.map.keys().map(String::as_str).collect();
-                format!("is missing; found only {}", found.join(", "))
+                let found: Vec<_> = self.map.keys().map(String::as_str).take(MOST_NAMED).collect();
+                let more = if self.map.len() > MOST_NAMED { ", …" } else { "" };
+                format!("is missing; found only {}{more}", found.join(", "))
             }
         }
     }
+}
+
+/// Whether two names differ by one letter more, fewer, another, or two in the wrong order, in any case.
+fn one_slip(a: &str, b: &str) -> bool {
+    let [a, b] = [a, b].map(|s| s.to_lowercase().into_bytes());
+    let first = a.iter().zip(&b).take_while(|(a, b)| a == b).count();
+    let (a, b) = (&a[first..], &b[first..]);
+    let rest = |s: &[u8], skip: usize| s.get(skip..).map(<[u8]>::to_vec);
+    let swapped = a.len() > 1 && b.len() > 1 && a[0] == b[1] && a[1] == b[0];
+    [(0, 1), (1, 0), (1, 1)]
+        .into_iter()
+        .any(|(i, j)| rest(a, i).is_some() && rest(a, i) == rest(b, j))
+        || swapped && a[2..] == b[2..]
+        || a.is_empty() && b.is_empty()
 }
 
 /// A finite number, or what is wrong.

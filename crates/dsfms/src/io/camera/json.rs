@@ -7,10 +7,37 @@ use crate::camera::{CameraModel, Lens};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
+/// Every field that is read.
+const KNOWN: [&str; 22] = [
+    "width",
+    "height",
+    "fx",
+    "fy",
+    "cx",
+    "cy",
+    "distortion_model",
+    "camera_model",
+    "distortion",
+    "k1",
+    "k2",
+    "p1",
+    "p2",
+    "k3",
+    "k4",
+    "k5",
+    "k6",
+    "pixel_convention",
+    "tone_curve",
+    "tone",
+    "light",
+    "vignetting",
+];
+
 const COEFFICIENTS: [&str; 8] = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"];
 
 pub(super) fn read(path: &Path, value: &Value) -> Result<CameraFile, InputError> {
     let fields = Fields::new(path, "", value)?;
+    fields.check_names(&KNOWN, true)?;
     let size = [fields.count("width")?, fields.count("height")?];
     let shift = pixel_shift(&fields)?;
     let camera = CameraModel {

@@ -13,12 +13,27 @@ const DISTANT: [&str; 5] = ["collinear", "distant", "directional", "parallel", "
 const NEAR: [&str; 6] = ["offset", "point", "near", "ring", "spot", "several"];
 const AT_CAMERA: [&str; 4] = ["colocated", "co-located", "coaxial", "camera"];
 
+/// Fields that are read, besides those of places.
+const KNOWN: [&str; 8] = [
+    "kind",
+    "type",
+    "reference_distance",
+    "reference_distance_mm",
+    "spot",
+    "falloff",
+    "fall_off",
+    "profile",
+];
+
 pub(super) fn read(path: &Path, value: &Value) -> Result<LightModel, InputError> {
     // A bare word: "light": "collinear".
     if let Some(word) = value.as_str() {
         return read(path, &json!({ "kind": word }));
     }
     let fields = Fields::new(path, "light", value)?;
+    let places = fields.keys().map(|(key, _)| key.as_str()).filter(|key| is_place(key));
+    let known: Vec<&str> = KNOWN.into_iter().chain(places).collect();
+    fields.check_names(&known, true)?;
     let kind = match fields.get("kind").or(fields.get("type")) {
         Some(kind) => kind.as_str().unwrap_or_default().to_lowercase(),
         None if positions(&fields)?.is_some() => "point".into(),
@@ -52,10 +67,13 @@ fn kinds() -> &'static str {
     "\"point\" (with positions), \"colocated\" or \"collinear\""
 }
 
+fn is_place(key: &str) -> bool {
+    key.starts_with("position") || key.starts_with("offset")
+}
+
 /// The field that begins like `position` or `offset`: one `[x, y, z]` or a list of them.
 fn positions(fields: &Fields) -> Result<Option<Vec<Point3>>, InputError> {
-    let names = |key: &str| key.starts_with("position") || key.starts_with("offset");
-    let Some((key, value)) = fields.keys().find(|(key, v)| names(key) && !v.is_null()) else {
+    let Some((key, value)) = fields.keys().find(|(key, v)| is_place(key) && !v.is_null()) else {
         return Ok(None);
     };
     let expected = "expected a list of [x, y, z]";

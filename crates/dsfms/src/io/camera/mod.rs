@@ -3,7 +3,8 @@
 //! The JSON holds `width`, `height`, `fx`, `fy`, `cx`, `cy` (a complete file), and optionally
 //! `distortion` (`k1 k2 p1 p2 k3`, or `k1` to `k4` with a `distortion_model` that says fisheye),
 //! `pixel_convention`, `tone_curve`, `light` and `vignetting` (`a` of `1 + a r²`, r in focal
-//! lengths). Unknown fields are ignored.
+//! lengths). A further field is a remark where it is a text, and an error where it is anything else or
+//! nearly one of these names.
 
 mod colmap;
 mod fields;
@@ -24,6 +25,9 @@ use std::path::Path;
 /// `reference_distance`: 50 length units, a usual working distance of a laparoscope in mm. It
 /// scales all shading alike, and so is absorbed by the gain.
 pub const REFERENCE_DISTANCE: f64 = 50.0;
+
+/// Most bytes of a camera file; its values take thirty times as much in memory.
+const MOST_TEXT: usize = 16 << 20;
 
 pub use colmap::{ImageCameras, read_image_cameras};
 
@@ -51,6 +55,9 @@ pub fn read_camera(path: &Path) -> Result<CameraFile, InputError> {
         return checked(path, colmap::read(path)?);
     }
     let text = read_text(path)?;
+    if text.len() > MOST_TEXT {
+        return Err(InputError::format(path, "larger than 16 MiB, which no camera file is"));
+    }
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let file = if text.trim_start().starts_with('{') || extension == "json" {
         let value = parse_json(path, &text)?;

@@ -33,6 +33,8 @@ const DISTORTION: [&str; 10] = [
 ];
 const WIDTH: [&str; 3] = ["image_width", "image_Width", "width"];
 const HEIGHT: [&str; 3] = ["image_height", "image_Height", "height"];
+const SIZE: [&str; 3] = ["image_size", "imageSize", "resolution"];
+const FISHEYE: [&str; 2] = ["fisheye_model", "fisheye"];
 const MODEL: [&str; 3] = ["distortion_model", "camera_model", "model"];
 
 /// Whether a document has a matrix of intrinsics instead of fx and fy.
@@ -42,6 +44,8 @@ pub(super) fn is_opencv(value: &Value) -> bool {
 
 pub(super) fn read(path: &Path, value: &Value) -> Result<CameraFile, InputError> {
     let fields = Fields::new(path, "", value)?;
+    let known = [&MATRIX[..], &DISTORTION, &WIDTH, &HEIGHT, &MODEL, &SIZE, &FISHEYE].concat();
+    fields.check_names(&known, false)?;
     let Some((key, _)) = fields.first(&MATRIX) else {
         return Err(fields.error(MATRIX[0], "is missing"));
     };
@@ -63,7 +67,7 @@ pub(super) fn read(path: &Path, value: &Value) -> Result<CameraFile, InputError>
 }
 
 fn size(fields: &Fields) -> Result<[usize; 2], InputError> {
-    if let Some((key, value)) = fields.first(&["image_size", "imageSize", "resolution"]) {
+    if let Some((key, value)) = fields.first(&SIZE) {
         let numbers = flat_numbers(value).map_err(|problem| fields.error(key, problem))?;
         if let [w, h] = numbers.as_slice()
             && [w, h].iter().all(|v| **v >= 1.0 && v.fract() == 0.0)
@@ -115,7 +119,7 @@ fn lens(fields: &Fields) -> Result<Lens, InputError> {
 
 /// OpenCV's sample writes `fisheye_model: 1`; others `fisheye: true`.
 fn flagged_fisheye(fields: &Fields) -> bool {
-    fields.first(&["fisheye_model", "fisheye"]).is_some_and(|(_, value)| {
+    fields.first(&FISHEYE).is_some_and(|(_, value)| {
         value.as_bool().unwrap_or_else(|| value.as_f64().is_some_and(|v| v != 0.0))
     })
 }

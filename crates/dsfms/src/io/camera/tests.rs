@@ -230,3 +230,38 @@ fn images_of_a_model_may_have_cameras_of_their_own() {
     write("cameras.txt", "1 SIMPLE_PINHOLE 640 480 500 320 240\n");
     assert_eq!(super::read_image_cameras(dir.path()).unwrap(), None);
 }
+
+#[test]
+fn fields_that_would_be_lost_are_errors() {
+    for (field, near) in [
+        ("\"distorsion\": {\"k1\": -0.3}", "distortion"),
+        ("\"Distortion\": [0.1, 0]", "distortion"),
+        ("\"vigneting\": -0.2", "vignetting"),
+        ("\"tone_cruve\": \"linear\"", "tone_curve"),
+        ("\"distortion_coefficients\": [-0.3, 0, 0, 0]", "expected"),
+        ("\"skew\": 3", "expected"),
+    ] {
+        let message = read("camera.json", &with(field)).unwrap_err();
+        assert!(message.contains(near) && message.contains("not known"), "{field}: {message}");
+    }
+    let light =
+        "\"light\": {\"kind\": \"point\", \"positions\": [[5, 0, 0]], \"referense_distance\": 40}";
+    assert!(read("camera.json", &with(light)).unwrap_err().contains("reference_distance"));
+    // Remarks are texts.
+    let remark = "\"projection\": \"x right, y down\", \"note\": \"of the left eye\"";
+    assert_eq!(read("camera.json", &with(remark)).unwrap().camera, plain());
+    let ros = "image_width: 640\nimage_height: 480\ncamera_mQtrix:\n  data: [1]\nK: [548, 0, 316.4, 0, 549, 243.2, 0, 0, 1]\n\
+               extrinsics: [1, 2]\nnframes: 30\n";
+    assert!(read("camera.yaml", ros).unwrap_err().contains("camera_matrix"));
+    let good = ros.replace("camera_mQtrix:\n  data: [1]\n", "");
+    assert_eq!(read("camera.yaml", &good).unwrap().camera, plain());
+}
+
+#[test]
+fn an_error_does_not_list_what_nobody_reads() {
+    let many: String = (0..9000).map(|i| format!("key{i}: {i}\n")).collect();
+    let message = read("camera.yaml", &format!("K: [1]\n{many}")).unwrap_err();
+    assert!(message.len() < 1000, "{} bytes", message.len());
+    let deep = format!("a: {}{}\n", "[".repeat(60_000), "]".repeat(60_000));
+    assert!(read("camera.yaml", &deep).unwrap_err().contains("too deeply"));
+}

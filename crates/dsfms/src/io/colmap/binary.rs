@@ -85,7 +85,7 @@ fn entries<T>(
     (size, what): (usize, &str),
     read: impl Fn(&mut Bytes) -> Result<T, InputError>,
 ) -> Result<Vec<T>, InputError> {
-    let data = std::fs::read(path).map_err(|source| InputError::read(path, source))?;
+    let data = crate::guard::read(path).map_err(|source| InputError::read(path, source))?;
     let mut bytes = Bytes { path, data: &data, at: 0 };
     let n = bytes.count(size, what)?;
     let all = (0..n).map(|_| read(&mut bytes)).collect::<Result<_, _>>()?;

@@ -107,6 +107,19 @@ fn stl_merges_equal_corners_in_order_of_appearance() {
     let bytes = fs::read(&path).unwrap();
     let error = read_text("cut.stl", &bytes[..bytes.len() - 10]).unwrap_err();
     assert!(matches!(error, MeshFileError::Truncated { .. }), "{error}");
+    // It states one triangle and holds two.
+    let mut fewer = bytes.clone();
+    fewer[80] = 1;
+    let error = read_text("a.stl", &fewer).unwrap_err().to_string();
+    assert!(error.contains("states 1 triangles") && error.contains("2 are there"), "{error}");
+}
+
+#[test]
+fn rows_without_content_are_not_counted() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\n\
+        element nothing 900000000000000000\nend_header\n";
+    let error = read_text("a.ply", text).unwrap_err().to_string();
+    assert!(error.contains("'nothing' has no property"), "{error}");
 }
 
 #[test]

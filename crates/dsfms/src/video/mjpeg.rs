@@ -14,6 +14,17 @@ pub struct Pictures<R> {
     input: R,
     buffer: Vec<u8>,
     ended: bool,
+    /// How far the picture at the start of the buffer has been walked.
+    walked: Walked,
+}
+
+/// A place within a picture, so that nothing is looked at again when more bytes come.
+#[derive(Clone, Copy, Default)]
+struct Walked {
+    /// Byte of the next marker; 0 before the first.
+    at: usize,
+    /// Within entropy-coded data.
+    coded: bool,
 }
 
 /// What the beginning of the buffer is.
@@ -28,15 +39,26 @@ enum Found {
 }
 
 impl<R: Read> Pictures<R> {
+    /// Of a stream.
     pub fn new(input: R) -> Self {
-        Self { input, buffer: Vec::new(), ended: false }
+        Self { input, buffer: Vec::new(), ended: false, walked: Walked::default() }
     }
 
     /// The bytes of the next picture, or why it is none; `None` at the end of the stream.
+    ///
+    /// # Errors
+    /// Those of the stream.
+    #[allow(clippy::should_implement_trait)]
     pub fn next(&mut self) -> io::Result<Option<Result<Vec<u8>, String>>> {
         loop {
             self.skip_to_start();
-            let found = if self.buffer.len() < 2 { Found::Part } else { scan(&self.buffer) };
+            let found = match self.buffer.len() {
+                0 | 1 => Found::Part,
+                _ => scan(&self.buffer, &mut self.walked),
+            };
+            if found != Found::Part || self.buffer.len() > MOST_BYTES || self.ended {
+                self.walked = Walked::default();
+            }
             match found {
                 Found::Whole(length) => {
                     let rest = self.buffer.split_off(length);
@@ -87,10 +109,19 @@ impl<R: Read> Pictures<R> {
     }
 }
 
-/// Walk the segments of a picture that starts the buffer.
-fn scan(bytes: &[u8]) -> Found {
-    let mut at = 2;
+/// Walk the segments of a picture that starts the buffer, from where the last walk ended.
+fn scan(bytes: &[u8], walked: &mut Walked) -> Found {
+    let mut at = walked.at.max(2);
     loop {
+        if walked.coded {
+            let Some(end) = coded_end(bytes, at) else {
+                // The last byte may be the first of a marker.
+                walked.at = at.max(bytes.len().saturating_sub(1));
+                return Found::Part;
+            };
+            (at, walked.coded) = (end, false);
+        }
+        walked.at = at;
         let Some(&[mark, kind]) = bytes.get(at..at + 2) else { return Found::Part };
         match (mark, kind) {
             (0xFF, 0xFF) => at += 1,
@@ -112,13 +143,11 @@ fn scan(bytes: &[u8]) -> Found {
                         return cut_off(at + i);
                     }
                 }
-                at += 2 + length;
-                if kind == 0xDA {
-                    match coded_end(bytes, at) {
-                        Some(end) => at = end,
-                        None => return Found::Part,
-                    }
+                if content.is_none() {
+                    return Found::Part;
                 }
+                at += 2 + length;
+                walked.coded = kind == 0xDA;
             }
             _ => return broken(at),
         }
@@ -182,6 +211,21 @@ mod tests {
             assert_eq!(all(stream.clone(), step), [Ok(a.clone()), Ok(b.clone())], "step {step}");
         }
         assert!(all(Vec::new(), 5).is_empty() && all(b"no picture\xff".to_vec(), 3).is_empty());
+    }
+
+    #[test]
+    fn a_picture_without_end_is_looked_at_once() {
+        let a = jpeg(10);
+        let start = a.windows(2).position(|w| w == [0xFF, 0xDA]).unwrap() + 14;
+        let mut bytes = a[..start].to_vec();
+        bytes.resize(MOST_BYTES + (8 << 20), 0x55);
+        bytes.extend(&a);
+        let begin = std::time::Instant::now();
+        let mut pictures = Pictures::new(bytes.as_slice());
+        let found: Vec<_> = std::iter::from_fn(|| pictures.next().unwrap()).collect();
+        assert!(found[0].as_ref().is_err_and(|e| e.contains("no JPEG picture ends within")));
+        assert_eq!(found.last(), Some(&Ok(a)));
+        assert!(begin.elapsed() < std::time::Duration::from_secs(20), "{:?}", begin.elapsed());
     }
 
     #[test]

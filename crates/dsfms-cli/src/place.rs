@@ -1,0 +1,192 @@
+//! The output folder: apart from the input, and without files of an older run.
+
+use crate::exit::Usage;
+use crate::outputs::{prepare_folder, write_json};
+use anyhow::Context;
+use dsfms::io::images;
+use serde::Serialize;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+/// Says that the files of these names are ours; the next run removes them.
+const MARK: &str = "dsfms.json";
+
+/// What a run writes besides `frame_NNN…`.
+const FILES: [&str; 7] =
+    ["summary.csv", "report.html", "vertices.npz", "frames.pvd", "frames.glb", "overlay.mp4", MARK];
+/// What it writes of every frame.
+const ENDINGS: [&str; 7] =
+    [".ply", ".json", "_overlay.png", "_structures.png", ".vtp", ".obj", ".stl"];
+/// Folders of a file or more a frame.
+const FOLDERS: [&str; 2] = ["overlay", "structures"];
+
+#[derive(Serialize)]
+struct Mark<'a> {
+    generator: &'a str,
+    command: &'a str,
+}
+
+/// Refuse, before any work, an output folder that is or lies in a folder of the input, that holds an image
+/// of the input, that cannot be written, or that holds files of our names which no run of ours left.
+pub fn check(output: &Path, inputs: &[&Path]) -> anyhow::Result<()> {
+    check_apart(output, inputs)?;
+    let foreign = entries(output)?.into_iter().find(|path| is_ours(path));
+    if let Some(path) = foreign.filter(|_| !output.join(MARK).is_file()) {
+        anyhow::bail!(
+            "{} already holds {}, and no {MARK} that says it is of an older run; choose another folder with -o, \
+             or empty this one",
+            output.display(),
+            path.file_name().unwrap_or_default().to_string_lossy()
+        );
+    }
+    prepare_folder(output)
+}
+
+/// Refuse an output folder that is, or lies in, a folder of the input, or that holds an image of it.
+pub fn check_apart(output: &Path, inputs: &[&Path]) -> anyhow::Result<()> {
+    let out = real(output);
+    for input in inputs {
+        let within = input.is_dir() && out.starts_with(real(input));
+        let is_image = images::EXTENSIONS.iter().any(|e| input.extension() == Some(OsStr::new(e)));
+        let beside =
+            input.is_file() && real(input).parent() == Some(&out) && (is_image || is_ours(input));
+        if within || beside {
+            let text = format!(
+                "the output folder {} lies in the input ({}), where a next run would take results for input; \
+                 choose another with -o",
+                output.display(),
+                input.display()
+            );
+            return Err(Usage(text).into());
+        }
+    }
+    Ok(())
+}
+
+/// Remove the files of an older run, and mark the folder.
+pub fn renew(output: &Path, command: &str) -> anyhow::Result<()> {
+    let remove = |path: PathBuf| {
+        std::fs::remove_file(&path)
+            .with_context(|| format!("cannot remove {} of an older run", path.display()))
+    };
+    // Nothing of ours is there without the mark: that has been checked.
+    entries(output)?.into_iter().filter(|path| is_ours(path)).try_for_each(remove)?;
+    for folder in FOLDERS.map(|name| output.join(name)) {
+        if folder.is_dir() && output.join(MARK).is_file() {
+            let of_frame = |path: &PathBuf| name_of(path).starts_with("frame_");
+            entries(&folder)?.into_iter().filter(of_frame).try_for_each(remove)?;
+            // It stays where something else lies in it.
+            let _ = std::fs::remove_dir(&folder);
+        }
+    }
+    let generator = concat!("dsfms ", env!("CARGO_PKG_VERSION"));
+    write_json(&output.join(MARK), &Mark { generator, command })
+}
+
+/// Whether a file has a name that runs give.
+fn is_ours(path: &Path) -> bool {
+    let name = name_of(path);
+    let of_frame = || {
+        let rest = name.strip_prefix("frame_")?;
+        let digits = rest.len() - rest.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+        (digits >= 3).then(|| ENDINGS.contains(&&rest[digits..]))
+    };
+    FILES.contains(&name.as_str()) || of_frame().unwrap_or(false)
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Files directly in a folder; none where it does not exist.
+fn entries(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    if !folder.is_dir() {
+        return Ok(Vec::new());
+    }
+    let unreadable = || format!("the output folder {} cannot be read", folder.display());
+    let found: std::io::Result<Vec<_>> =
+        std::fs::read_dir(folder).with_context(unreadable)?.map(|e| e.map(|e| e.path())).collect();
+    let mut found = found.with_context(unreadable)?;
+    found.retain(|path| !path.is_dir());
+    // The mark goes last: a removal that was interrupted is taken up by the next run.
+    found.sort_by_key(|path| name_of(path) == MARK);
+    Ok(found)
+}
+
+/// A path without links, `.` and `..`, as far as it exists.
+fn real(path: &Path) -> PathBuf {
+    let full = std::path::absolute(path).unwrap_or_else(|_| path.into());
+    let mut missing = Vec::new();
+    let mut known = full.as_path();
+    loop {
+        if let Ok(real) = known.canonicalize() {
+            return missing.iter().rev().fold(real, |path, part| path.join(part));
+        }
+        match (known.file_name(), known.parent()) {
+            (Some(name), Some(parent)) => {
+                missing.push(name.to_owned());
+                known = parent;
+            }
+            _ => return full,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::{create_dir_all, write};
+
+    #[test]
+    fn old_files_of_ours_go_and_the_user_s_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        check(&out, &[]).unwrap();
+        renew(&out, "track").unwrap();
+        create_dir_all(out.join("overlay")).unwrap();
+        let ours =
+            ["frame_000.ply", "frame_012_overlay.png", "summary.csv", "overlay/frame_000.png"];
+        let users = ["notes.txt", "frame_1.png", "frame_ply", "frames.txt", "overlay/mine.png"];
+        ours.iter().chain(&users).for_each(|name| write(out.join(name), "x").unwrap());
+        check(&out, &[]).unwrap();
+        renew(&out, "track").unwrap();
+        assert!(ours.iter().all(|name| !out.join(name).exists()));
+        assert!(users.iter().all(|name| out.join(name).exists()));
+        assert!(out.join(MARK).exists());
+    }
+
+    #[test]
+    fn files_that_no_run_left_are_never_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path().join("frame_003.ply"), "the user's truth").unwrap();
+        let error = check(folder.path(), &[]).unwrap_err().to_string();
+        assert!(error.contains("frame_003.ply"), "{error}");
+    }
+
+    #[test]
+    fn output_within_the_input_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let frames = folder.path().join("frames");
+        create_dir_all(&frames).unwrap();
+        write(frames.join("a.png"), "x").unwrap();
+        let bad = [
+            frames.clone(),
+            frames.join("deep/out"),
+            frames.join("../frames"),
+            folder.path().join("none/../frames/out"),
+        ];
+        for out in &bad {
+            assert!(check_apart(out, &[&frames]).is_err(), "{}", out.display());
+        }
+        #[cfg(unix)]
+        {
+            let link = folder.path().join("link");
+            std::os::unix::fs::symlink(&frames, &link).unwrap();
+            assert!(check_apart(&link.join("out"), &[&frames]).is_err());
+        }
+        assert!(check_apart(&frames, &[&frames.join("a.png")]).is_err());
+        assert!(check_apart(&frames.join("out"), &[&frames.join("a.png")]).is_ok());
+        assert!(check_apart(folder.path(), &[&frames]).is_ok());
+        assert!(check_apart(&folder.path().join("frames2"), &[&frames]).is_ok());
+    }
+}

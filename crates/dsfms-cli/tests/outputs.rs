@@ -1,0 +1,111 @@
+//! Output folders: nothing of an older run stays, nothing of the user's goes, nothing lies in the input; and
+//! input that is no file is refused at once.
+
+mod common;
+
+use common::Case;
+use std::fs;
+use std::time::Duration;
+
+const NOTHING: i32 = 1;
+const USAGE: i32 = 64;
+
+fn rigid(case: &Case, images: &str, out: &str) -> assert_cmd::Command {
+    let mut command = case.reconstruct(&[images, "--camera", "camera.json"]);
+    command.args(["--matches", "matches.csv", "--method", "rigid", "-o", out]);
+    // A command that waits for ever must not.
+    command.timeout(Duration::from_secs(60));
+    command
+}
+
+fn refused(command: &mut assert_cmd::Command, code: i32, words: &[&str]) {
+    let output = command.assert().code(code).get_output().clone();
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!text.contains("panicked"), "{text}");
+    for word in words {
+        assert!(text.contains(word), "expected {word:?} in: {text}");
+    }
+}
+
+#[test]
+fn a_frame_that_fails_leaves_no_surface_of_an_older_run() {
+    let case = Case::new();
+    case.template();
+    rigid(&case, "frames", "out").assert().success();
+    assert!(case.path("out/frame_003.ply").is_file());
+    fs::write(case.path("out/notes.txt"), "the user's").unwrap();
+    fs::write(case.path("out/.partial-4294967294-abc"), "of a killed run").unwrap();
+    let scattered: String = (0..20)
+        .map(|i| format!("{},0.3,0.3,0.4,{},{}\n", (i * 17) % 300, (i * 67) % 160, (i * 41) % 120))
+        .collect();
+    fs::write(case.path("matches.csv"), format!("face,b1,b2,b3,x,y\n{scattered}")).unwrap();
+    fs::write(case.path("frames/organ_003.png"), "no picture").unwrap();
+    refused(&mut rigid(&case, "frames", "out"), NOTHING, &["organ_003"]);
+    assert!(!case.path("out/frame_003.ply").exists());
+    assert!(!case.path("out/frame_003_overlay.png").exists());
+    assert!(case.path("out/notes.txt").exists());
+    assert!(!case.path("out/.partial-4294967294-abc").exists());
+    let json = fs::read_to_string(case.path("out/frame_003.json")).unwrap();
+    assert!(json.contains("failed"), "{json}");
+}
+
+#[test]
+fn results_do_not_go_into_the_input_nor_over_files_of_others() {
+    let case = Case::new();
+    case.template();
+    for out in ["frames", "frames/out", "./frames/../frames/deep/out", "organ.template/out"] {
+        refused(&mut rigid(&case, "frames", out), USAGE, &["lies in the input"]);
+    }
+    refused(&mut rigid(&case, "frames/organ_003.png", "frames"), USAGE, &["lies in the input"]);
+    assert_eq!(fs::read_dir(case.path("frames")).unwrap().count(), 1);
+    refused(&mut rigid(&case, "frames", "truth"), NOTHING, &["frame_003.ply", "-o"]);
+    assert!(case.path("truth/frame_003.ply").is_file());
+}
+
+#[test]
+fn a_template_folder_is_looked_at_before_the_work() {
+    let case = Case::new();
+    case.template();
+    // The mesh does not exist: the complaint about the folder comes first.
+    let build = |out: &str| case.dsfms(&["template", "--mesh", "nowhere.ply", "-o", out]);
+    refused(&mut build("frames"), NOTHING, &["frames", "not a template"]);
+    fs::write(case.path("organ.template/notes.txt"), "the user's").unwrap();
+    refused(&mut build("organ.template"), NOTHING, &["notes.txt", "would be lost"]);
+    assert!(case.path("organ.template/notes.txt").exists());
+    fs::remove_file(case.path("organ.template/notes.txt")).unwrap();
+    refused(&mut build("organ.template"), NOTHING, &["nowhere.ply"]);
+    case.template();
+}
+
+#[test]
+fn numbers_and_names_that_are_wrong_are_refused_at_once() {
+    let case = Case::new();
+    case.template();
+    let mut threads = rigid(&case, "frames", "out");
+    threads.args(["--threads", "65535"]);
+    refused(&mut threads, USAGE, &["65535"]);
+    let camera = fs::read_to_string(case.path("camera.json")).unwrap();
+    let misspelt = camera.replacen('{', "{\"distorsion\": {\"k1\": -0.3},", 1);
+    fs::write(case.path("camera.json"), misspelt).unwrap();
+    refused(&mut rigid(&case, "frames", "out"), NOTHING, &["distorsion", "distortion"]);
+    let mut raw =
+        case.dsfms(&["track", "organ.template", "-", "--size", "65535x65535", "-o", "out"]);
+    refused(raw.timeout(Duration::from_secs(60)), USAGE, &["64 million"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_and_devices_are_no_input() {
+    let case = Case::new();
+    case.template();
+    refused(&mut rigid(&case, "/dev/zero", "out"), NOTHING, &["not a regular file"]);
+    let pipe = case.path("pipe.png");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+    if !made.is_ok_and(|status| status.success()) {
+        return;
+    }
+    refused(&mut rigid(&case, "pipe.png", "out"), NOTHING, &["pipe.png", "not a regular file"]);
+    std::os::unix::fs::symlink("pipe.png", case.path("pipe.json")).unwrap();
+    let mut camera = case.reconstruct(&["frames", "--camera", "pipe.json", "-o", "out"]);
+    refused(camera.timeout(Duration::from_secs(60)), NOTHING, &["not a regular file"]);
+}

@@ -1,0 +1,207 @@
+//! Every file of the corpus through its reader, within a time; and mutants of them, few in the usual run and
+//! as many as a time allows on demand:
+//!
+//! `DSFMS_FUZZ_SECONDS=600 cargo test --release --test fuzz_regressions -- --ignored --nocapture`
+
+#[path = "common/mp4.rs"]
+mod mp4;
+#[path = "common/targets.rs"]
+mod targets;
+
+use dsfms::geometry::Point3;
+use std::path::Path;
+use std::time::{Duration, Instant};
+use targets::{TARGETS, Target};
+
+/// For one input on a busy machine; a reader takes milliseconds.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// Names and bytes of a target: its folder of the corpus, and seeds that are made here.
+fn corpus(target: &str) -> Vec<(String, Vec<u8>)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus").join(target);
+    let mut files: Vec<(String, Vec<u8>)> = std::fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .map(|entry| entry.unwrap().path())
+        .map(|path| (path.display().to_string(), std::fs::read(&path).unwrap()))
+        .collect();
+    files.extend(made(target).map(|bytes| ("made".into(), bytes)));
+    files.sort();
+    assert!(!files.is_empty(), "no corpus for {target}");
+    files
+}
+
+fn made(target: &str) -> Option<Vec<u8>> {
+    let picture =
+        image::RgbImage::from_fn(24, 16, |x, y| image::Rgb([x as u8 * 9, y as u8 * 11, 77]));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    match target {
+        "image" => picture.write_to(&mut bytes, image::ImageFormat::Png).unwrap(),
+        "mjpeg" => {
+            picture.write_to(&mut bytes, image::ImageFormat::Jpeg).unwrap();
+            let one = bytes.into_inner();
+            return Some([&b"--boundary\r\n\r\n"[..], &one, b"\r\n", &one].concat());
+        }
+        "mp4" => {
+            let grey = |k: u8| vec![[60 + 40 * k; 3]; 32 * 16];
+            return Some(mp4::video([32, 16], &[grey(0), grey(1), grey(2)]).bytes);
+        }
+        "npz" => {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("a.npz");
+            let mut file = dsfms::track::shapes::ShapeFile::create(&path, 2).unwrap();
+            file.push(Some(&[Point3::new(1.0, 2.0, 3.0), Point3::new(4.0, 5.0, 6.0)]), 0).unwrap();
+            file.finish().unwrap();
+            return Some(std::fs::read(path).unwrap());
+        }
+        _ => return None,
+    }
+    Some(bytes.into_inner())
+}
+
+fn timed(name: &str, target: Target, bytes: &[u8]) -> bool {
+    let start = Instant::now();
+    let accepted = target(bytes);
+    if start.elapsed() > PATIENCE {
+        let path = std::env::temp_dir().join("dsfms-fuzz-slow");
+        std::fs::write(&path, bytes).unwrap();
+        panic!("{name}: {:?}, see {}", start.elapsed(), path.display());
+    }
+    accepted
+}
+
+#[test]
+fn every_file_of_the_corpus_ends_in_time() {
+    dsfms::guard::quiet_hook();
+    for (name, _, target) in TARGETS {
+        let files = corpus(name);
+        let accepted = files.iter().filter(|(file, bytes)| timed(file, target, bytes)).count();
+        assert!(accepted > 0, "{name}: no seed is accepted");
+    }
+}
+
+/// xorshift64*.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 33) as usize % n.max(1)
+    }
+}
+
+/// Values that readers trip over.
+const WORDS: [&[u8]; 16] = [
+    b"\xFF\xFF\xFF\xFF",
+    b"\0\0\0\0",
+    b"\x7F\xFF\xFF\xFF",
+    b"\xFF\xFF\xFF\x7F",
+    b"\x80\0\0\0",
+    b"nan",
+    b"-1",
+    b"1e308",
+    b"18446744073709551615",
+    b"[",
+    b"{",
+    b",",
+    b"\n",
+    b"\"",
+    b"moof",
+    b"0",
+];
+
+fn mutate(random: &mut Random, seeds: &[(String, Vec<u8>)]) -> Vec<u8> {
+    let mut bytes = seeds[random.below(seeds.len())].1.clone();
+    for _ in 0..=random.below(6) {
+        let at = random.below(bytes.len());
+        match random.below(8) {
+            _ if bytes.is_empty() => bytes.push(0),
+            0 => bytes[at] ^= 1 << random.below(8),
+            1 => bytes[at] = random.below(256) as u8,
+            2 => bytes.truncate(at),
+            3 => {
+                let word = WORDS[random.below(WORDS.len())];
+                let end = (at + word.len()).min(bytes.len());
+                bytes[at..end].copy_from_slice(&word[..end - at]);
+            }
+            4 => {
+                let word = WORDS[random.below(WORDS.len())];
+                bytes.splice(at..at, word.iter().copied());
+            }
+            5 => {
+                let end = (at + 1 + random.below(64)).min(bytes.len());
+                bytes.drain(at..end);
+            }
+            6 => {
+                let end = (at + 1 + random.below(64)).min(bytes.len());
+                let part = bytes[at..end].to_vec();
+                let to = random.below(bytes.len());
+                bytes.splice(to..to, part);
+            }
+            _ => {
+                let other = &seeds[random.below(seeds.len())].1;
+                let from = random.below(other.len());
+                let part = other[from..(from + random.below(128)).min(other.len())].to_vec();
+                bytes.splice(at..at, part);
+            }
+        }
+    }
+    bytes
+}
+
+/// Mutants of a target's corpus until a count or a time is reached; executions, accepted, the slowest.
+fn fuzz(name: &str, target: Target, most: usize, time: Duration) -> (usize, usize, Duration) {
+    let seeds = corpus(name);
+    let mut random = Random(0x9E37_79B9_7F4A_7C15 ^ name.len() as u64);
+    let (start, mut accepted, mut slowest) = (Instant::now(), 0, Duration::ZERO);
+    for count in 0..most {
+        if start.elapsed() > time {
+            return (count, accepted, slowest);
+        }
+        let bytes = mutate(&mut random, &seeds);
+        // What kills the process is found here afterwards.
+        let last = std::env::temp_dir().join(format!("dsfms-fuzz-{name}-last"));
+        if std::env::var_os("DSFMS_FUZZ_KEEP").is_some() {
+            std::fs::write(&last, &bytes).unwrap();
+        }
+        let begin = Instant::now();
+        let run = std::panic::AssertUnwindSafe(|| timed(name, target, &bytes));
+        match std::panic::catch_unwind(run) {
+            Ok(yes) => accepted += usize::from(yes),
+            Err(panic) => {
+                std::fs::write(&last, &bytes).unwrap();
+                eprintln!("{name}: mutant {count} panics, see {}", last.display());
+                std::panic::resume_unwind(panic);
+            }
+        }
+        slowest = slowest.max(begin.elapsed());
+    }
+    (most, accepted, slowest)
+}
+
+#[test]
+fn few_mutants_of_every_target() {
+    dsfms::guard::quiet_hook();
+    for (name, _, target) in TARGETS {
+        fuzz(name, target, 300, Duration::from_secs(10));
+    }
+}
+
+#[test]
+#[ignore = "as long as DSFMS_FUZZ_SECONDS says, for each target"]
+fn many_mutants_of_every_target() {
+    dsfms::guard::quiet_hook();
+    let number = |name| std::env::var(name).ok().and_then(|v| v.parse().ok());
+    let seconds = Duration::from_secs(number("DSFMS_FUZZ_SECONDS").unwrap_or(10));
+    let only = std::env::var("DSFMS_FUZZ_TARGET").ok();
+    for (name, _, target) in TARGETS {
+        if only.as_deref().is_none_or(|only| only == name) {
+            let (count, accepted, slowest) = fuzz(name, target, usize::MAX, seconds);
+            println!(
+                "{name:<10}{count:>10} executions {accepted:>9} accepted, slowest {slowest:.1?}"
+            );
+        }
+    }
+}
