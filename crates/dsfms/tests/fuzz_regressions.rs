@@ -185,7 +185,7 @@ fn fuzz(name: &str, target: Target, most: usize, time: Duration) -> (usize, usiz
 fn few_mutants_of_every_target() {
     dsfms::guard::quiet_hook();
     for (name, _, target) in TARGETS {
-        fuzz(name, target, 300, Duration::from_secs(10));
+        fuzz(name, target, 300, Duration::from_secs(3));
     }
 }
 
