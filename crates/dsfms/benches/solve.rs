@@ -13,7 +13,7 @@ use dsfms::refine::{
     join_near, refine,
 };
 use dsfms::register::{
-    RegisterMemory, RegisterOptions, Registered, Scene, pose, register, register_in,
+    Body, RegisterMemory, RegisterOptions, Registered, Scene, pose, register, register_in,
 };
 use dsfms::solver::Summary;
 use dsfms::synth::{Case, CaseOptions, Draw};
@@ -73,22 +73,25 @@ fn bench_shading(
         outline: None,
         light: &case.template.lighting(),
         albedo,
-        expected_log_gain: None,
+        exposure: None,
     };
     if wanted("eq4") {
         let options = RefineOptions::default();
-        let (time, found) =
-            median_time(n, |_| refine(scene, &start.vertices, &case.matches, &photo, &options));
+        let (time, found) = median_time(n, |_| {
+            refine(&Body::plain(scene), &start.vertices, &case.matches, &photo, &options)
+        });
         report(n, "eq4", time, &found.summary, rms(case, &found.vertices));
-        let (time, warmed) =
-            median_time(n, |_| refine(scene, &found.vertices, &case.matches, &photo, &options));
+        let (time, warmed) = median_time(n, |_| {
+            refine(&Body::plain(scene), &found.vertices, &case.matches, &photo, &options)
+        });
         report(n, "eq4 warm", time, &warmed.summary, rms(case, &warmed.vertices));
     }
     if wanted("joint") {
         let options = JointOptions::default();
         let hold = start.depth_sigma;
-        let (time, found) =
-            median_time(n, |_| join(scene, &start.vertices, hold, &case.matches, &photo, &options));
+        let (time, found) = median_time(n, |_| {
+            join(&Body::plain(scene), &start.vertices, hold, &case.matches, &photo, &options)
+        });
         report(n, "joint", time, &found.summary, rms(case, &found.vertices));
         let (matches, posed) = (&case.matches[..], &scene.posed[..]);
         let frame = NearFrame { scene, matches, posed, depth_sigma: hold, photo: &photo };

@@ -219,7 +219,7 @@ fn look(
         outline: None,
         light: &case.template.lighting(),
         albedo: &case.template.albedo.clone().unwrap_or_default(),
-        expected_log_gain: None,
+        exposure: None,
     };
     features(&Solved {
         scene: &Scene::new(&case.camera, mesh, posed),

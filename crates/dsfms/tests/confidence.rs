@@ -42,7 +42,7 @@ fn judged_by(
         outline: None,
         light: &Coated::default(),
         albedo: &albedo,
-        expected_log_gain: None,
+        exposure: None,
     };
     let photo = (model != Model::Motion).then_some(&photo);
     let visible = &case.visible;

@@ -15,8 +15,9 @@ use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::io::template::write_template;
 use dsfms::pipeline::{
     BuiltTemplate, Exploration, Method, Observation, Progress, ReconstructOptions, TemplateOptions,
-    reconstruct, template_from_frames,
+    reconstruct_with, template_from_frames,
 };
+use dsfms::register::Deformable;
 use dsfms::template::Template;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -125,13 +126,14 @@ fn reconstruct_all(
         .collect();
     let jobs: Vec<(usize, Method)> =
         METHODS.iter().flat_map(|&m| (0..frames.len()).map(move |i| (i, m))).collect();
+    let deformable = Deformable::of(&template.mesh);
     let done = AtomicUsize::new(0);
     reporter.step("deformed frames", 0, jobs.len());
     let results: Vec<_> = jobs
         .par_iter()
         .map(|&(i, method)| {
             let observation = observation(scene, &scene.deformed[i], &frames[i]);
-            let result = reconstruct(template, &observation, method, &options);
+            let result = reconstruct_with(template, &deformable, &observation, method, &options);
             let count = done.fetch_add(1, Ordering::Relaxed) + 1;
             reporter.step("deformed frames", count, jobs.len());
             result

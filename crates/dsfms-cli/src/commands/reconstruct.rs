@@ -19,9 +19,9 @@ use dsfms::io::masks::MaskKind;
 use dsfms::io::matches::{find_matches, read_matches};
 use dsfms::io::template::read_template;
 use dsfms::pipeline::{
-    Method, Observation, Progress, ReconstructOptions, Reconstruction, reconstruct,
+    Method, Observation, Progress, ReconstructOptions, Reconstruction, reconstruct_with,
 };
-use dsfms::register::{Match, Prior};
+use dsfms::register::{Deformable, Match, Prior};
 use dsfms::template::Template;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -170,6 +170,7 @@ struct Done {
 struct Job<'a> {
     args: &'a ReconstructArgs,
     template: Template,
+    deformable: Deformable,
     camera: CameraModel,
     tone: ToneCurve,
     options: ReconstructOptions,
@@ -259,7 +260,8 @@ fn prepare<'a>(
         (options.register.prior, options.joint.prior) = (prior, prior);
     }
     let structures = Structures::read(&args.structures, &template, reporter)?;
-    Ok(Job { args, structures, template, camera, tone, options, reporter })
+    let deformable = Deformable::of(&template.mesh);
+    Ok(Job { args, structures, template, deformable, camera, tone, options, reporter })
 }
 
 impl Job<'_> {
@@ -371,8 +373,9 @@ impl Job<'_> {
             instrument: instrument.as_ref(),
             organ: organ.as_ref(),
         };
+        let Self { template, deformable, options, .. } = self;
         let result =
-            reconstruct(&self.template, &observation, self.args.method.into(), &self.options)?;
+            reconstruct_with(template, deformable, &observation, self.args.method.into(), options)?;
         Ok((frame, result))
     }
 

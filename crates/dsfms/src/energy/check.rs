@@ -19,7 +19,7 @@ pub fn assert_jacobian<const R: usize>(
     for i in 0..term.count() {
         let stencil = term.stencil(i);
         let v: Vec<Point3> = stencil.iter().map(|&k| vertices[k as usize]).collect();
-        let g: Vec<f64> = term.globals().iter().map(|&k| globals[k]).collect();
+        let g: Vec<f64> = term.globals(i).iter().map(|&k| globals[k]).collect();
         let mut dv = vec![SMatrix::<f64, R, 3>::zeros(); v.len()];
         let mut dg = vec![SVector::<f64, R>::zeros(); g.len()];
         let jacobian = Jacobian { vertices: &mut dv, globals: &mut dg };

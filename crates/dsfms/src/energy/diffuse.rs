@@ -7,7 +7,7 @@ use crate::geometry::Point3;
 use crate::image::ColorImage;
 use crate::light::Light;
 use crate::mesh::Topology;
-use nalgebra::SVector;
+use nalgebra::{Matrix3, SVector};
 
 /// `r = (wᵢ·I′(π(xᵢ)) − e^γ αᵢ s(xᵢ, Nᵢ) − κ wᵢ·1) / σᵢ` for the diffuse vertices `𝒟ᵥ`, with the log gain
 /// `γ = g₀` and the ambient light `κ = g₁` as global unknowns.
@@ -23,7 +23,7 @@ pub struct Diffuse<'a, C, L> {
     /// Image in linear light, smoothed like the albedo.
     pub image: &'a ColorImage,
     rings: Vec<OneRing>,
-    brightness: Vec<Brightness>,
+    seen: Vec<DiffuseVertex>,
 }
 
 /// What the diffuse condition knows of one vertex.
@@ -33,6 +33,8 @@ pub struct DiffuseVertex {
     pub vertex: u32,
     /// What its channels say.
     pub brightness: Brightness,
+    /// Turns its normal into that of the full mesh ([`Lift::turn`](super::Lift::turn)).
+    pub turn: Matrix3<f64>,
 }
 
 impl<'a, C, L> Diffuse<'a, C, L> {
@@ -44,12 +46,12 @@ impl<'a, C, L> Diffuse<'a, C, L> {
         topology: &Topology,
         vertices: &[DiffuseVertex],
     ) -> Self {
-        let (rings, brightness) = (Vec::new(), Vec::new());
-        let mut term = Self { camera, light, image, rings, brightness };
+        let (rings, seen) = (Vec::new(), Vec::new());
+        let mut term = Self { camera, light, image, rings, seen };
         for v in vertices {
             if let Some(ring) = OneRing::of(topology, v.vertex) {
                 term.rings.push(ring);
-                term.brightness.push(v.brightness);
+                term.seen.push(*v);
             }
         }
         term
@@ -67,7 +69,7 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Diffuse<'_, C, L> {
         &self.rings[i].stencil
     }
 
-    fn globals(&self) -> &[usize] {
+    fn globals(&self, _: usize) -> &[usize] {
         &[0, 1]
     }
 
@@ -79,17 +81,19 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Diffuse<'_, C, L> {
         jacobian: Option<Jacobian<'_, 1>>,
     ) -> Result<SVector<f64, 1>, Infeasible> {
         let ring = &self.rings[i];
-        let Brightness { weights, albedo, white, sigma } = self.brightness[i];
+        let DiffuseVertex { brightness, turn, .. } = self.seen[i];
+        let Brightness { weights, albedo, white, sigma } = brightness;
         let normal = ring.normal(v).ok_or(Infeasible)?;
         let projection = self.camera.project(&v[0]).ok_or(Infeasible)?;
         let (intensity, gradient) =
             self.image.mixed(&projection.pixel, &weights).ok_or(Infeasible)?;
-        let shade = self.light.shade(&v[0], &normal.unit);
+        let shade = self.light.shade(&v[0], &(turn * normal.unit));
         let brightness = g[0].exp() * albedo;
         let predicted = brightness * shade.value;
         if let Some(j) = jacobian {
             let slope = -brightness / sigma;
-            ring.pull_back(v, &normal, &(shade.d_normal * slope), |k, d| {
+            let d_normal = turn.tr_mul(&shade.d_normal) * slope;
+            ring.pull_back(v, &normal, &d_normal, |k, d| {
                 j.vertices[k] += d.transpose();
             });
             j.vertices[0] += gradient.transpose() * projection.jacobian / sigma;
@@ -123,7 +127,9 @@ mod tests {
         let image = ColorImage { size: [64, 48], data };
         let brightness =
             Brightness { weights: [0.5, 0.6, -0.2], albedo: 0.6, white: 0.9, sigma: 0.05 };
-        let vertices: Vec<_> = (0..25).map(|vertex| DiffuseVertex { vertex, brightness }).collect();
+        let turn = nalgebra::Rotation3::new(nalgebra::Vector3::new(0.1, -0.2, 0.05)).into_inner();
+        let seen = |vertex| DiffuseVertex { vertex, brightness, turn };
+        let vertices: Vec<_> = (0..25).map(seen).collect();
         let light = LightModel::Collinear;
         let term = Diffuse::new(&camera, &light, &image, &mesh.topology, &vertices);
         assert_jacobian(&term, &mesh.positions, &[0.1, 0.02]);

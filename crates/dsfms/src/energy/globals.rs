@@ -4,30 +4,37 @@ use super::{EnergyTerm, Infeasible, Jacobian};
 use crate::geometry::Point3;
 use nalgebra::SVector;
 
-/// `r = (g − mean) / σ` for one global.
-#[derive(Clone, Copy, Debug)]
+/// `r = (g − mean) / σ` for each of some globals.
+#[derive(Clone, Debug)]
 pub struct GlobalsPrior {
-    /// Which global.
-    pub index: [usize; 1],
+    /// Which globals.
+    pub indices: Vec<[usize; 1]>,
     /// Expected value.
     pub mean: f64,
     /// Spread of that expectation.
     pub sigma: f64,
 }
 
+impl GlobalsPrior {
+    /// The prior of one global.
+    pub fn of(index: usize, mean: f64, sigma: f64) -> Self {
+        Self { indices: vec![[index]], mean, sigma }
+    }
+}
+
 impl EnergyTerm<1> for GlobalsPrior {
     const LABEL: &'static str = "gain and ambient prior";
 
     fn count(&self) -> usize {
-        1
+        self.indices.len()
     }
 
     fn stencil(&self, _: usize) -> &[u32] {
         &[]
     }
 
-    fn globals(&self) -> &[usize] {
-        &self.index
+    fn globals(&self, i: usize) -> &[usize] {
+        &self.indices[i]
     }
 
     fn residual(
@@ -51,7 +58,7 @@ mod tests {
 
     #[test]
     fn derivative() {
-        let term = GlobalsPrior { index: [1], mean: 0.1, sigma: 0.3 };
+        let term = GlobalsPrior { indices: vec![[1], [0]], mean: 0.1, sigma: 0.3 };
         assert_jacobian(&term, &[], &[0.0, 0.4]);
     }
 }

@@ -34,10 +34,10 @@ pub use isometric::Isometric;
 pub use motion::Motion;
 use nalgebra::{SMatrix, SVector};
 pub use objective::{Objective, Unknowns, Workspace};
-pub use photometric::{FaceRings, Photometric};
+pub use photometric::{FaceRings, Lift, Photometric};
 pub use reprojection::Reprojection;
 pub use shearing::Shearing;
-pub use silhouette::Silhouette;
+pub use silhouette::{ContourPoint, Silhouette};
 pub use smoothing::Smoothing;
 pub use specular::Specular;
 pub use stay::Stay;
@@ -80,8 +80,8 @@ pub trait EnergyTerm<const R: usize>: Send + Sync {
     /// The vertices block `i` reads: a face, a one-ring; fixed for the life of the term.
     fn stencil(&self, i: usize) -> &[u32];
 
-    /// The global unknowns (gain, ambient, …) every block of the term reads.
-    fn globals(&self) -> &[usize] {
+    /// The global unknowns (gain, ambient, …) block `i` reads, no two the same.
+    fn globals(&self, _i: usize) -> &[usize] {
         &[]
     }
 

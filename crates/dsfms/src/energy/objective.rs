@@ -84,6 +84,11 @@ impl<'a> Objective<'a> {
         Self { vertices, globals, terms: Vec::new(), workspace, ahead: None }
     }
 
+    /// Number of global unknowns.
+    pub fn globals(&self) -> usize {
+        self.globals
+    }
+
     /// Add a term under its own label. A weight of 0 leaves it out.
     pub fn plus<const R: usize, T: EnergyTerm<R> + 'a>(
         self,

@@ -7,12 +7,13 @@ use crate::image::ColorImage;
 use crate::light::Light;
 use crate::mesh::Topology;
 use crate::mesh::normals::vertex_normals;
-use nalgebra::SVector;
+use nalgebra::{Matrix3, SVector};
 use rayon::prelude::*;
 
-/// `r = (w·I′(π(p)) − e^γ α s(p, N) − κ w₁) / σ` at points `p = v(f)·b` inside faces, with the normal
-/// `N` interpolated from the area-weighted vertex normals, the log gain `γ = g₀` and the ambient
-/// light `κ = g₁` as global unknowns.
+/// `r = (w·I′(π(p)) − e^γ α s(p, N) − κ w₁) / σ` at points `p = v(f)·b + l` inside faces, with the normal
+/// `N = T n`, `n` interpolated from the area-weighted vertex normals, and the [`Lift`] `(l, T)` of the
+/// full mesh over the one that is solved on. The log gain `γ = g₀ + Σ wₖ gₖ` varies slowly over the
+/// surface; it and the ambient light `κ = g₁` are global unknowns.
 ///
 /// Unlike eq. 4, which speaks of vertices only, the samples carry the texture between them, so the
 /// image also fixes where on the surface a point lies. A sample that leaves the image goes on seeing
@@ -38,6 +39,63 @@ pub struct Sample {
     pub barycentric: [f64; 3],
     /// What its channels say.
     pub brightness: Brightness,
+    /// From the face to the full mesh.
+    pub lift: Lift,
+    /// Smooth gain.
+    pub gain: Gain,
+}
+
+/// What a full mesh has beyond the coarser one that carries it, camera axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lift {
+    /// From the point on the face to the point on the full mesh.
+    pub offset: Vector3,
+    /// Turns the interpolated normal into that of the full mesh.
+    pub turn: Matrix3<f64>,
+}
+
+impl Lift {
+    /// The mesh itself.
+    pub const NONE: Self = Self { offset: Vector3::new(0.0, 0.0, 0.0), turn: IDENTITY };
+}
+
+const IDENTITY: Matrix3<f64> = Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
+
+/// What a sample reads of the gain: `γ = g₀ + Σ wₖ gₖ`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gain {
+    /// 0 and 1 (gain and ambient light), then the nodes of the smooth gain.
+    globals: [usize; 6],
+    /// Weights of the nodes; none where the gain is one for all.
+    shares: Option<[f64; 4]>,
+}
+
+impl Gain {
+    /// One gain for the whole surface.
+    pub const GLOBAL: Self = Self { globals: [0, 1, 0, 0, 0, 0], shares: None };
+
+    /// A gain that varies: globals of the nearest nodes (not 0 or 1, no two the same), and their
+    /// weights.
+    pub fn smooth([a, b, c, d]: [usize; 4], shares: [f64; 4]) -> Self {
+        Self { globals: [0, 1, a, b, c, d], shares: Some(shares) }
+    }
+
+    /// The globals it reads.
+    fn globals(&self) -> &[usize] {
+        if self.shares.is_some() { &self.globals } else { &self.globals[..2] }
+    }
+
+    /// `γ` for the gathered globals.
+    fn log(&self, g: &[f64]) -> f64 {
+        let smooth = self.shares.iter().flatten().zip(&g[2..]).map(|(w, g)| w * g);
+        g[0] + smooth.sum::<f64>()
+    }
+
+    /// `γ` for all globals.
+    fn log_of(&self, globals: &[f64]) -> f64 {
+        let nodes = self.shares.iter().flatten().zip(&self.globals[2..]);
+        globals[0] + nodes.map(|(w, &k)| w * globals[k]).sum::<f64>()
+    }
 }
 
 /// What the condition reads about every face of a mesh; outlives a solve.
@@ -163,7 +221,8 @@ impl<'a, C: Camera, L: Light> Photometric<'a, C, L> {
         let (mut sum, mut count) = (0.0, 0.0);
         for (sample, seen) in self.on(topology, shape) {
             let Brightness { albedo, white, .. } = sample.brightness;
-            let predicted = globals[0].exp() * albedo * seen.shade + globals[1] * white;
+            let predicted =
+                sample.gain.log_of(globals).exp() * albedo * seen.shade + globals[1] * white;
             if seen.intensity > 0.0 {
                 (sum, count) = (sum + (1.0 - predicted / seen.intensity).abs(), count + 1.0);
             }
@@ -175,11 +234,12 @@ impl<'a, C: Camera, L: Light> Photometric<'a, C, L> {
         let normals = vertex_normals(topology, shape);
         let seen = |sample: &'_ Sample| {
             let corners = topology.faces[sample.face as usize].map(|v| v as usize);
-            let point = point_at(corners.map(|v| &shape[v]), sample.barycentric);
+            let point =
+                point_at(corners.map(|v| &shape[v]), sample.barycentric) + sample.lift.offset;
             let pixel = self.camera.project(&point)?.pixel;
             let (intensity, _) = self.image.mixed(&pixel, &sample.brightness.weights)?;
             let normal = corners.iter().zip(sample.barycentric).map(|(&v, b)| normals[v] * b);
-            let normal = normal.sum::<Vector3>().try_normalize(0.0)?;
+            let normal = sample.lift.turn * normal.sum::<Vector3>().try_normalize(0.0)?;
             Some(Seen { intensity, shade: self.light.shade(&point, &normal).value })
         };
         self.samples.par_iter().filter_map(|sample| Some((sample, seen(sample)?))).collect()
@@ -197,8 +257,8 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Photometric<'_, C, L> {
         &self.rings.0[self.samples[i].face as usize].stencil
     }
 
-    fn globals(&self) -> &[usize] {
-        &[0, 1]
+    fn globals(&self, i: usize) -> &[usize] {
+        self.samples[i].gain.globals()
     }
 
     fn residual(
@@ -211,18 +271,19 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Photometric<'_, C, L> {
         let sample = &self.samples[i];
         let ring = &self.rings.0[sample.face as usize];
         let b = &sample.barycentric;
-        let point = point_at([&v[0], &v[1], &v[2]], *b);
+        let point = point_at([&v[0], &v[1], &v[2]], *b) + sample.lift.offset;
         let projection = self.camera.project(&point).ok_or(Infeasible)?;
         let Brightness { weights, albedo, white, sigma } = sample.brightness;
         let (intensity, gradient) =
             self.image.mixed(&projection.pixel, &weights).ok_or(Infeasible)?;
         let sums = ring.corner_sums(v);
         let (normal, _) = interpolate(&sums, b);
-        let shade = self.light.shade(&point, &normal);
-        let brightness = g[0].exp() * albedo;
+        let shade = self.light.shade(&point, &(sample.lift.turn * normal));
+        let brightness = sample.gain.log(g).exp() * albedo;
         if let Some(j) = jacobian {
             let slope = -brightness / sigma;
-            ring.pull_back(v, &sums, b, &(shade.d_normal * slope), |k, d| {
+            let d_normal = sample.lift.turn.tr_mul(&shade.d_normal) * slope;
+            ring.pull_back(v, &sums, b, &d_normal, |k, d| {
                 j.vertices[k] += d.transpose();
             });
             let d_point = gradient.transpose() * projection.jacobian / sigma
@@ -232,6 +293,9 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Photometric<'_, C, L> {
             }
             j.globals[0][0] = slope * shade.value;
             j.globals[1][0] = -white / sigma;
+            for (to, share) in j.globals[2..].iter_mut().zip(sample.gain.shares.iter().flatten()) {
+                to[0] = slope * shade.value * share;
+            }
         }
         Ok(SVector::from([(intensity - brightness * shade.value - g[1] * white) / sigma]))
     }
@@ -243,6 +307,7 @@ mod tests {
     use crate::camera::{CameraModel, Lens};
     use crate::energy::check::{assert_jacobian, bent_patch};
     use crate::light::{LightModel, PointLight, Spot};
+    use nalgebra::Rotation3;
 
     #[test]
     fn derivative() {
@@ -266,6 +331,11 @@ mod tests {
                 white: 0.9,
                 sigma: 0.05,
             },
+            lift: Lift {
+                offset: Vector3::new(0.02, -0.03, 0.1),
+                turn: Rotation3::new(Vector3::new(0.1, -0.2, 0.05)).into_inner(),
+            },
+            gain: Gain::smooth([4, 2, 5, 3], [0.8, 0.5, 0.3, 0.1]),
         });
         let near = LightModel::Point(PointLight {
             positions: vec![Point3::new(0.0, -3.0, 0.0)],
@@ -275,10 +345,10 @@ mod tests {
         let rings = FaceRings::of(&mesh.topology);
         for light in [LightModel::Collinear, near] {
             let term = Photometric::new(&camera, &light, &image, &rings, samples.to_vec());
-            assert_jacobian(&term, &mesh.positions, &[0.1, 0.02]);
+            assert_jacobian(&term, &mesh.positions, &[0.1, 0.02, 0.3, -0.2, 0.1, 0.05]);
             let bright = samples.map(|s| {
                 let brightness = Brightness { weights: [0.5, 0.6, 0.2], ..s.brightness };
-                Sample { brightness, ..s }
+                Sample { brightness, gain: Gain::GLOBAL, ..s }
             });
             let term = Photometric::new(&camera, &light, &image, &rings, bright.to_vec());
             let (topology, shape) = (&mesh.topology, &mesh.positions);

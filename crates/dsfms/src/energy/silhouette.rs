@@ -2,11 +2,11 @@
 
 use super::{EnergyTerm, Infeasible, Jacobian};
 use crate::camera::Camera;
-use crate::geometry::{Point2, Point3};
+use crate::geometry::{Point2, Point3, Vector3, point_at};
 use crate::image::Plane;
 use nalgebra::SVector;
 
-/// `r = d(π(vᵢ)) / σ` with the signed distance `d` to the outline, px, positive outside. What the
+/// `r = d(π(v(f)·b + l)) / σ` with the signed distance `d` to the outline, px, positive outside. What the
 /// condition holds on one side only (the rim of an open surface, which need not be where the organ
 /// ends) has no residual inside.
 ///
@@ -17,23 +17,34 @@ pub struct Silhouette<'a, C> {
     pub camera: &'a C,
     /// Signed distance to the organ's outline.
     pub distance: &'a Plane,
-    /// Vertices on the contour.
-    pub vertices: Vec<[u32; 1]>,
-    /// Which of them may also lie inside.
-    pub one_sided: Vec<bool>,
+    /// Points on the contour.
+    pub points: Vec<ContourPoint>,
     /// Noise of the outline, px.
     pub sigma_px: f64,
+}
+
+/// A point of the occluding contour.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContourPoint {
+    /// Corner vertices of its face.
+    pub corners: [u32; 3],
+    /// Barycentrics on that face.
+    pub barycentric: [f64; 3],
+    /// From there to the contour of the full mesh, camera axes.
+    pub offset: Vector3,
+    /// It may also lie inside.
+    pub one_sided: bool,
 }
 
 impl<C: Camera> EnergyTerm<1> for Silhouette<'_, C> {
     const LABEL: &'static str = "silhouette (joint)";
 
     fn count(&self) -> usize {
-        self.vertices.len()
+        self.points.len()
     }
 
     fn stencil(&self, i: usize) -> &[u32] {
-        &self.vertices[i]
+        &self.points[i].corners
     }
 
     fn residual(
@@ -43,16 +54,21 @@ impl<C: Camera> EnergyTerm<1> for Silhouette<'_, C> {
         _: &[f64],
         jacobian: Option<Jacobian<'_, 1>>,
     ) -> Result<SVector<f64, 1>, Infeasible> {
-        let projection = self.camera.project(&v[0]).ok_or(Infeasible)?;
+        let ContourPoint { barycentric, offset, one_sided, .. } = self.points[i];
+        let point = point_at([&v[0], &v[1], &v[2]], barycentric) + offset;
+        let projection = self.camera.project(&point).ok_or(Infeasible)?;
         let [w, h] = self.distance.size.map(|s| s as f64 - 1.0);
         let pixel = projection.pixel;
         let inside = Point2::new(pixel.x.clamp(0.0, w), pixel.y.clamp(0.0, h));
         let (distance, slope) = self.distance.sample(&inside).ok_or(Infeasible)?;
-        if self.one_sided[i] && distance < 0.0 {
+        if one_sided && distance < 0.0 {
             return Ok(SVector::zeros());
         }
         if let Some(j) = jacobian {
-            j.vertices[0] = slope.transpose() * projection.jacobian / self.sigma_px;
+            let slope = slope.transpose() * projection.jacobian / self.sigma_px;
+            for (to, b) in j.vertices.iter_mut().zip(barycentric) {
+                *to = slope * b;
+            }
         }
         Ok(SVector::from([distance / self.sigma_px]))
     }
@@ -76,16 +92,21 @@ mod tests {
         // The outline is the column x = 30.
         let data = (0..64 * 48).map(|i| (i % 64) as f32 - 30.0).collect();
         let distance = Plane { size: [64, 48], data };
+        let point = |one_sided| ContourPoint {
+            corners: mesh.topology.faces[7],
+            barycentric: [0.2, 0.5, 0.3],
+            offset: Vector3::new(0.1, -0.2, 0.0),
+            one_sided,
+        };
         let term = Silhouette {
             camera: &camera,
             distance: &distance,
-            vertices: vec![[6], [12], [13], [18]],
-            one_sided: vec![false, true, false, true],
+            points: vec![false, true, false, true].into_iter().map(point).collect(),
             sigma_px: 2.0,
         };
         assert_jacobian(&term, &mesh.positions, &[]);
-        let at = |x: f64| Point3::new((x - 31.2) * 0.5, 0.0, 50.0);
-        let value = |i: usize, x: f64| term.residual(i, &[at(x)], &[], None).unwrap()[0];
+        let at = |x: f64| Point3::new((x - 31.2) * 0.5 - 0.1, 0.0, 50.0);
+        let value = |i: usize, x: f64| term.residual(i, &[at(x); 3], &[], None).unwrap()[0];
         assert!((value(0, 34.0) - 2.0).abs() < 1e-9 && (value(0, 26.0) + 2.0).abs() < 1e-9);
         assert!((value(1, 34.0) - 2.0).abs() < 1e-9 && value(1, 26.0) == 0.0);
     }

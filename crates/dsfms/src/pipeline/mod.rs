@@ -5,7 +5,7 @@ pub mod reconstruct;
 pub mod template;
 
 pub use progress::{Progress, Silent};
-pub use reconstruct::{ReconstructOptions, reconstruct};
+pub use reconstruct::{ReconstructOptions, reconstruct, reconstruct_with};
 pub use template::{
     BuiltTemplate, Exploration, FramePrecision, OrganClick, OrganOutline, SparsePrecision,
     TemplateError, TemplateOptions, template_from_frames, template_from_mesh,

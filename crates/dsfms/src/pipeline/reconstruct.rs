@@ -9,7 +9,9 @@ use crate::light::Coated;
 use crate::options::{Documented, OptionError, commented};
 use crate::refine::{Joined, JointOptions, Photograph, RefineOptions, Refined, join, refine};
 use crate::register::scene::visibility;
-use crate::register::{Match, Posed, RegisterOptions, Registered, Scene, find, pose, register};
+use crate::register::{
+    Body, Deformable, Match, Posed, RegisterOptions, Registered, Scene, find, pose, register,
+};
 use crate::sfs::{SfsInput, SfsOptions, shape_from_shading};
 use crate::template::{SurfaceTexels, Template};
 use serde::{Deserialize, Serialize};
@@ -77,13 +79,28 @@ const TABLES: [Documented; 4] = [
 /// Matches below this make a surface that is held by its prior alone over most of its area.
 const FEW_MATCHES: usize = 8;
 
-/// Reconstruct one deformed frame.
+/// Reconstruct one deformed frame; of several, see [`reconstruct_with`].
 ///
 /// # Errors
 /// Frame and camera of different size, a black frame, no pose, no descriptors where matches have to
 /// be found, no albedo for a shading method.
 pub fn reconstruct(
     template: &Template,
+    observation: &Observation,
+    method: Method,
+    options: &ReconstructOptions,
+) -> Result<Reconstruction, ReconstructError> {
+    let deformable = Deformable::of(&template.mesh);
+    reconstruct_with(template, &deformable, observation, method, options)
+}
+
+/// Reconstruct one deformed frame with what was made of the template's mesh before.
+///
+/// # Errors
+/// As [`reconstruct`].
+pub fn reconstruct_with(
+    template: &Template,
+    deformable: &Deformable,
     observation: &Observation,
     method: Method,
     options: &ReconstructOptions,
@@ -104,15 +121,25 @@ pub fn reconstruct(
         Method::Rigid => {}
         Method::Sfs => shade_alone(&sight, &mut result, &mut log)?,
         Method::Dsfm | Method::Dsfms | Method::Joint => {
-            let coarse = log
-                .time("register (eq. 3)", || register(&scene, &matches, &posed, &options.register));
+            // The printed forms speak of the mesh as it is.
+            let body = match options.literal {
+                true => Body::plain(&scene),
+                false => Body::new(&scene, deformable),
+            };
+            let on_body = body.matches(&matches);
+            let coarse = log.time("register (eq. 3)", || {
+                register(body.scene(), &on_body, &posed, &options.register)
+            });
             log.attach(&coarse.summary);
-            take_coarse(&mut result, &matches, &coarse);
-            let kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
+            let anchor = options.register.anchor;
+            take_coarse(&mut result, &body, &matches, &coarse, anchor);
+            let kept = coarse.kept.iter().zip(&*on_body).filter(|m| *m.0);
+            let kept: Vec<Match> = kept.map(|m| *m.1).collect();
             if method == Method::Dsfms {
                 let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
                 let refined = log.time("refine (eq. 4)", || {
-                    refine(&scene, &coarse.vertices, &kept, &photo, &options.refine)
+                    refine(&body, &coarse.vertices, &kept, &photo, &options.refine)
+                        .settled(&body, anchor)
                 });
                 log.attach(&refined.summary);
                 take_refined(&mut result, &refined);
@@ -121,7 +148,8 @@ pub fn reconstruct(
                 let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
                 let (start, depth_sigma) = (&coarse.vertices, coarse.depth_sigma);
                 let joined = log.time("joint", || {
-                    join(&scene, start, depth_sigma, &kept, &photo, &options.joint)
+                    join(&body, start, depth_sigma, &kept, &photo, &options.joint)
+                        .settled(&body, anchor)
                 });
                 log.attach(&joined.summary);
                 take_joined(&mut result, &joined);
@@ -173,7 +201,7 @@ impl<'a> Sight<'a> {
             outline: self.outline.as_ref(),
             light: &self.light,
             albedo,
-            expected_log_gain: (!self.template.views.is_empty()).then_some(0.0),
+            exposure: self.template.exposure(),
         })
     }
 }
@@ -256,8 +284,14 @@ fn rigid_result(
     }
 }
 
-fn take_coarse(result: &mut Reconstruction, matches: &[Match], coarse: &Registered) {
-    result.vertices.clone_from(&coarse.vertices);
+fn take_coarse(
+    result: &mut Reconstruction,
+    body: &Body,
+    matches: &[Match],
+    coarse: &Registered,
+    anchor: f64,
+) {
+    result.vertices = body.carried(&body.settled(coarse.vertices.clone(), anchor)).into_owned();
     result.matches = matches.iter().copied().zip(coarse.kept.iter().copied()).collect();
 }
 

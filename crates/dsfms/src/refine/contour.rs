@@ -1,26 +1,27 @@
 //! The occluding contour of a shape, where the organ's outline in the frame is known.
 
 use crate::camera::{Camera, CameraModel};
-use crate::energy::Silhouette;
+use crate::energy::{ContourPoint, Silhouette};
 use crate::geometry::{Point3, area_normal};
 use crate::image::Outline;
 use crate::mesh::Topology;
 use crate::raster::{Raster, regions::distance_to};
+use crate::register::Body;
 
 /// A vertex further inside the predicted silhouette than this is on no contour against what lies
 /// around the organ, px.
 const AT_CONTOUR: f64 = 2.0;
 
 /// Vertices of the contour of `shape` (camera axes) against its surroundings: where faces turned to
-/// the camera meet others, and the rim of an open surface, held on one side only.
-pub(super) fn contour<'a>(
-    camera: &'a CameraModel,
+/// the camera meet others, and the rim of an open surface, held on one side only; with `true` for the
+/// rim.
+fn contour(
+    camera: &CameraModel,
     topology: &Topology,
     shape: &[Point3],
     raster: &Raster,
-    outline: &'a Outline,
-    sigma_px: f64,
-) -> Silhouette<'a, CameraModel> {
+    outline: &Outline,
+) -> Vec<(usize, bool)> {
     let outside = distance_to(&raster.silhouette().complement());
     let turned: Vec<bool> = topology
         .faces
@@ -30,7 +31,7 @@ pub(super) fn contour<'a>(
             area_normal(a, b, c).dot(&a.coords) < 0.0
         })
         .collect();
-    let (mut vertices, mut one_sided) = (Vec::new(), Vec::new());
+    let mut found = Vec::new();
     for (v, faces) in topology.vertex_faces.iter().enumerate() {
         let front = faces.iter().filter(|&&f| turned[f as usize]).count();
         let rim = topology.boundary[v] && front > 0;
@@ -43,11 +44,31 @@ pub(super) fn contour<'a>(
         }
         let [x, y] = [pixel.x.round() as usize, pixel.y.round() as usize];
         if f64::from(outside[y * raster.size[0] + x]) <= AT_CONTOUR {
-            vertices.push([v as u32]);
-            one_sided.push(rim);
+            found.push((v, rim));
         }
     }
-    Silhouette { camera, distance: &outline.distance, vertices, one_sided, sigma_px }
+    found
+}
+
+/// The condition on the contour of the full mesh at `full`, carried by `body` at `shape`.
+pub(super) fn silhouette<'a>(
+    camera: &'a CameraModel,
+    body: &Body,
+    [full, shape]: [&[Point3]; 2],
+    raster: &Raster,
+    outline: &'a Outline,
+    sigma_px: f64,
+) -> Silhouette<'a, CameraModel> {
+    let topology = &body.full().rest.topology;
+    let point = |(v, one_sided): (usize, bool)| {
+        let (face, barycentric) = body.place(v)?;
+        let corners = body.scene().rest.topology.faces[face as usize];
+        let offset = full[v] - body.point((face, barycentric), shape);
+        Some(ContourPoint { corners, barycentric, offset, one_sided })
+    };
+    let found = contour(camera, topology, full, raster, outline).into_iter();
+    let points = found.filter_map(point).collect();
+    Silhouette { camera, distance: &outline.distance, points, sigma_px }
 }
 
 #[cfg(test)]
@@ -75,11 +96,11 @@ mod tests {
         let raster = rasterize(&camera, &mesh.topology, &shape);
         let organ: Mask = raster.silhouette();
         let outline = Outline::new(&organ, None);
-        let found = contour(&camera, &mesh.topology, &shape, &raster, &outline, 2.0);
-        assert!(found.vertices.len() > 20, "{}", found.vertices.len());
-        assert!(found.one_sided.iter().all(|one| !one));
-        for [v] in &found.vertices {
-            let pixel = camera.project(&shape[*v as usize]).unwrap().pixel;
+        let found = contour(&camera, &mesh.topology, &shape, &raster, &outline);
+        assert!(found.len() > 20, "{}", found.len());
+        for (v, rim) in found {
+            assert!(!rim);
+            let pixel = camera.project(&shape[v]).unwrap().pixel;
             let distance = outline.distance.sample(&pixel).unwrap().0;
             assert!(distance.abs() < 2.5, "vertex {v}: {distance} px");
         }

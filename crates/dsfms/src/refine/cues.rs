@@ -1,14 +1,15 @@
 //! What an image says of shape besides its brightness: the organ's outline, and highlights.
 
 use super::Photograph;
-use super::contour::contour;
+use super::contour::silhouette;
 use super::joint::{JointOptions, REFERENCE};
 use super::look::Look;
 use crate::camera::CameraModel;
 use crate::energy::{Objective, Silhouette, Specular};
-use crate::geometry::{Vector3, median};
+use crate::geometry::{Point3, Vector3, median};
 use crate::light::LightModel;
 use crate::raster::visible_vertices;
+use crate::register::Body;
 use crate::solver::Loss;
 
 /// Points of the occluding contour that the weight of the silhouette is stated for.
@@ -28,24 +29,37 @@ pub(super) struct Cues<'a> {
 }
 
 impl<'a> Cues<'a> {
-    pub(super) fn of(look: &Look, photo: &Photograph<'a>, options: &JointOptions) -> Self {
-        let (camera, raster, shape) = (photo.camera, &look.raster, look.shape);
+    /// `look`: at the full mesh, which `shape`, the mesh that is solved on, carries.
+    pub(super) fn of(
+        look: &Look,
+        body: &Body,
+        shape: &[Point3],
+        photo: &Photograph<'a>,
+        options: &JointOptions,
+    ) -> Self {
+        let (camera, raster) = (photo.camera, &look.raster);
         let topology = &look.rest.topology;
-        let of = |outline| contour(camera, topology, shape, raster, outline, options.silhouette_px);
-        let visible = visible_vertices(camera, topology, shape, raster, look.tolerance);
+        let of = |outline| {
+            silhouette(camera, body, [look.shape, shape], raster, outline, options.silhouette_px)
+        };
+        let visible = visible_vertices(camera, topology, look.shape, raster, look.tolerance);
         let near = matches!(photo.light.light, LightModel::Point(_));
         let highlights = near.then(|| {
-            let vertices = look.highlights(&visible);
-            Specular::new(topology, &vertices, lobe(&vertices, &look.normals))
+            let found = look.highlights(&visible);
+            let lobe = lobe(&found, &look.normals);
+            let number = |(v, normal)| Some((body.number(v)?, normal));
+            let vertices: Vec<(u32, Vector3)> = found.into_iter().filter_map(number).collect();
+            Specular::new(&body.scene().rest.topology, &vertices, lobe)
         });
-        let visible = visible.into_iter().filter(|v| *v).count();
+        let count = |v: &usize| visible[*v] && body.number(*v as u32).is_some();
+        let visible = (0..visible.len()).filter(count).count();
         Self { contour: photo.outline.map(of), highlights, visible }
     }
 
     /// The conditions they make, on top of others.
     pub(super) fn on(&self, mut objective: Objective<'a>, options: &JointOptions) -> Objective<'a> {
         if let Some(contour) = &self.contour {
-            let share = CONTOUR_REFERENCE / contour.vertices.len().max(1) as f64;
+            let share = CONTOUR_REFERENCE / contour.points.len().max(1) as f64;
             let weight = share * options.silhouette;
             objective = objective.plus(weight, Loss::Huber(2.0), contour.clone());
         }

@@ -9,8 +9,11 @@ use crate::geometry::{Point3, Vector3};
 use crate::image::{ColorImage, Mask, Outline, Picture};
 use crate::light::Coated;
 use crate::mesh::Mesh;
+use crate::mesh::normals::vertex_normals;
 use crate::raster::visible_vertices;
-use crate::template::SurfaceTexels;
+use crate::register::Body;
+use crate::template::{Exposure, SurfaceTexels};
+use nalgebra::{Matrix3, Rotation3};
 
 /// The photometric side of one frame.
 #[derive(Clone, Copy, Debug)]
@@ -27,8 +30,8 @@ pub struct Photograph<'a> {
     pub light: &'a Coated,
     /// Albedo of the template.
     pub albedo: &'a SurfaceTexels,
-    /// Expected log gain; 0 when template and frame share their exposure.
-    pub expected_log_gain: Option<f64>,
+    /// What the exploration tells of the exposure; `None` without one.
+    pub exposure: Option<Exposure>,
 }
 
 /// What one shape makes of a photograph.
@@ -84,7 +87,8 @@ pub fn gather(
         colour: options.colour && !literal,
     };
     let weighed = weigh(&channels, &noise);
-    let diffuse = |(i, brightness)| DiffuseVertex { vertex: vertices[i], brightness };
+    let turn = Matrix3::identity();
+    let diffuse = |(i, brightness)| DiffuseVertex { vertex: vertices[i], brightness, turn };
     Evidence {
         diffuse: weighed.brightness.into_iter().map(diffuse).collect(),
         log_gain: weighed.log_gain,
@@ -92,4 +96,31 @@ pub fn gather(
         specular,
         visible,
     }
+}
+
+/// [`gather`] at the full mesh, on the mesh of `body` that is solved on and that carries it at `shape`.
+pub(super) fn gather_on(
+    body: &Body,
+    shape: &[Point3],
+    photo: &Photograph,
+    options: &RefineOptions,
+) -> Evidence {
+    let (full, rest) = (body.carried(shape), body.scene().rest);
+    let mut found = gather(photo, body.full().rest, &full, options);
+    if !body.is_carried() {
+        return found;
+    }
+    let normals = vertex_normals(&rest.topology, shape);
+    let turned = vertex_normals(&body.full().rest.topology, &full);
+    let lifted = |seen: DiffuseVertex| {
+        let vertex = body.number(seen.vertex)?;
+        let (under, over) = (&normals[vertex as usize], &turned[seen.vertex as usize]);
+        let turn = Rotation3::rotation_between(under, over)?.into_inner();
+        Some(DiffuseVertex { vertex, turn, ..seen })
+    };
+    found.diffuse = found.diffuse.into_iter().filter_map(lifted).collect();
+    let number = |(v, normal)| Some((body.number(v)?, normal));
+    found.specular = found.specular.into_iter().filter_map(number).collect();
+    found.visible = body.restricted(&found.visible).into_owned();
+    found
 }

@@ -18,7 +18,8 @@ use rayon::prelude::*;
 const NEIGHBOURS: usize = 4;
 
 /// The depth of the matches held to the rest shape where they pose it (camera axes); `depth_sigma` is
-/// eq. 3's tolerance.
+/// eq. 3's tolerance. `slack`: how much looser than where nothing is known of the exposure, since
+/// brightness tells the distance from a near light as well as the exposure is known.
 pub(super) fn hold(
     scene: &Scene,
     matches: &[Match],
@@ -26,10 +27,11 @@ pub(super) fn hold(
     depth_sigma: f64,
     light: &LightModel,
     options: &JointOptions,
+    slack: f64,
 ) -> Boundary {
     let sigmas = match light {
         LightModel::Point(_) => {
-            let calm = options.near_depth_hold * scene.radius();
+            let calm = slack * options.near_depth_hold * scene.radius();
             let motions = shared_motions(scene, matches, posed).into_iter();
             motions.map(|m| calm.hypot(options.near_depth_motion * m)).collect()
         }

@@ -6,6 +6,7 @@
 
 use super::Photograph;
 use super::cues::Cues;
+use super::field::GainField;
 use super::hold::hold;
 use super::mirror::mirrored;
 use super::samples::{Seen, look};
@@ -18,8 +19,9 @@ use crate::light::LightModel;
 use crate::mesh::Topology;
 use crate::options::{OptionError, check, from_zero, positive};
 use crate::register::terms::{keep, motion, stay};
-use crate::register::{Match, Prior, Scene};
+use crate::register::{Body, Match, Prior, Scene};
 use crate::solver::{Loss, Options, Summary};
+use crate::template::Exposure;
 use serde::{Deserialize, Serialize};
 
 /// Options of the joint solve. Lengths are relative to the visible radius, so they hold in any unit.
@@ -54,10 +56,16 @@ pub struct JointOptions {
     /// Expected motion in depth under a near light, for the motion that a match shares with its
     /// neighbours and the pose does not explain.
     pub near_depth_motion: f64,
-    /// Spread of the log gain about its expectation.
+    /// Spread of the log gain about its expectation, where the exploration does not tell a smaller one.
     pub gain_sigma: f64,
+    /// Least spread of the log gain: light that the model leaves out changes with the shape.
+    pub least_gain_sigma: f64,
     /// Spread of the ambient light about 0.
     pub ambient_sigma: f64,
+    /// Spread of the smooth log gain over the surface; 0 leaves it out.
+    pub smooth_gain: f64,
+    /// Its correlation length, of the visible radius.
+    pub smooth_length: f64,
     /// Blurs of image and albedo, coarse to fine, as fractions of the image diagonal; at least one.
     pub blurs: Vec<f64>,
     /// Three samples a face as long as they are no more than this, else one.
@@ -119,10 +127,12 @@ impl JointOptions {
             ("joint.near_depth_hold", positive(&[self.near_depth_hold]), "positive"),
             ("joint.near_depth_motion", from_zero(&[self.near_depth_motion]), "0 or more"),
             (
-                "joint.gain_sigma, ambient_sigma",
-                positive(&[self.gain_sigma, self.ambient_sigma]),
+                "joint.gain_sigma, least_gain_sigma, ambient_sigma",
+                positive(&[self.gain_sigma, self.least_gain_sigma, self.ambient_sigma]),
                 "positive",
             ),
+            ("joint.smooth_gain", from_zero(&[self.smooth_gain]), "0 or more"),
+            ("joint.smooth_length", positive(&[self.smooth_length]), "positive"),
             (
                 "joint.blurs",
                 !self.blurs.is_empty() && from_zero(&self.blurs),
@@ -141,8 +151,8 @@ impl Default for JointOptions {
     fn default() -> Self {
         Self {
             prior: Prior::Conformal,
-            conformal: 5e4,
-            stretch: 2e4,
+            conformal: 1e4,
+            stretch: 4e3,
             smoothing: 30.0,
             photometric: 4.0,
             sigma_relative: [0.01, 0.1],
@@ -153,7 +163,10 @@ impl Default for JointOptions {
             near_depth_hold: 0.07,
             near_depth_motion: 100.0,
             gain_sigma: 0.1,
+            least_gain_sigma: 0.015,
             ambient_sigma: 0.02,
+            smooth_gain: 0.01,
+            smooth_length: 0.3,
             blurs: vec![0.018, 0.009, 0.0045, 0.0045],
             max_samples: 8000,
             contour_blurs: 1.5,
@@ -175,7 +188,7 @@ pub(super) const REFERENCE: f64 = 334.0;
 /// The shape of the joint solve.
 #[derive(Clone, Debug)]
 pub struct Joined {
-    /// Vertices in camera axes.
+    /// Vertices in camera axes, of the mesh that was solved on.
     pub vertices: Vec<Point3>,
     /// Exposure gain of the frame relative to the albedo.
     pub gain: f64,
@@ -189,21 +202,30 @@ pub struct Joined {
     pub summary: Summary,
 }
 
-/// Solve motion, prior and shading together, from `start` (V′ of eq. 3).
+impl Joined {
+    /// On the full mesh of `body`, with the hidden side carried along by what is seen.
+    pub fn settled(mut self, body: &Body, anchor: f64) -> Self {
+        self.vertices = body.carried(&body.settled(self.vertices, anchor)).into_owned();
+        self
+    }
+}
+
+/// Solve motion, prior and shading together, from `start` (V′ of eq. 3, on the mesh of `body` that is
+/// solved on, as the matches).
 ///
 /// `depth_sigma` is eq. 3's tolerance for the depth of the matches under a distant light.
 pub fn join(
-    scene: &Scene,
+    body: &Body,
     start: &[Point3],
     depth_sigma: f64,
     matches: &[Match],
     photo: &Photograph,
     options: &JointOptions,
 ) -> Joined {
-    let hold = hold(scene, matches, &scene.posed, depth_sigma, &photo.light.light, options);
-    let mut state = Unknowns { vertices: start.to_vec(), globals: vec![0.0, 0.0] };
-    let mut expected = photo.expected_log_gain;
-    let (mut last, mut workspace) = (None, Workspace::default());
+    let scene = body.scene();
+    let field = smooth_gain(scene, options);
+    let mut state = Unknowns { vertices: start.to_vec(), globals: vec![0.0; 2] };
+    let (mut last, mut prior, mut workspace) = (None, None, Workspace::default());
     // Without any blur the picture is taken as it is.
     let blurs = if options.blurs.is_empty() { &[0.0][..] } else { &options.blurs };
     let last_stage = blurs.len() - 1;
@@ -211,20 +233,28 @@ pub fn join(
     let rings = FaceRings::of(&scene.rest.topology);
     for (stage, &blur) in blurs.iter().enumerate() {
         let scene = reposed.as_ref().unwrap_or(scene);
-        let look = look(photo, scene.rest, &state.vertices, blur, options);
-        let cues = Cues::of(&look, photo, options);
-        let seen = Seen::of(look, options);
-        if stage == 0 {
+        // The coarse stages find the shape that the smooth gain would explain away.
+        let field = field.as_ref().filter(|_| stage == last_stage);
+        let nodes = field.map_or(0, GainField::len);
+        state.globals.resize(2 + nodes, 0.0);
+        let full = body.carried(&state.vertices);
+        let look = look(photo, body.full().rest, &full, blur, options);
+        let cues = Cues::of(&look, body, &state.vertices, photo, options);
+        let seen = Seen::of(look, body, &state.vertices, field, options);
+        let (gain, hold) = prior.get_or_insert_with(|| {
             state.globals[0] = seen.log_gain;
-            expected.get_or_insert(seen.log_gain);
-        }
-        let gain = expected.unwrap_or(seen.log_gain);
+            let gain = GainPrior::of(photo, seen.log_gain, options);
+            // Brightness tells the distance from a near light as well as the exposure is known.
+            let (light, slack) = (&photo.light.light, options.gain_sigma / gain.sigma);
+            (gain, hold(scene, matches, &scene.posed, depth_sigma, light, options, slack))
+        });
         let count = seen.samples.len();
         let shading =
             Photometric::new(photo.camera, photo.light, &seen.image, &rings, seen.samples);
         let problem = || {
-            let held = cues.on(held(scene, matches, options.match_px, options), options);
-            shaded(held, scene, hold.clone(), shading.clone(), gain, options)
+            let held = held(scene, matches, options.match_px, 2 + nodes, options);
+            let held = cues.on(held, options);
+            shaded(held, scene, hold.clone(), shading.clone(), *gain, options)
         };
         let mirrors = if (1..last_stage).contains(&stage) { options.mirrors } else { 0 };
         let topology = &scene.rest.topology;
@@ -276,9 +306,10 @@ pub(super) fn held<'a>(
     scene: &'a Scene,
     matches: &[Match],
     match_px: f64,
+    globals: usize,
     options: &JointOptions,
 ) -> Objective<'a> {
-    let matched = Objective::over(scene.posed.len(), 2).plus_as(
+    let matched = Objective::over(scene.posed.len(), globals).plus_as(
         "motion",
         1.0,
         Loss::GemanMcClure(match_px),
@@ -288,6 +319,30 @@ pub(super) fn held<'a>(
     keep(matched, scene, options.prior, strain, [options.conformal, options.stretch])
 }
 
+/// What is expected of the log gain.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct GainPrior {
+    pub(super) expected: f64,
+    pub(super) sigma: f64,
+}
+
+/// An exposure that differs by more than this from the exploration's, in the log, has changed: a shape
+/// whose distance alone were off would be a fourteenth nearer or farther.
+const CHANGED: f64 = 0.15;
+
+impl GainPrior {
+    /// Of a photograph whose log gain at the rigid pose is `seen`: three times the spread of the
+    /// exploration's frames, since a new shape throws light in a new way.
+    fn of(photo: &Photograph, seen: f64, options: &JointOptions) -> Self {
+        let Some(Exposure { log_gain: expected, spread }) = photo.exposure else {
+            return Self { expected: seen, sigma: options.gain_sigma };
+        };
+        let told = (3.0 * spread).max(options.least_gain_sigma).min(options.gain_sigma);
+        let changed = (seen - expected).abs() > CHANGED;
+        Self { expected, sigma: if changed { options.gain_sigma } else { told } }
+    }
+}
+
 /// The photometric condition on top, with smoothing, what holds depth and the hidden side, and the
 /// priors of gain and ambient light.
 pub(super) fn shaded<'a>(
@@ -295,18 +350,28 @@ pub(super) fn shaded<'a>(
     scene: &'a Scene,
     hold: Boundary,
     photometric: impl EnergyTerm<1> + 'a,
-    expected_log_gain: f64,
+    gain: GainPrior,
     options: &JointOptions,
 ) -> Objective<'a> {
     let share = REFERENCE / photometric.count().max(1) as f64;
     let smoothing = Smoothing::of_displacement(&scene.laplacian, &scene.posed, scene.visible_area);
-    let prior = |index, mean, sigma| GlobalsPrior { index: [index], mean, sigma };
+    let nodes = (2..held.globals()).map(|k| [k]).collect();
+    let field = GlobalsPrior { indices: nodes, mean: 0.0, sigma: options.smooth_gain };
     held.plus(options.smoothing, Loss::Squared, smoothing)
         .plus(share * options.photometric, Loss::GemanMcClure(options.robust), photometric)
         .plus_as("hold of depth", 1.0, Loss::Huber(1.0), hold)
         .plus(3.0, Loss::Squared, stay(scene))
-        .plus(1.0, Loss::Squared, prior(0, expected_log_gain, options.gain_sigma))
-        .plus(1.0, Loss::Squared, prior(1, 0.0, options.ambient_sigma))
+        .plus(1.0, Loss::Squared, GlobalsPrior::of(0, gain.expected, gain.sigma))
+        .plus(1.0, Loss::Squared, GlobalsPrior::of(1, 0.0, options.ambient_sigma))
+        .plus(1.0, Loss::Squared, field)
+}
+
+/// The field of smooth gain over what is seen of a scene.
+pub(super) fn smooth_gain(scene: &Scene, options: &JointOptions) -> Option<GainField> {
+    let seen = (0..scene.visible.len()).filter(|&v| scene.visible[v]);
+    let points: Vec<Point3> = seen.map(|v| scene.rest.positions[v]).collect();
+    let length = options.smooth_length * scene.radius();
+    (options.smooth_gain > 0.0).then(|| GainField::over(&points, length))?
 }
 
 #[cfg(test)]

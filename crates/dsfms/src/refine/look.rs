@@ -153,6 +153,11 @@ impl<'a> Look<'a> {
         Some((point, pixel, normal.normalize()))
     }
 
+    /// Where the camera sees a point, px.
+    pub(super) fn project(&self, point: &Point3) -> Option<Point2> {
+        Some(self.photo.camera.project(point)?.pixel)
+    }
+
     /// What the channels say of a point; `None` where it is hidden, grazing, near a contour, or
     /// where most of the blur is of pixels that do not count.
     pub(super) fn at(&self, point: &Point3, pixel: &Point2, normal: &Vector3) -> Option<Channels> {

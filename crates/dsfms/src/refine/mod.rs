@@ -3,6 +3,7 @@
 mod contour;
 mod cues;
 pub mod evidence;
+mod field;
 mod foreign;
 mod glare;
 mod hold;

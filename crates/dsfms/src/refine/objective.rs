@@ -1,19 +1,19 @@
 //! Eq. 4: boundary condition, reprojection, diffuse and specular vertices, smoothing.
 
 use super::RefineOptions;
-use super::evidence::{Evidence, Photograph, gather};
+use super::evidence::{Evidence, Photograph, gather_on};
 use crate::energy::{
     Diffuse, GlobalsPrior, Objective, Reprojection, Smoothing, Specular, Stay, Unknowns, Workspace,
 };
 use crate::geometry::Point3;
 use crate::register::terms::hold_depth;
-use crate::register::{Match, Scene};
+use crate::register::{Body, Match, Scene};
 use crate::solver::{Loss, Options, Summary};
 
 /// The fine shape V″.
 #[derive(Clone, Debug)]
 pub struct Refined {
-    /// Vertices in camera axes.
+    /// Vertices in camera axes, of the mesh that was solved on.
     pub vertices: Vec<Point3>,
     /// Exposure gain of the frame relative to the albedo.
     pub gain: f64,
@@ -27,16 +27,26 @@ pub struct Refined {
     pub summary: Summary,
 }
 
-/// Solve eq. 4 from the coarse shape V′, holding the depth of the matches it was built on.
+impl Refined {
+    /// On the full mesh of `body`, with the hidden side carried along by what is seen.
+    pub fn settled(mut self, body: &Body, anchor: f64) -> Self {
+        self.vertices = body.carried(&body.settled(self.vertices, anchor)).into_owned();
+        self
+    }
+}
+
+/// Solve eq. 4 from the coarse shape V′, holding the depth of the matches it was built on; shape and
+/// matches are on the mesh of `body` that is solved on.
 pub fn refine(
-    scene: &Scene,
+    body: &Body,
     coarse: &[Point3],
     matches: &[Match],
     photo: &Photograph,
     options: &RefineOptions,
 ) -> Refined {
-    let mut evidence = gather(photo, scene.rest, coarse, options);
-    let expected = photo.expected_log_gain.unwrap_or(evidence.log_gain);
+    let scene = body.scene();
+    let mut evidence = gather_on(body, coarse, photo, options);
+    let expected = photo.exposure.map_or(evidence.log_gain, |e| e.log_gain);
     let start = if options.literal { 0.0 } else { evidence.log_gain };
     let mut state = Unknowns { vertices: coarse.to_vec(), globals: vec![start, 0.0] };
     let rounds = if options.literal { 1 } else { options.rounds.max(1) };
@@ -57,7 +67,7 @@ pub fn refine(
             };
         }
         state = next;
-        evidence = gather(photo, scene.rest, &state.vertices, options);
+        evidence = gather_on(body, &state.vertices, photo, options);
     }
 }
 
@@ -105,8 +115,8 @@ fn objective<'a>(
         .plus(share * options.specular, Loss::Squared, specular)
         .plus(options.smoothing, Loss::Squared, smoothing)
         .plus(if literal { 0.0 } else { 3.0 }, Loss::Squared, stay(scene, coarse, evidence))
-        .plus(1.0, Loss::Squared, GlobalsPrior { index: [0], mean: gain_mean, sigma: gain_sigma })
-        .plus(1.0, Loss::Squared, GlobalsPrior { index: [1], mean: 0.0, sigma: ambient_sigma })
+        .plus(1.0, Loss::Squared, GlobalsPrior::of(0, gain_mean, gain_sigma))
+        .plus(1.0, Loss::Squared, GlobalsPrior::of(1, 0.0, ambient_sigma))
 }
 
 /// Hidden vertices stay near V′.

@@ -1,15 +1,19 @@
 //! Samples inside faces: what one shape makes of a photograph at one blur.
 
 use super::Photograph;
-use super::glare::{NoiseOptions, weigh};
+use super::field::GainField;
+use super::glare::{Channels, NoiseOptions, weigh};
 use super::joint::JointOptions;
 use super::look::{Look, LookOptions, diagonal};
-use crate::energy::Brightness;
-use crate::energy::photometric::Sample;
-use crate::geometry::Point3;
+use crate::energy::photometric::{Gain, Sample};
+use crate::energy::{Brightness, Lift};
+use crate::geometry::{Point3, Vector3};
 use crate::image::ColorImage;
 use crate::mesh::Mesh;
+use crate::mesh::normals::vertex_normals;
 use crate::raster::Raster;
+use crate::register::Body;
+use nalgebra::Rotation3;
 use rayon::prelude::*;
 
 /// Barycentrics of the samples of a face.
@@ -53,30 +57,85 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    pub(super) fn of(look: Look, options: &JointOptions) -> Self {
-        let faces = &look.rest.topology.faces;
-        let fine = 3 * faces_drawn(&look.raster, faces.len()) > options.max_samples;
-        let inside = if fine { &CENTRE[..] } else { &INSIDE };
-        let one = |f: usize, b: [f64; 3]| {
-            let (point, pixel, normal) = look.on_face(faces[f], b)?;
-            Some(((f as u32, b), look.at(&point, &pixel, &normal)?))
+    /// `shape`: the mesh that is solved on, which carries the full mesh that the look is at.
+    pub(super) fn of(
+        look: Look,
+        body: &Body,
+        shape: &[Point3],
+        field: Option<&GainField>,
+        options: &JointOptions,
+    ) -> Self {
+        let places = match body.is_carried() {
+            true => at_vertices(&look, body, shape, options),
+            false => inside_faces(&look, options),
         };
-        let all = (0..faces.len() * inside.len()).into_par_iter();
-        let found = all.filter_map(|i| one(i / inside.len(), inside[i % inside.len()]));
-        let (places, channels): (Vec<_>, Vec<_>) = found.unzip();
+        let (places, channels): (Vec<_>, Vec<_>) = places.into_iter().unzip();
         let noise = NoiseOptions {
             relative: options.sigma_relative,
             absolute: options.sigma_absolute,
             colour: options.colour,
         };
         let weighed = weigh(&channels, &noise);
+        let rest = body.scene().rest;
         let sample = |(i, brightness): (usize, Brightness)| {
-            let (face, barycentric) = places[i];
-            Sample { face, barycentric, brightness }
+            let Place { face, barycentric, lift } = places[i];
+            let gain = field.map_or(Gain::GLOBAL, |field| {
+                let (nodes, shares) = field.at(&body.point((face, barycentric), &rest.positions));
+                Gain::smooth(nodes.map(|k| k + 2), shares)
+            });
+            Sample { face, barycentric, brightness, lift, gain }
         };
         let samples = weighed.brightness.into_iter().map(sample).collect();
         Self { image: look.image, samples, log_gain: weighed.log_gain }
     }
+}
+
+/// Where a sample lies on the mesh that is solved on, and how the full mesh lies to that.
+struct Place {
+    face: u32,
+    barycentric: [f64; 3],
+    lift: Lift,
+}
+
+/// Samples inside the faces of a mesh that is solved on itself.
+fn inside_faces(look: &Look, options: &JointOptions) -> Vec<(Place, Channels)> {
+    let faces = &look.rest.topology.faces;
+    let fine = 3 * faces_drawn(&look.raster, faces.len()) > options.max_samples;
+    let inside = if fine { &CENTRE[..] } else { &INSIDE };
+    let one = |f: usize, barycentric: [f64; 3]| {
+        let (point, pixel, normal) = look.on_face(faces[f], barycentric)?;
+        let place = Place { face: f as u32, barycentric, lift: Lift::NONE };
+        Some((place, look.at(&point, &pixel, &normal)?))
+    };
+    let all = (0..faces.len() * inside.len()).into_par_iter();
+    all.filter_map(|i| one(i / inside.len(), inside[i % inside.len()])).collect()
+}
+
+/// Samples at the vertices of a full mesh that a control mesh carries; of very many every so-manieth.
+fn at_vertices(
+    look: &Look,
+    body: &Body,
+    shape: &[Point3],
+    options: &JointOptions,
+) -> Vec<(Place, Channels)> {
+    let topology = &body.scene().rest.topology;
+    let normals = vertex_normals(topology, shape);
+    let one = |v: usize| {
+        let (point, normal) = (look.shape[v], look.normals[v]);
+        let pixel = look.project(&point)?;
+        let channels = look.at(&point, &pixel, &normal)?;
+        let (face, barycentric) = body.place(v)?;
+        let corners = topology.faces[face as usize].map(|k| k as usize);
+        let under: Vector3 = corners.iter().zip(barycentric).map(|(&k, b)| normals[k] * b).sum();
+        let turn = Rotation3::rotation_between(&under, &normal)?.into_inner();
+        let lift = Lift { offset: point - body.point((face, barycentric), shape), turn };
+        Some((Place { face, barycentric, lift }, channels))
+    };
+    let inner = |v: &usize| !look.rest.topology.boundary[*v];
+    let found: Vec<_> =
+        (0..look.shape.len()).into_par_iter().filter(inner).filter_map(one).collect();
+    let every = found.len().div_ceil(options.max_samples.max(1)).max(1);
+    found.into_iter().step_by(every).collect()
 }
 
 /// Number of faces with at least one pixel.

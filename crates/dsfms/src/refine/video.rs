@@ -6,11 +6,11 @@
 
 use super::Photograph;
 use super::hold::hold;
-use super::joint::{JointOptions, held, shaded};
+use super::joint::{GainPrior, JointOptions, held, shaded};
 use super::samples::{Seen, look};
 use crate::energy::{FaceRings, Photometric, Unknowns, Workspace};
 use crate::geometry::Point3;
-use crate::register::{Match, Scene};
+use crate::register::{Body, Match, Scene};
 use crate::solver::Options;
 use serde::{Deserialize, Serialize};
 
@@ -141,21 +141,24 @@ pub fn join_near(
     let mut found = (start, 0, 0.0, 0);
     let before = if near.gap { &video.blurs_after_gap[..] } else { &[] };
     let (matches, light) = (frame.matches, &frame.photo.light.light);
-    let hold = hold(frame.scene, matches, frame.posed, frame.depth_sigma, light, &joint);
+    let hold = hold(frame.scene, matches, frame.posed, frame.depth_sigma, light, &joint, 1.0);
     for (stage, &blur) in before.iter().chain([&video.blur]).enumerate() {
         // Coarse stages have yet to bring the matches within reach.
         let match_px = if stage < before.len() { joint.match_px } else { video.match_px };
         let (mut state, _, _, steps) = found;
         let NearFrame { scene, photo, .. } = *frame;
-        let seen = Seen::of(look(photo, scene.rest, &state.vertices, blur, &joint), &joint);
+        let body = Body::plain(scene);
+        let look = look(photo, scene.rest, &state.vertices, blur, &joint);
+        let seen = Seen::of(look, &body, &state.vertices, None, &joint);
         let topology = &scene.rest.topology;
         let (image, samples) = (&seen.image, seen.samples);
         let count = samples.len();
         let shading = Photometric::new(photo.camera, photo.light, image, rings, samples);
         state.globals[0] = shading.log_gain(topology, &state.vertices, state.globals[1]);
-        let expected = photo.expected_log_gain.unwrap_or(seen.log_gain);
-        let held = held(scene, matches, match_px, &joint);
-        let problem = shaded(held, scene, hold.clone(), shading.clone(), expected, &joint);
+        let expected = photo.exposure.map_or(seen.log_gain, |e| e.log_gain);
+        let held = held(scene, matches, match_px, 2, &joint);
+        let gain = GainPrior { expected, sigma: joint.gain_sigma };
+        let problem = shaded(held, scene, hold.clone(), shading.clone(), gain, &joint);
         let (state, summary) = problem.minimise_in(workspace, state, &solver);
         let residual = shading.mean_residual(topology, &state.vertices, &state.globals);
         found = (state, count, residual, steps + summary.iterations);

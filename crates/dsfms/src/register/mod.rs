@@ -5,19 +5,23 @@
 //! unit.
 
 mod coarse;
+pub mod control;
 pub mod find;
 pub mod objective;
 pub mod options;
 pub mod pose;
 pub mod scene;
 pub mod terms;
+pub mod volume;
 
 use crate::geometry::Point2;
+pub use control::{Body, Deformable};
 pub use find::find;
 pub use objective::{RegisterMemory, Registered, register, register_in, register_near};
 pub use options::{Prior, RegisterOptions};
 pub use pose::{Posed, pose, pose_near};
 pub use scene::Scene;
+pub use volume::Volume;
 
 /// A correspondence between a template point and a pixel of the deformed frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

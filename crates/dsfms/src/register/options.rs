@@ -44,6 +44,9 @@ pub struct RegisterOptions {
     pub depth_hold_motion: f64,
     /// Weight that holds vertices nobody sees to the rigid pose, per visible area.
     pub stay: f64,
+    /// How firmly the hidden side of a closed surface hangs on its surroundings, of the stiffness of
+    /// tissue as thick as the organ; what is seen carries it along.
+    pub anchor: f64,
     /// Solve eq. 3 as printed: unsquared motion norms, Laplacian of the position, no stretch prior,
     /// no depth hold.
     pub literal: bool,
@@ -61,6 +64,7 @@ impl Default for RegisterOptions {
             depth_hold: 0.04,
             depth_hold_motion: 3.0,
             stay: 3.0,
+            anchor: 0.1,
             literal: false,
         }
     }

@@ -13,10 +13,12 @@ pub mod normal_equations;
 mod ordering;
 mod panels;
 pub mod pattern;
+pub mod scalar;
 pub mod summary;
 
 pub use levenberg_marquardt::{Options, Problem, Step, minimize};
 pub use loss::Loss;
 pub use normal_equations::NormalEquations;
 pub use pattern::Pattern;
+pub use scalar::ScalarCholesky;
 pub use summary::{Stop, Summary, TermCost};

@@ -1,6 +1,5 @@
 //! Conformal flattening of the template (paper §4), of any surface: what is not a disc is cut.
 
-mod cholesky;
 mod conformal;
 mod cut;
 mod energy;

@@ -84,7 +84,29 @@ pub struct Template {
     pub coat: Coat,
 }
 
+/// What the exploration tells of the exposure of a frame taken with the same camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Exposure {
+    /// Expected log gain over the albedo.
+    pub log_gain: f64,
+    /// Spread of the log gain over the frames of the exploration; infinite of too few to tell.
+    pub spread: f64,
+}
+
+/// Frames that tell how constant an exposure is.
+const TELLING: usize = 4;
+
 impl Template {
+    /// What the exploration tells of the exposure; `None` without an exploration.
+    pub fn exposure(&self) -> Option<Exposure> {
+        let logs: Vec<f64> = self.views.iter().map(|v| v.gain.max(1e-6).ln()).collect();
+        let count = logs.len() as f64;
+        let mean = logs.iter().sum::<f64>() / count;
+        let variance = logs.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        let spread = if logs.len() < TELLING { f64::INFINITY } else { variance.sqrt() };
+        (!logs.is_empty()).then_some(Exposure { log_gain: 0.0, spread })
+    }
+
     /// The light of a frame and the tissue it falls on.
     pub fn lighting(&self) -> Coated {
         Coated { light: self.light.clone().unwrap_or_default(), coat: self.coat }

@@ -8,7 +8,8 @@ use crate::light::LightModel;
 use crate::refine::{Near, NearFrame, Photograph, join, join_near};
 use crate::register::objective::{depth_tolerance, errors_px, explained};
 use crate::register::{
-    Match, Posed, RegisterError, Registered, Scene, pose, pose_near, register_in, register_near,
+    Body, Match, Posed, RegisterError, Registered, Scene, pose, pose_near, register_in,
+    register_near,
 };
 
 /// Matches that the motion since the last frame is taken from at most.
@@ -38,8 +39,9 @@ impl Tracker<'_> {
         if let Some(photo) = self.photograph(view, &draft.vertices) {
             let kept = draft.kept();
             let (start, hold) = (&draft.vertices, draft.depth_uncertainty * scene.radius());
-            let joined =
-                clock.time("joint", || join(&scene, start, hold, &kept, &photo, &options.joint));
+            let joined = clock.time("joint", || {
+                join(&Body::plain(&scene), start, hold, &kept, &photo, &options.joint)
+            });
             (draft.vertices, draft.ambient) = (joined.vertices, joined.ambient);
             draft.photometric = (joined.samples > 0).then_some(joined.residual);
             draft.measure(&scene);
@@ -209,7 +211,7 @@ impl Tracker<'_> {
             outline: None,
             light: &self.light,
             albedo: &self.albedo.for_edge(2.0 * edge).texels,
-            expected_log_gain: (!self.template.views.is_empty()).then_some(0.0),
+            exposure: self.template.exposure(),
         })
     }
 }

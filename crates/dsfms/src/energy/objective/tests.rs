@@ -49,7 +49,7 @@ fn objective<'a>(mesh: &Mesh, rest: &'a RestFaces, camera: &'a CameraModel) -> O
         .plus(3e4, Loss::Squared, Shearing { rest })
         .plus(3e3, Loss::Squared, Stretch { rest })
         .plus(100.0, Loss::Squared, smoothing)
-        .plus(1.0, Loss::Squared, GlobalsPrior { index: [0], mean: 0.1, sigma: 0.3 })
+        .plus(1.0, Loss::Squared, GlobalsPrior::of(0, 0.1, 0.3))
 }
 
 fn start(mesh: &Mesh) -> Unknowns {
@@ -70,7 +70,7 @@ fn assembly_equals_the_dense_sum() {
         .plus(2.0, Loss::Huber(0.01), Shearing { rest: &rest })
         .plus(3.0, Loss::Squared, Stretch { rest: &rest })
         .plus(0.5, Loss::Squared, smoothing())
-        .plus(0.7, Loss::Squared, GlobalsPrior { index: [0], mean: 0.1, sigma: 0.3 });
+        .plus(0.7, Loss::Squared, GlobalsPrior::of(0, 0.1, 0.3));
     let state = start(&mesh);
     let (mut hessian, mut gradient) = (DMatrix::zeros(76, 76), DVector::zeros(76));
     add_dense(

@@ -35,6 +35,8 @@ pub(super) struct WeightedTerm<const R: usize, T> {
     pub(super) term: T,
     /// Size of its largest stencil.
     largest: usize,
+    /// Most globals that a block reads.
+    most_globals: usize,
     /// Block index of every pair (a ≥ b) of every stencil, in order.
     pub(super) slots: Slots,
 }
@@ -108,11 +110,10 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
     }
 
     fn cost(&self, state: &Unknowns) -> Option<f64> {
-        let globals = self.term.globals();
-        let mut gathered = Gathered::new(self.largest, globals.len());
+        let mut gathered = Gathered::new(self.largest, self.most_globals);
         let mut sum = 0.0;
         for i in 0..self.term.count() {
-            let (v, g) = gathered.take(state, self.term.stencil(i), globals);
+            let (v, g) = gathered.take(state, self.term.stencil(i), self.term.globals(i));
             let r = self.term.residual(i, v, g, None).ok()?;
             sum += self.term.weight(i) * self.loss.evaluate(r.norm_squared()).0;
         }
@@ -128,21 +129,20 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
         if self.is_isotropic() {
             return self.accumulate_gradient(state, range, sums);
         }
-        let globals = self.term.globals();
         let pairs = |i: usize| {
             let k = self.term.stencil(i).len();
             k * (k + 1) / 2
         };
         let mut slot: usize = (0..range.start).map(pairs).sum();
         let mut d_vertices = vec![SMatrix::<f64, R, 3>::zeros(); self.largest];
-        let mut d_globals = vec![SVector::<f64, R>::zeros(); globals.len()];
+        let mut d_globals = vec![SVector::<f64, R>::zeros(); self.most_globals];
         let mut weighted = vec![SMatrix::<f64, 3, R>::zeros(); self.largest];
-        let mut gathered = Gathered::new(self.largest, globals.len());
+        let mut gathered = Gathered::new(self.largest, self.most_globals);
         let mut cost = 0.0;
         for i in range {
-            let stencil = self.term.stencil(i);
+            let (stencil, globals) = (self.term.stencil(i), self.term.globals(i));
             let (v, g) = gathered.take(state, stencil, globals);
-            let (dv, dg) = (&mut d_vertices[..stencil.len()], &mut d_globals[..]);
+            let (dv, dg) = (&mut d_vertices[..stencil.len()], &mut d_globals[..globals.len()]);
             dv.fill(SMatrix::zeros());
             dg.fill(SVector::zeros());
             let jacobian = Jacobian { vertices: dv, globals: dg };
@@ -164,7 +164,8 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
 impl<const R: usize, T: EnergyTerm<R>> WeightedTerm<R, T> {
     pub(super) fn new(label: &'static str, weight: f64, loss: Loss, term: T) -> Self {
         let largest = (0..term.count()).map(|i| term.stencil(i).len()).max().unwrap_or(0);
-        Self { label, weight, loss, term, largest, slots: Slots::default() }
+        let most_globals = (0..term.count()).map(|i| term.globals(i).len()).max().unwrap_or(0);
+        Self { label, weight, loss, term, largest, most_globals, slots: Slots::default() }
     }
 
     /// The gradient of blocks whose part of the matrix is already there.

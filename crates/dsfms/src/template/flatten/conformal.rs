@@ -6,10 +6,10 @@
 //! plane; the boundary curve is integrated from it and filled in harmonically (Sawhney and Crane
 //! 2017, "Boundary first flattening"). Linear: one Cholesky factorisation, three solves.
 
-use super::cholesky::Cholesky;
 use crate::geometry::{Point2, Point3, Vector2};
 use crate::mesh::Mesh;
 use crate::mesh::boundary::boundary_loops;
+use crate::solver::ScalarCholesky;
 use std::f64::consts::{PI, TAU};
 
 /// UV of every vertex of a disc, in length units of the mesh; `None` where the system cannot be
@@ -82,7 +82,7 @@ impl Cotan {
 
 /// The Laplace equation with values given on the boundary.
 struct Interior {
-    factor: Cholesky,
+    factor: ScalarCholesky,
     /// Inner vertices, ascending.
     vertices: Vec<u32>,
 }
@@ -101,7 +101,7 @@ impl Interior {
             let below = row.iter().map(|&(j, w)| (place[j as usize], w));
             lower.extend(below.filter(|&(j, _)| j < k).map(|(j, w)| (k, j, -w)));
         }
-        Some(Self { factor: Cholesky::new(vertices.len(), &lower)?, vertices })
+        Some(Self { factor: ScalarCholesky::new(vertices.len(), &lower)?, vertices })
     }
 
     /// Fill the inner values of `x` so that `(L x)ᵢ = source(i)` there; the others are given.

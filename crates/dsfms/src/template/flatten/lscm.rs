@@ -1,10 +1,10 @@
 //! Least-squares conformal maps (Lévy et al. 2002): the conformal energy with two vertices held.
 
-use super::cholesky::Cholesky;
 use super::energy;
 use crate::geometry::Point2;
 use crate::mesh::Mesh;
 use crate::mesh::boundary::boundary_loops;
+use crate::solver::ScalarCholesky;
 
 /// UV of every vertex of a disc; `None` where the system cannot be solved.
 pub(super) fn flatten_disc(mesh: &Mesh) -> Option<Vec<Point2>> {
@@ -23,7 +23,7 @@ pub(super) fn flatten_disc(mesh: &Mesh) -> Option<Vec<Point2>> {
             (k, l) => lower.push((k, l, value)),
         }
     }
-    Cholesky::new(free.len(), &lower)?.solve(&mut rhs)?;
+    ScalarCholesky::new(free.len(), &lower)?.solve(&mut rhs)?;
     free.iter().zip(rhs).for_each(|(&i, value)| u[i] = value);
     energy::layout(mesh, &u)
 }

@@ -1,10 +1,10 @@
 //! Spectral conformal maps (Mullen et al. 2008): the least conformal energy for a boundary of unit
 //! size, with nothing held. The extent of the boundary counts, so no two vertices pull at the map.
 
-use super::cholesky::Cholesky;
 use super::{conformal, energy};
 use crate::geometry::Point2;
 use crate::mesh::Mesh;
+use crate::solver::ScalarCholesky;
 
 /// Added to the diagonal, so that the null space of the energy does not stop the factorisation; the
 /// energy's own diagonal is of the order of 1.
@@ -20,7 +20,7 @@ pub(super) fn flatten_disc(mesh: &Mesh) -> Option<Vec<Point2>> {
     let mut lower = energy::matrix(mesh);
     let n = 2 * mesh.positions.len();
     lower.extend((0..n).map(|i| (i, i, SHIFT)));
-    let factor = Cholesky::new(n, &lower)?;
+    let factor = ScalarCholesky::new(n, &lower)?;
     let rim = &mesh.topology.boundary;
     let start = conformal::flatten_disc(mesh)?;
     let mut u: Vec<f64> = start.iter().flat_map(|p| [p.x, p.y]).collect();

@@ -10,15 +10,15 @@ use faer::sparse::{SparseColMat, Triplet};
 use faer::{Conj, MatMut, Par, Side, Spec};
 
 /// A factorised matrix.
-pub(super) struct Cholesky {
+pub struct ScalarCholesky {
     symbolic: SymbolicCholesky<usize>,
     values: Vec<f64>,
 }
 
-impl Cholesky {
+impl ScalarCholesky {
     /// Factorise the matrix whose lower triangle the entries `(row, column, value)` give (repeated
     /// ones are added); `None` where it is not positive definite.
-    pub(super) fn new(n: usize, lower: &[(usize, usize, f64)]) -> Option<Self> {
+    pub fn new(n: usize, lower: &[(usize, usize, f64)]) -> Option<Self> {
         let entries: Vec<_> = lower.iter().map(|&(i, j, v)| Triplet::new(i, j, v)).collect();
         let matrix = SparseColMat::<usize, f64>::try_new_from_triplets(n, n, &entries).ok()?;
         let symbolic = factorize_symbolic_cholesky(
@@ -45,8 +45,8 @@ impl Cholesky {
         values.iter().all(|v| v.is_finite()).then_some(Self { symbolic, values })
     }
 
-    /// Overwrite the right-hand side by the solution.
-    pub(super) fn solve(&self, rhs: &mut [f64]) -> Option<()> {
+    /// Overwrite the right-hand side by the solution; `None` where it is not finite.
+    pub fn solve(&self, rhs: &mut [f64]) -> Option<()> {
         let scratch = self.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq);
         let mut memory = MemBuffer::try_new(scratch).ok()?;
         let n = rhs.len();
@@ -66,10 +66,10 @@ mod tests {
 
     #[test]
     fn solves_a_two_by_two_system() {
-        let factor = Cholesky::new(2, &[(0, 0, 4.0), (1, 0, 2.0), (1, 1, 3.0)]).unwrap();
+        let factor = ScalarCholesky::new(2, &[(0, 0, 4.0), (1, 0, 2.0), (1, 1, 3.0)]).unwrap();
         let mut x = [8.0, 8.0];
         factor.solve(&mut x).unwrap();
         assert!((x[0] - 1.0).abs() < 1e-14 && (x[1] - 2.0).abs() < 1e-14);
-        assert!(Cholesky::new(1, &[(0, 0, -1.0)]).is_none());
+        assert!(ScalarCholesky::new(1, &[(0, 0, -1.0)]).is_none());
     }
 }
