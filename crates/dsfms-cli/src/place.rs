@@ -6,7 +6,7 @@ use anyhow::Context;
 use dsfms::io::images;
 use serde::Serialize;
 use std::ffi::OsStr;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// Says that the files of these names are ours; the next run removes them.
 const MARK: &str = "dsfms.json";
@@ -69,8 +69,6 @@ pub fn renew(output: &Path, command: &str) -> anyhow::Result<()> {
         std::fs::remove_file(&path)
             .with_context(|| format!("cannot remove {} of an older run", path.display()))
     };
-    // Nothing of ours is there without the mark: that has been checked.
-    entries(output)?.into_iter().filter(|path| is_ours(path)).try_for_each(remove)?;
     for folder in FOLDERS.map(|name| output.join(name)) {
         if folder.is_dir() && output.join(MARK).is_file() {
             let of_frame = |path: &PathBuf| name_of(path).starts_with("frame_");
@@ -79,6 +77,8 @@ pub fn renew(output: &Path, command: &str) -> anyhow::Result<()> {
             let _ = std::fs::remove_dir(&folder);
         }
     }
+    // Nothing of ours is there without the mark, which goes last: that has been checked.
+    entries(output)?.into_iter().filter(|path| is_ours(path)).try_for_each(remove)?;
     let generator = concat!("dsfms ", env!("CARGO_PKG_VERSION"));
     write_json(&output.join(MARK), &Mark { generator, command })
 }
@@ -116,20 +116,16 @@ fn entries(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
 /// A path without links, `.` and `..`, as far as it exists.
 fn real(path: &Path) -> PathBuf {
     let full = std::path::absolute(path).unwrap_or_else(|_| path.into());
-    let mut missing = Vec::new();
-    let mut known = full.as_path();
-    loop {
-        if let Ok(real) = known.canonicalize() {
-            return missing.iter().rev().fold(real, |path, part| path.join(part));
+    let mut real = PathBuf::new();
+    for part in full.components() {
+        match part {
+            Component::ParentDir => drop(real.pop()),
+            Component::CurDir => {}
+            part => real.push(part),
         }
-        match (known.file_name(), known.parent()) {
-            (Some(name), Some(parent)) => {
-                missing.push(name.to_owned());
-                known = parent;
-            }
-            _ => return full,
-        }
+        real = real.canonicalize().unwrap_or(real);
     }
+    real
 }
 
 #[cfg(test)]

@@ -50,7 +50,7 @@ impl Npz {
         let at = at.iter().find_map(|n| self.0.index_for_name(n)).ok_or("is missing")?;
         let file = self.0.by_index(at).map_err(|e| e.to_string())?;
         let (size, packed) = (file.size(), file.compressed_size());
-        if size > MOST_ENTRY || size > packed.saturating_mul(MOST_RATIO) + 1024 {
+        if size > MOST_ENTRY || size > packed.saturating_mul(MOST_RATIO).saturating_add(1024) {
             return Err(format!("states {size} bytes, packed in {packed}"));
         }
         let mut bytes = Vec::new();
