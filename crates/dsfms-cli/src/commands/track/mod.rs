@@ -26,6 +26,7 @@ use dsfms::pipeline::{Method, Progress};
 use dsfms::template::Template;
 use dsfms::track::shapes::ShapeFile;
 use dsfms::track::{TrackOptions, TrackStatus, Tracked, Tracker};
+use dsfms::verdict::Reason;
 use live::{Told, tell};
 use source::{Content, Item, Source};
 use std::path::{Path, PathBuf};
@@ -163,7 +164,7 @@ impl<'a> Job<'a> {
                 let size = self.camera.size;
                 let frame = Frame { name, size, rgb: vec![[0; 3]; size[0] * size[1]] };
                 let (status, stages) = (TrackStatus::Lost, Vec::new());
-                (frame, Tracked { status, reasons: vec![reason], surface: None, stages })
+                (frame, Tracked { status, reasons: vec![Reason::NoSurface { why: reason }], surface: None, stages })
             }
         };
         let ms = 1e3 * start.elapsed().as_secs_f64();
