@@ -18,6 +18,7 @@ use dsfms::image::{Frame, Mask, ToneCurve};
 use dsfms::io::masks::MaskKind;
 use dsfms::io::matches::{find_matches, read_matches};
 use dsfms::io::template::read_template;
+use dsfms::pipeline::inputs::frames_camera;
 use dsfms::pipeline::{
     Method, Observation, Progress, ReconstructOptions, Reconstruction, reconstruct,
 };
@@ -230,25 +231,9 @@ fn prepare<'a>(
         inputs::must_exist(path, option)?;
     }
     let mut template = read_template(&args.template)?;
-    let (camera, tone) = match &args.camera {
-        Some(path) => {
-            let input = inputs::camera(path, global)?;
-            // A template of a bare mesh knows no light; the camera file may.
-            template.light = template.light.or(input.file.light);
-            // The frames' own lens, which need not be that of the exploration.
-            if let Some(a) = input.file.vignetting {
-                template.coat.vignetting = a;
-            }
-            (input.file.camera, input.tone)
-        }
-        None => {
-            let camera = template
-                .camera
-                .clone()
-                .context("the template holds no camera; give the frames' camera with --camera")?;
-            (camera, global.tone.map_or(template.tone.clone(), Into::into))
-        }
-    };
+    let given = args.camera.as_deref().map(|path| inputs::camera(path, global)).transpose()?;
+    let (camera, tone) = frames_camera(&mut template, given, global.tone.map(Into::into))
+        .context("the template holds no camera; give the frames' camera with --camera")?;
     let mut options = match &args.options {
         Some(path) => inputs::options(path, ReconstructOptions::from_toml)?,
         None => ReconstructOptions::default(),

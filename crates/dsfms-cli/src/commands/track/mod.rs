@@ -23,6 +23,7 @@ use dsfms::geometry::Point3;
 use dsfms::image::{Frame, ToneCurve};
 use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::io::template::read_template;
+use dsfms::pipeline::inputs::frames_camera;
 use dsfms::pipeline::{Method, Progress};
 use dsfms::template::Template;
 use dsfms::track::shapes::ShapeFile;
@@ -99,17 +100,9 @@ fn camera(
     global: &Global,
     template: &mut Template,
 ) -> anyhow::Result<(CameraModel, ToneCurve)> {
-    if let Some(path) = &args.camera {
-        let input = inputs::camera(path, global)?;
-        if let Some(a) = input.file.vignetting {
-            template.coat.vignetting = a;
-        }
-        return Ok((input.file.camera, input.tone));
-    }
-    let camera = template.camera.clone();
-    let camera =
-        camera.context("the template holds no camera; give the frames' camera with --camera")?;
-    Ok((camera, global.tone.map_or(template.tone.clone(), Into::into)))
+    let given = args.camera.as_deref().map(|path| inputs::camera(path, global)).transpose()?;
+    frames_camera(template, given, global.tone.map(Into::into))
+        .context("the template holds no camera; give the frames' camera with --camera")
 }
 
 /// What the frames share.
