@@ -37,7 +37,6 @@ const COEFFICIENTS: [&str; 8] = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"]
 
 pub(super) fn read(path: &Path, value: &Value) -> Result<CameraFile, InputError> {
     let fields = Fields::new(path, "", value)?;
-    fields.check_names(&KNOWN, true)?;
     let size = [fields.count("width")?, fields.count("height")?];
     let shift = pixel_shift(&fields)?;
     let camera = CameraModel {
@@ -46,6 +45,8 @@ pub(super) fn read(path: &Path, value: &Value) -> Result<CameraFile, InputError>
         centre: [fields.number("cx")? - shift, fields.number("cy")? - shift],
         lens: lens(&fields)?,
     };
+    // A missing field is named first, with what was found in its place.
+    fields.check_names(&KNOWN, true)?;
     let tone = fields.get("tone_curve").or(fields.get("tone"));
     Ok(CameraFile {
         camera,

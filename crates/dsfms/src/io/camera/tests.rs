@@ -143,7 +143,7 @@ fn bad_json_is_explained() {
         (PLAIN.replace("548.0", "\"548\""), "field fx: is \"548\""),
         (PLAIN.replace("548.0", "-548"), "field fx is -548"),
         (PLAIN.replace("548.0", "1e999"), "not valid JSON"),
-        (PLAIN.replace("\"fx\"", "\"f_x\""), "field f_x: is not known; expected width, height, fx"),
+        (PLAIN.replace("\"fx\"", "\"f_x\""), "field fx: is missing; found only"),
         (PLAIN.replace("\"fx\"", "\"FX\""), "did you mean to write \"FX\""),
         (PLAIN.replace("640", "0"), "field width"),
         (PLAIN.replace("640", "640.5"), "field width"),
