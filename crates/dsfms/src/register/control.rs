@@ -17,8 +17,8 @@ use std::borrow::Cow;
 /// Meshes of more vertices are carried by a control mesh.
 pub const CONTROL_ABOVE: usize = 1500;
 
-/// Vertices of a control mesh. A closed organ shows a third of them; the noise of a frame leaves
-/// nothing finer to be told.
+/// Vertices of a control mesh: on `rendered_scene` the deformed zone is 0.69 mm off, 0.60 mm solved on
+/// all 7,200 vertices, in a ninth of the time (`docs/results/scenes.md`).
 const CONTROL: usize = 1000;
 
 /// A control mesh and where the vertices of the full mesh lie on it.

@@ -27,7 +27,7 @@ const ACROSS: f64 = 10.0;
 /// Weight of a seen vertex, of one edge.
 const SEEN: f64 = 100.0;
 
-/// Rounds of turning and solving; the third changes less than a tenth of the second.
+/// Rounds of turning and solving: few, since the start has moved with what is seen.
 const ROUNDS: usize = 4;
 
 /// A rest surface and what lies inside.
