@@ -10,6 +10,7 @@ pub mod clip_truth;
 pub mod colmap;
 pub mod error;
 pub mod gltf_mesh;
+pub mod igtl;
 pub mod images;
 pub mod masks;
 pub mod matches;

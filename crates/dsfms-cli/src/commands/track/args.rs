@@ -1,5 +1,6 @@
 //! The arguments of `dsfms track`.
 
+use super::link::LinkArgs;
 use super::source::InputFormat;
 use crate::exit::Usage;
 use crate::formats::Format;
@@ -45,7 +46,8 @@ pub struct TrackArgs {
     /// Template folder.
     #[arg(value_name = "TEMPLATE")]
     pub template: PathBuf,
-    /// A video, image files, folders of them, or - for frames on standard input.
+    /// A video, image files, folders of them, - for frames on standard input, or an OpenIGTLink server,
+    /// igtl://HOST:PORT/DEVICE (no device: the first that sends pictures).
     #[arg(required = true, value_name = "VIDEO")]
     pub input: Vec<PathBuf>,
     /// Intrinsics of these frames; default the template's own camera.
@@ -79,6 +81,8 @@ pub struct TrackArgs {
     /// The vertices too on standard output, behind the line of every frame.
     #[arg(long)]
     pub live_vertices: bool,
+    #[command(flatten)]
+    pub link: LinkArgs,
     /// A PLY for every frame.
     #[arg(long)]
     pub ply: bool,

@@ -30,6 +30,7 @@ struct Line<'a> {
 }
 
 /// What one frame gave.
+#[derive(Clone, Copy)]
 pub struct Told<'a> {
     pub number: usize,
     pub tracked: &'a Tracked,

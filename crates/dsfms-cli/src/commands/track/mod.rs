@@ -1,6 +1,8 @@
 //! `dsfms track`: a video of the deforming organ, frame after frame.
 
 mod args;
+mod incoming;
+mod link;
 mod live;
 mod outputs;
 mod queue;
@@ -26,9 +28,12 @@ use dsfms::pipeline::{Method, Progress};
 use dsfms::template::Template;
 use dsfms::track::shapes::ShapeFile;
 use dsfms::track::{TrackOptions, TrackStatus, Tracked, Tracker};
+use incoming::Stream;
+use link::Link;
 use live::{Told, tell};
 use source::{Content, Item, Source};
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 /// Run the command.
 pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
@@ -54,7 +59,8 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     let name = args.template.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let page = args.output.join("report.html");
     let report = TrackReport::new(page, name, &template, &camera, method_name(method))?;
-    let source = source(args, live);
+    let link = Link::open(&args.link, &template, &camera, reporter)?;
+    let source = source(args, live)?;
     let rate = args.rate.or_else(|| source.rate()).unwrap_or(RATE);
     let mut job = Job {
         args,
@@ -72,6 +78,7 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
         overlays: Vec::new(),
         dropped: 0,
         counts: [0; 3],
+        link,
     };
     let reading = source.start(rate, job.tracker.preparation());
     let ended = loop {
@@ -91,21 +98,25 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
 /// Folders and files of the input, apart from which results lie.
 fn places(args: &TrackArgs) -> Vec<&Path> {
     let masks = args.instrument_masks.iter();
-    args.input.iter().chain([&args.template]).chain(masks).map(PathBuf::as_path).collect()
+    let files = args.input.iter().filter(|input| !incoming::is_address(input));
+    files.chain([&args.template]).chain(masks).map(PathBuf::as_path).collect()
 }
 
 /// Frames a second where nothing says so.
 const RATE: f64 = 25.0;
 
-fn source(args: &TrackArgs, live: bool) -> Source {
-    Source {
-        inputs: if live { Vec::new() } else { args.input.clone() },
+fn source(args: &TrackArgs, live: bool) -> anyhow::Result<Source> {
+    let stream = Stream::of(args)?;
+    let files = !live && stream.is_none();
+    Ok(Source {
+        inputs: if files { args.input.clone() } else { Vec::new() },
+        stream,
         format: args.input_format,
         size: args.size.unwrap_or_default(),
         masks: args.instrument_masks.clone(),
         stride: args.stride as usize,
         realtime: args.realtime,
-    }
+    })
 }
 
 /// What the frames share.
@@ -129,11 +140,15 @@ struct Job<'a> {
     overlays: Vec<PathBuf>,
     dropped: usize,
     counts: [usize; 3],
+    /// Programs that are told while it runs.
+    link: Option<Link>,
 }
 
 /// A frame's way through the tracker.
 struct Done<'t> {
     number: usize,
+    /// When it came.
+    time: SystemTime,
     tracked: &'t Tracked,
     dropped: usize,
     ms: f64,
@@ -142,7 +157,7 @@ struct Done<'t> {
 impl<'a> Job<'a> {
     /// The next frame of the input.
     fn take(&mut self, item: Item, dropped: usize) -> anyhow::Result<()> {
-        let Item { number, total, warnings, content } = item;
+        let Item { number, time, total, warnings, content } = item;
         self.reporter.step("frames", number + 1, total.unwrap_or(number + 1));
         warnings.iter().for_each(|w| self.reporter.warn(w));
         self.dropped += dropped;
@@ -167,12 +182,12 @@ impl<'a> Job<'a> {
             }
         };
         let ms = 1e3 * start.elapsed().as_secs_f64();
-        self.keep(&frame, &Done { number, tracked: &tracked, dropped, ms })
+        self.keep(&frame, &Done { number, time, tracked: &tracked, dropped, ms })
     }
 
     /// Everything that one frame leaves.
     fn keep(&mut self, frame: &Frame, done: &Done) -> anyhow::Result<()> {
-        let &Done { number, tracked, dropped, ms } = done;
+        let &Done { number, time, tracked, dropped, ms } = done;
         self.counts[tracked.status as usize] += 1;
         self.summary += &outputs::row(number, &frame.name, tracked, dropped, ms);
         if let (TrackStatus::Ok, Some(surface)) = (tracked.status, &tracked.surface) {
@@ -183,6 +198,10 @@ impl<'a> Job<'a> {
         if self.live {
             let vertices = self.args.live_vertices.then_some(shape);
             tell(&Told { number, tracked, dropped, ms, vertices }, &mut std::io::stdout())?;
+        }
+        if let Some(link) = &self.link {
+            let told = Told { number, tracked, dropped, ms, vertices: None };
+            link.send(&told, frame, time, shape, self.reporter)?;
         }
         self.shapes.push(shape, tracked.status as u8)?;
         if let Some(report) = &mut self.report {
@@ -231,8 +250,11 @@ impl<'a> Job<'a> {
     }
 
     /// Whatever ended the run, what was done by then is written.
-    fn conclude(self, ended: anyhow::Result<()>) -> anyhow::Result<Outcome> {
+    fn conclude(mut self, ended: anyhow::Result<()>) -> anyhow::Result<Outcome> {
         self.reporter.finish();
+        if let Some(link) = self.link.take() {
+            link.finish(self.reporter);
+        }
         let total: usize = self.counts.iter().sum();
         if total == 0 {
             ended?;

@@ -82,6 +82,12 @@ impl<T> Queue<T> {
         }
     }
 
+    /// Whether nothing waits.
+    #[cfg(test)]
+    pub fn is_empty(&self) -> bool {
+        self.lock().items.is_empty()
+    }
+
     /// Nothing more will be given, or nothing more is wanted; what is in the queue can be taken still.
     pub fn end(&self) {
         self.lock().ended = true;

@@ -1,6 +1,7 @@
 //! Frames from files, videos or standard input, read on a thread of their own so that the next is
 //! ready when the last is solved.
 
+use super::incoming::Stream;
 use super::queue::{EndOnDrop, Full, Queue};
 use crate::exit::describe;
 use crate::inputs::{predicted_from, rest_lost};
@@ -15,7 +16,7 @@ use dsfms::video::{VideoFrame, each_frame, frame_name, frame_rate, is_video};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 /// Frames that wait for the solver where none are dropped.
 const WAITING: usize = 2;
@@ -33,6 +34,8 @@ pub enum InputFormat {
 pub struct Item {
     /// Place in the input, from 0.
     pub number: usize,
+    /// When it was made, as far as the source tells, else when it came.
+    pub time: SystemTime,
     /// Frames of the input, where that is known.
     pub total: Option<usize>,
     /// What is wrong with its mask, or could be.
@@ -52,8 +55,10 @@ pub enum Content {
 /// Where frames come from.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// Files, folders and videos; nothing for standard input.
+    /// Files, folders and videos; nothing for standard input and streams.
     pub inputs: Vec<PathBuf>,
+    /// What comes by network.
+    pub stream: Option<Stream>,
     pub format: InputFormat,
     /// Size of raw frames.
     pub size: [usize; 2],
@@ -110,7 +115,8 @@ impl Source {
             let paced = self.realtime && !self.inputs.is_empty();
             let pace = paced.then(|| Duration::from_secs_f64(1.0 / rate));
             let (queue, start) = (&end.0, Instant::now());
-            let mut reader = Reader { source: &self, queue, preparation, pace, start, seen: 0 };
+            let (seen, time) = (0, None);
+            let mut reader = Reader { source: &self, queue, preparation, pace, start, seen, time };
             if let Err(error) = reader.run() {
                 // Behind the last frame, which must not give way to it.
                 end.0.push_last(Err(error));
@@ -121,7 +127,7 @@ impl Source {
 }
 
 /// The reading thread.
-struct Reader<'a> {
+pub(super) struct Reader<'a> {
     source: &'a Source,
     queue: &'a Queue<Result<Item, anyhow::Error>>,
     preparation: Preparation,
@@ -129,11 +135,16 @@ struct Reader<'a> {
     pace: Option<Duration>,
     start: Instant,
     /// Frames read.
-    seen: usize,
+    pub(super) seen: usize,
+    /// When the next frame was made, where its source tells.
+    pub(super) time: Option<SystemTime>,
 }
 
 impl Reader<'_> {
     fn run(&mut self) -> anyhow::Result<()> {
+        if let Some(stream) = &self.source.stream {
+            return stream.read(self);
+        }
         if self.source.inputs.is_empty() {
             return match self.source.format {
                 InputFormat::Raw => self.raw(),
@@ -233,8 +244,13 @@ impl Reader<'_> {
         Ok(())
     }
 
+    /// When the frame at hand was made, or now.
+    fn now(&mut self) -> SystemTime {
+        self.time.take().unwrap_or_else(SystemTime::now)
+    }
+
     /// The name of a frame that has none.
-    fn name(&self) -> String {
+    pub(super) fn name(&self) -> String {
         format!("frame_{:03}", self.seen)
     }
 
@@ -250,7 +266,7 @@ impl Reader<'_> {
     }
 
     /// Hand a frame over; `false` where nobody wants more.
-    fn give(&mut self, frame: Frame, path: Option<&Path>, total: Option<usize>) -> bool {
+    pub(super) fn give(&mut self, frame: Frame, path: Option<&Path>, total: Option<usize>) -> bool {
         self.give_with(frame, path, total, None)
     }
 
@@ -262,11 +278,12 @@ impl Reader<'_> {
         reservation: Option<String>,
     ) -> bool {
         let Some(number) = self.taken() else { return true };
-        let name = frame.name.clone();
-        let item = self.item(number, frame, path, total, reservation);
+        let (name, time) = (frame.name.clone(), self.now());
+        let item = self.item(number, time, frame, path, total, reservation);
         // Of another size, or without its mask: this frame is lost, and no other.
         let lost = |error: anyhow::Error| Item {
             number,
+            time,
             total,
             warnings: Vec::new(),
             content: Content::Unreadable(name, describe(&error)),
@@ -277,6 +294,7 @@ impl Reader<'_> {
     fn item(
         &mut self,
         number: usize,
+        time: SystemTime,
         frame: Frame,
         path: Option<&Path>,
         total: Option<usize>,
@@ -285,13 +303,14 @@ impl Reader<'_> {
         let (mask, warnings) = self.mask(&frame, path)?;
         let prepared = self.preparation.prepare(frame, mask.as_ref())?;
         let content = Content::Frame(Box::new(prepared), reservation);
-        Ok(Item { number, total, warnings, content })
+        Ok(Item { number, time, total, warnings, content })
     }
 
-    fn lose(&mut self, name: String, reason: String) -> bool {
+    pub(super) fn lose(&mut self, name: String, reason: String) -> bool {
         let Some(number) = self.taken() else { return true };
         let content = Content::Unreadable(name, reason);
-        self.queue.push(Ok(Item { number, total: None, warnings: Vec::new(), content }))
+        let (time, warnings) = (self.now(), Vec::new());
+        self.queue.push(Ok(Item { number, time, total: None, warnings, content }))
     }
 
     fn mask(
