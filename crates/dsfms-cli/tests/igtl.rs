@@ -1,61 +1,16 @@
 //! `dsfms track` and OpenIGTLink on the loopback: a client of our own, a server that sends damaged
 //! messages, and pyigtl in every direction.
 
-use assert_cmd::Command as Assert;
-use dsfms::image::Frame;
+mod clip;
+
+use clip::{FRAMES, SIZE, Text, assert_as_files, column, frame, track};
 use dsfms::io::igtl::{HEADER, Head, Plane, Received, image as picture, read, string};
 use dsfms::track::shapes::read_shapes;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::LazyLock;
 use std::time::Duration;
-use tempfile::TempDir;
-
-const SIZE: [usize; 2] = [320, 180];
-const FRAMES: usize = 12;
-
-/// Twelve frames of a clip with its template, made once, and `files`, what they give without a network.
-static CLIP: LazyLock<TempDir> = LazyLock::new(|| {
-    let folder = tempfile::tempdir().unwrap();
-    Assert::cargo_bin("dsfms")
-        .unwrap()
-        .args(["synth", "--video", "--frames", "12", "--size", "320x180", "--vertices", "150"])
-        .args(["--seed", "3", "--quiet", "-o"])
-        .arg(folder.path().join("clip"))
-        .assert()
-        .success();
-    let plain = Assert::cargo_bin("dsfms")
-        .unwrap()
-        .current_dir(folder.path())
-        .args(["track", "clip/organ.template", "clip/frames", "--camera", "clip/camera.json"])
-        .args(["--no-report", "--quiet", "-o", "files"])
-        .output()
-        .unwrap();
-    assert_ne!(plain.status.code(), Some(1), "{}", String::from_utf8_lossy(&plain.stderr));
-    folder
-});
-
-fn frame(number: usize) -> Frame {
-    let path = CLIP.path().join(format!("clip/frames/frame_{number:03}.png"));
-    let rgb = image::open(path).unwrap().to_rgb8();
-    Frame { name: String::new(), size: SIZE, rgb: rgb.pixels().map(|p| p.0).collect() }
-}
-
-/// `dsfms track` as it runs.
-fn track(out: &Path, input: &str, arguments: &[&str]) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_dsfms"))
-        .current_dir(CLIP.path().join("clip"))
-        .args(["track", "organ.template", input, "--camera", "camera.json", "--no-report"])
-        .args(arguments)
-        .arg("-o")
-        .arg(out)
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap()
-}
 
 /// Where it serves, and what it says besides until it ends.
 fn address(child: &mut Child) -> (String, std::thread::JoinHandle<String>) {
@@ -63,13 +18,6 @@ fn address(child: &mut Child) -> (String, std::thread::JoinHandle<String>) {
     let line = lines.by_ref().map(Result::unwrap).find(|l| l.contains("served at")).unwrap();
     let rest = std::thread::spawn(move || lines.map(|l| l.unwrap() + "\n").collect());
     (line.rsplit(' ').next().unwrap().to_owned(), rest)
-}
-
-/// A column of `summary.csv`.
-fn column(out: &Path, name: &str) -> Vec<String> {
-    let text = std::fs::read_to_string(out.join("summary.csv")).unwrap();
-    let place = text.lines().next().unwrap().split(',').position(|c| c == name).unwrap();
-    text.lines().skip(1).map(|l| l.split(',').nth(place).unwrap().to_owned()).collect()
 }
 
 /// Numbers of the frames that were taken: where a machine is slow, not all.
@@ -188,7 +136,7 @@ fn pictures_give_what_files_give_whatever_comes_between_them() {
     let mut stream = listener.accept().unwrap().0;
     (8..FRAMES).for_each(|k| stream.write_all(&message("Video", k)).unwrap());
     drop((stream, listener));
-    let said = child.wait_with_output_text();
+    let said = child.said();
     let lost = [4, 5, 6, 11];
     let reasons = column(&out, "reasons");
     assert_eq!(reasons.len(), FRAMES + lost.len(), "{said}");
@@ -204,37 +152,13 @@ fn pictures_give_what_files_give_whatever_comes_between_them() {
     assert_as_files(&shapes, &status);
 }
 
-/// The same bits as from files.
-fn assert_as_files(shapes: &[Vec<dsfms::geometry::Point3>], status: &[u8]) {
-    let (known, of) = read_shapes(&CLIP.path().join("files/vertices.npz")).unwrap();
-    assert_eq!(status, of);
-    assert!(status.iter().filter(|s| **s < 2).count() >= FRAMES / 2, "{status:?}");
-    for k in (0..FRAMES).filter(|k| status[*k] < 2) {
-        assert_eq!(shapes[k], known[k], "frame {k}");
-    }
-}
-
-/// What a process said on standard error.
-trait Text {
-    fn wait_with_output_text(&mut self) -> String;
-}
-
-impl Text for Child {
-    fn wait_with_output_text(&mut self) -> String {
-        let mut said = String::new();
-        self.stderr.take().unwrap().read_to_string(&mut said).unwrap();
-        self.wait().unwrap();
-        said
-    }
-}
-
 #[test]
 fn a_server_that_is_not_there_and_wrong_usage_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let place = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let mut child = track(&out, &format!("igtl://{place}/Video"), &[]);
-    let said = child.wait_with_output_text();
+    let said = child.said();
     assert!(said.contains("cannot be reached"), "{said}");
     assert_eq!(child.wait().unwrap().code(), Some(1));
     for (input, arguments, expected) in [
@@ -244,7 +168,7 @@ fn a_server_that_is_not_there_and_wrong_usage_are_named() {
         ("frames", vec!["--igtl-connect", "18944"], "HOST:PORT"),
     ] {
         let mut child = track(&out, input, &arguments);
-        let said = child.wait_with_output_text();
+        let said = child.said();
         assert!(said.contains(expected), "{expected}: {said}");
         assert_eq!(child.wait().unwrap().code(), Some(64), "{said}");
     }
@@ -252,7 +176,7 @@ fn a_server_that_is_not_there_and_wrong_usage_are_named() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = taken.local_addr().unwrap().port().to_string();
     let mut child = track(&out, "frames", &["--igtl", &port]);
-    let said = child.wait_with_output_text();
+    let said = child.said();
     assert!(said.contains("--igtl 127.0.0.1") && said.contains("in use"), "{said}");
 }
 
@@ -294,7 +218,7 @@ fn pictures_of_pyigtl_give_what_files_give() {
     let mut peer = python.spawn().unwrap();
     let (port, _lines) = first_line(&mut peer);
     let mut child = track(&out, &format!("igtl://127.0.0.1:{port}/Video"), &[]);
-    let said = child.wait_with_output_text();
+    let said = child.said();
     peer.wait().unwrap();
     let (shapes, status) = read_shapes(&out.join("vertices.npz")).unwrap();
     assert_eq!(status.len(), FRAMES, "{said}");
@@ -357,7 +281,7 @@ fn a_server_of_pyigtl_is_sent_to() {
     let (port, mut lines) = first_line(&mut peer);
     let place = format!("127.0.0.1:{port}");
     let mut child = track(&out, "frames", &["--igtl-connect", &place, "--realtime", "--rate", "2"]);
-    child.wait_with_output_text();
+    child.said();
     let mut found = String::new();
     lines.read_to_string(&mut found).unwrap();
     peer.wait().unwrap();

@@ -9,6 +9,8 @@ mod mp4;
 mod targets;
 
 use dsfms::geometry::Point3;
+use dsfms::image::Frame;
+use dsfms::io::igtl::{Head, Plane, image as image_message, string};
 use std::path::Path;
 use std::time::{Duration, Instant};
 use targets::{TARGETS, Target};
@@ -46,11 +48,18 @@ fn made(target: &str) -> Option<Vec<u8>> {
             let grey = |k: u8| vec![[60 + 40 * k; 3]; 32 * 16];
             return Some(mp4::video([32, 16], &[grey(0), grey(1), grey(2)]).bytes);
         }
+        "igtl" => {
+            let frame = Frame { name: String::new(), size: [4, 3], rgb: vec![[9, 8, 7]; 12] };
+            let (head, axes) = (Head { device: "a", time: None }, [[0.0; 3]; 3]);
+            let image = image_message(head, &frame, &Plane { axes, centre: [0.0; 3] });
+            return Some([image, string(head, "text")].concat());
+        }
         "npz" => {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("a.npz");
             let mut file = dsfms::track::shapes::ShapeFile::create(&path, 2).unwrap();
-            file.push(Some(&[Point3::new(1.0, 2.0, 3.0), Point3::new(4.0, 5.0, 6.0)]), 0).unwrap();
+            file.push(Some(&[Point3::new(1.0, 2.0, 3.0), Point3::new(4.0, 5.0, 6.0)]), &[], 0)
+                .unwrap();
             file.finish().unwrap();
             return Some(std::fs::read(path).unwrap());
         }

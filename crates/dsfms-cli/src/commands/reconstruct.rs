@@ -116,7 +116,7 @@ pub enum MethodName {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum PriorName {
+pub enum PriorName {
     /// Angles (the paper), and weakly areas.
     Conformal,
     /// Lengths.

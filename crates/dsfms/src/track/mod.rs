@@ -22,7 +22,7 @@ use crate::options::{Documented, OptionError, check, commented, from_zero, posit
 use crate::pipeline::{Method, ReconstructOptions};
 use crate::refine::VideoOptions;
 use crate::register::Match;
-pub use prepare::{Preparation, Prepared};
+pub use prepare::{Preparation, Prepared, Regions};
 use serde::{Deserialize, Serialize};
 pub use tracker::Tracker;
 pub use verdict::VerdictOptions;
@@ -192,6 +192,8 @@ pub enum Way {
 pub struct Surface {
     /// Vertices in camera axes, template's unit and vertex order.
     pub vertices: Vec<Point3>,
+    /// Vertices that the camera sees.
+    pub visible: Vec<bool>,
     /// Rigid part: `camera_from_template`.
     pub pose: Isometry,
     /// Matches, `true` for those that the surface explains.

@@ -54,6 +54,23 @@ pub struct Preparation {
     count: usize,
 }
 
+/// What is known beforehand of where the organ may be seen; every mask has the frame's size.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Regions<'a> {
+    /// `true` where an instrument covers the organ.
+    pub instrument: Option<&'a Mask>,
+    /// `true` where the organ is.
+    pub organ: Option<&'a Mask>,
+    /// `true` where the picture is valid; without it the endoscope's viewport is looked for.
+    pub valid: Option<&'a Mask>,
+}
+
+impl<'a> From<Option<&'a Mask>> for Regions<'a> {
+    fn from(instrument: Option<&'a Mask>) -> Self {
+        Self { instrument, ..Self::default() }
+    }
+}
+
 /// A frame and what of it may be used.
 pub struct Prepared {
     /// The frame itself.
@@ -119,16 +136,19 @@ impl Preparation {
         Self { size, tables, working, shading, pooled, viewport: None, count: 0 }
     }
 
-    /// The next frame; `instrument`: `true` where an instrument covers the organ.
+    /// The next frame; of the masks that of the instruments (`Some(&mask).into()`), or more.
     ///
     /// # Errors
     /// A frame or mask of another size than the camera's.
-    pub fn prepare(
+    pub fn prepare<'m>(
         &mut self,
         frame: Frame,
-        instrument: Option<&Mask>,
+        regions: impl Into<Regions<'m>>,
     ) -> Result<Prepared, TrackError> {
-        for found in [Some(frame.size), instrument.map(|m| m.size)].into_iter().flatten() {
+        let regions = regions.into();
+        let masks = [regions.instrument, regions.organ, regions.valid];
+        let sizes = masks.into_iter().flatten().map(|mask| mask.size);
+        for found in std::iter::once(frame.size).chain(sizes) {
             if found != self.size {
                 let (name, expected) = (frame.name, self.size);
                 return Err(TrackError::SizeMismatch { name, found, expected });
@@ -136,35 +156,52 @@ impl Preparation {
         }
         self.count += 1;
         Ok(match self.pooled {
-            true => rayon::scope(|_| self.prepare_here(frame, instrument)),
-            false => self.prepare_here(frame, instrument),
+            true => rayon::scope(|_| self.prepare_here(frame, regions)),
+            false => self.prepare_here(frame, regions),
         })
     }
 
-    fn prepare_here(&mut self, frame: Frame, instrument: Option<&Mask>) -> Prepared {
+    fn prepare_here(&mut self, frame: Frame, regions: Regions) -> Prepared {
         let start = Instant::now();
         let brightest = frame.rgb.iter().flatten().copied().max().unwrap_or(0);
-        let view = (brightest >= BLACK).then(|| self.view(&frame, instrument));
+        let view = (brightest >= BLACK).then(|| self.view(&frame, regions));
         let seconds = start.elapsed().as_secs_f64();
         Prepared { frame, seconds, brightest, view }
     }
 
-    fn view(&mut self, frame: &Frame, instrument: Option<&Mask>) -> View {
-        let Working { halvings, photo_halvings, ref camera, .. } = self.working;
-        let base = halvings.min(photo_halvings);
-        let reduced = Reduced::of(frame, &self.tables, base);
-        let scale = f64::from(1u32 << halvings);
-        let old = |&(at, _): &(usize, _)| self.count >= at + VIEWPORT_FRAMES;
-        if self.viewport.as_ref().is_none_or(old) {
-            let lit = lit(frame).map(|mask| stretch(&mask, camera.size));
-            self.viewport = Some((self.count, lit));
+    /// Where the organ may be seen in the working image.
+    fn usable(&mut self, frame: &Frame, regions: Regions) -> Mask {
+        let Working { halvings, ref camera, .. } = self.working;
+        let within = |mask: &Mask| any(&mask.complement(), halvings).complement();
+        let mut usable = match regions.valid {
+            Some(valid) => within(valid),
+            None => {
+                let old = |&(at, _): &(usize, _)| self.count >= at + VIEWPORT_FRAMES;
+                if self.viewport.as_ref().is_none_or(old) {
+                    let lit = lit(frame).map(|mask| stretch(&mask, camera.size));
+                    self.viewport = Some((self.count, lit));
+                }
+                let lit = self.viewport.as_ref().and_then(|v| v.1.clone());
+                lit.unwrap_or_else(|| Mask::filled(camera.size, true))
+            }
+        };
+        if let Some(organ) = regions.organ {
+            usable = usable.and(&within(organ));
         }
-        let lit = self.viewport.as_ref().and_then(|v| v.1.clone());
-        let mut usable = lit.unwrap_or_else(|| Mask::filled(camera.size, true));
-        if let Some(instrument) = instrument {
+        if let Some(instrument) = regions.instrument {
+            let scale = f64::from(1u32 << halvings);
             let covered = any(instrument, halvings).dilate(INSTRUMENT_MARGIN / scale);
             usable = usable.minus(&covered);
         }
+        usable
+    }
+
+    fn view(&mut self, frame: &Frame, regions: Regions) -> View {
+        let usable = self.usable(frame, regions);
+        let Working { halvings, photo_halvings, .. } = self.working;
+        let base = halvings.min(photo_halvings);
+        let reduced = Reduced::of(frame, &self.tables, base);
+        let scale = f64::from(1u32 << halvings);
         let [w, h] = frame.size;
         let halo = HALO * (w as f64).hypot(h as f64) / scale;
         let clear = usable.minus(&any(&reduced.saturated(), halvings - base).dilate(halo));

@@ -6,16 +6,18 @@ use crate::io::atomic::{WriteError, write_atomic};
 use crate::io::npz::Npz;
 use ndarray::{Array1, Array3};
 use std::fs::File;
-use std::io::{self, BufWriter, Read, Seek, Write};
+use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 use zip::write::{SimpleFileOptions, ZipWriter};
 
 /// Collects shapes on disk and writes them as a compressed npz: `vertices` (frames × vertices × 3,
-/// 32-bit floats, NaN where a frame is lost) and `status` (frames, 8-bit: 0 ok, 1 degraded, 2 lost).
+/// 32-bit floats, NaN where a frame is lost), `visible` (frames × vertices, 8-bit: 1 where the camera sees the
+/// vertex) and `status` (frames, 8-bit: 0 ok, 1 degraded, 2 lost).
 pub struct ShapeFile {
     path: PathBuf,
     vertices: usize,
     spool: BufWriter<File>,
+    visible: BufWriter<File>,
     status: Vec<u8>,
 }
 
@@ -28,16 +30,25 @@ impl ShapeFile {
     pub fn create(path: &Path, vertices: usize) -> Result<Self, WriteError> {
         let fail = |error| WriteError::new(path, error);
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let spool = BufWriter::new(tempfile::tempfile_in(folder).map_err(fail)?);
-        Ok(Self { path: path.into(), vertices, spool, status: Vec::new() })
+        let spool = || tempfile::tempfile_in(folder).map(BufWriter::new).map_err(fail);
+        let (spool, visible) = (spool()?, spool()?);
+        Ok(Self { path: path.into(), vertices, spool, visible, status: Vec::new() })
     }
 
-    /// The next frame; `None` = lost.
+    /// The next frame, `None` = lost, with the vertices that are visible, none where that is not known.
     ///
     /// # Errors
     /// A full disk.
-    pub fn push(&mut self, shape: Option<&[Point3]>, status: u8) -> Result<(), WriteError> {
+    pub fn push(
+        &mut self,
+        shape: Option<&[Point3]>,
+        visible: &[bool],
+        status: u8,
+    ) -> Result<(), WriteError> {
         self.status.push(status);
+        let seen = |v: usize| u8::from(visible.get(v).copied().unwrap_or(false));
+        let seen: Vec<u8> = (0..self.vertices).map(seen).collect();
+        self.visible.write_all(&seen).map_err(|e| WriteError::new(&self.path, e))?;
         for v in 0..self.vertices {
             let point = shape.and_then(|s| s.get(v)).map_or([f64::NAN; 3], |p| [p.x, p.y, p.z]);
             for c in point {
@@ -54,11 +65,15 @@ impl ShapeFile {
     /// A full disk, a folder that is gone.
     pub fn finish(self) -> Result<(), WriteError> {
         let fail = |error| WriteError::new(&self.path, error);
-        let mut spool = self.spool.into_inner().map_err(|e| fail(e.into_error()))?;
-        spool.rewind().map_err(fail)?;
+        let spooled = |spool: BufWriter<File>| -> io::Result<File> {
+            let mut file = spool.into_inner().map_err(io::IntoInnerError::into_error)?;
+            file.rewind()?;
+            Ok(file)
+        };
+        let mut spools = [spooled(self.spool).map_err(fail)?, spooled(self.visible).map_err(fail)?];
         let frames = self.status.len();
         let mut packed = tempfile::tempfile().map_err(fail)?;
-        pack(&mut packed, &mut spool, &self.status, [frames, self.vertices]).map_err(fail)?;
+        pack(&mut packed, &mut spools, &self.status, [frames, self.vertices]).map_err(fail)?;
         packed.rewind().map_err(fail)?;
         write_atomic(&self.path, |out| io::copy(&mut packed, out).map(|_| ()))
     }
@@ -84,7 +99,7 @@ pub fn read_shapes(path: &Path) -> Result<(Vec<Vec<Point3>>, Vec<u8>), InputErro
 
 fn pack(
     out: &mut File,
-    shapes: &mut impl Read,
+    [shapes, visible]: &mut [File; 2],
     status: &[u8],
     [frames, vertices]: [usize; 2],
 ) -> io::Result<()> {
@@ -94,6 +109,9 @@ fn pack(
     zip.start_file("vertices.npy", options)?;
     zip.write_all(&header("<f4", &format!("({frames}, {vertices}, 3)")))?;
     io::copy(shapes, &mut zip)?;
+    zip.start_file("visible.npy", options)?;
+    zip.write_all(&header("|u1", &format!("({frames}, {vertices})")))?;
+    io::copy(visible, &mut zip)?;
     zip.start_file("status.npy", options)?;
     zip.write_all(&header("|u1", &format!("({frames},)")))?;
     zip.write_all(status)?;
@@ -118,8 +136,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.npz");
         let mut file = ShapeFile::create(&path, 2).unwrap();
-        file.push(Some(&[Point3::new(1.0, 2.0, 3.0), Point3::new(4.0, 5.0, 6.5)]), 0).unwrap();
-        file.push(None, 2).unwrap();
+        file.push(
+            Some(&[Point3::new(1.0, 2.0, 3.0), Point3::new(4.0, 5.0, 6.5)]),
+            &[false, true],
+            0,
+        )
+        .unwrap();
+        file.push(None, &[], 2).unwrap();
         assert!(!path.exists());
         file.finish().unwrap();
         let (shapes, status) = read_shapes(&path).unwrap();
@@ -127,5 +150,7 @@ mod tests {
         assert_eq!((shapes[0][1].z, shapes[0][0].y), (6.5, 2.0));
         assert!(shapes[1].iter().all(|p| p.coords.iter().all(|v| v.is_nan())));
         assert_eq!(status, [0, 2]);
+        let visible: ndarray::Array2<u8> = Npz::open(&path).unwrap().array("visible").unwrap();
+        assert_eq!(visible.as_slice().unwrap(), [0, 1, 0, 0]);
     }
 }

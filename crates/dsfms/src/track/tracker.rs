@@ -3,14 +3,14 @@
 use super::awake::awake;
 use super::look::{Anchor, Look, Working};
 use super::mips::Mips;
-use super::prepare::{Preparation, Prepared, View};
+use super::prepare::{Preparation, Prepared, Regions, View};
 use super::usual::Usual;
 use super::verdict::judge;
 use super::{Surface, TrackError, TrackOptions, TrackStatus, Tracked, Way};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3, Vector2, align_rigid_robust, median, point_at};
 use crate::image::flow::{correlation, follow, settle, whole};
-use crate::image::{Frame, Mask, ToneCurve};
+use crate::image::{Frame, ToneCurve};
 use crate::light::Coated;
 use crate::mesh::laplacian::Laplacian;
 use crate::pipeline::Method;
@@ -158,17 +158,17 @@ impl<'a> Tracker<'a> {
         self.preparation.clone()
     }
 
-    /// The next frame; `instrument`: `true` where an instrument covers the organ.
+    /// The next frame; of the masks that of the instruments, or more (see [`Regions`]).
     ///
     /// # Errors
     /// A frame or mask of another size than the camera's. Anything else that goes wrong makes the
     /// frame lost.
-    pub fn next(
+    pub fn next<'m>(
         &mut self,
         frame: &Frame,
-        instrument: Option<&Mask>,
+        regions: impl Into<Regions<'m>>,
     ) -> Result<Tracked, TrackError> {
-        let prepared = self.preparation.prepare(frame.clone(), instrument)?;
+        let prepared = self.preparation.prepare(frame.clone(), regions)?;
         Ok(self.solve(&prepared))
     }
 
@@ -316,6 +316,7 @@ impl<'a> Tracker<'a> {
             clock.time("agree", || look.agreement(&view.seen, self.options.verdict.correlation));
         let ambient = draft.ambient;
         let surface = Surface {
+            visible: look.visible.clone(),
             vertices: draft.vertices,
             pose: draft.pose,
             matches: draft.matches,

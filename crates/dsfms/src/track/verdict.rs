@@ -157,6 +157,7 @@ mod tests {
         let m = Match { face: 0, barycentric: [1.0, 0.0, 0.0], pixel: Point2::origin() };
         Surface {
             vertices: mesh.positions.clone(),
+            visible: vec![true; mesh.positions.len()],
             pose: Isometry::identity(),
             matches: (0..100).map(|i| (m, i < kept)).collect(),
             residual_px: 0.5,

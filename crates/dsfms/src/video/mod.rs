@@ -8,6 +8,7 @@ mod ffmpeg;
 pub mod mjpeg;
 pub mod motion;
 mod mp4;
+pub mod ppm;
 mod select;
 
 use crate::guard;

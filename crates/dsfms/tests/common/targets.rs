@@ -6,6 +6,7 @@
 use dsfms::geometry::Point3;
 use dsfms::io::camera::read_camera;
 use dsfms::io::colmap::{read_cameras, read_images, read_points};
+use dsfms::io::igtl::{HEADER, picture, read};
 use dsfms::io::images::decode_bytes;
 use dsfms::io::matches::read_matches;
 use dsfms::io::mesh::parse_mesh;
@@ -22,7 +23,7 @@ use std::path::{Path, PathBuf};
 pub type Target = fn(&[u8]) -> bool;
 
 /// Name (and folder of the corpus), extensions, reader.
-pub const TARGETS: [(&str, &[&str], Target); 12] = [
+pub const TARGETS: [(&str, &[&str], Target); 13] = [
     ("ply", &["ply"], |b| mesh(b, "a.ply")),
     ("obj", &["obj"], |b| mesh(b, "a.obj")),
     ("stl", &["stl"], |b| mesh(b, "a.stl")),
@@ -35,6 +36,7 @@ pub const TARGETS: [(&str, &[&str], Target); 12] = [
     ("mjpeg", &["jpg"], mjpeg),
     ("npz", &["npz"], npz),
     ("options", &["toml"], options),
+    ("igtl", &["igtl"], igtl),
 ];
 
 fn mesh(bytes: &[u8], name: &str) -> bool {
@@ -43,6 +45,26 @@ fn mesh(bytes: &[u8], name: &str) -> bool {
         assert!(file.mesh.positions.iter().all(finite));
         true
     })
+}
+
+/// A stream of OpenIGTLink.
+fn igtl(bytes: &[u8]) -> bool {
+    let sound = |content: &[u8]| {
+        picture(content).is_ok_and(|(size, rgb)| {
+            assert_eq!(size[0] * size[1], rgb.len());
+            true
+        })
+    };
+    let (mut stream, mut accepted) = (bytes, false);
+    loop {
+        match read(&mut stream, |header| header.kind == "IMAGE") {
+            Ok(Some(message)) => accepted |= sound(&message.content),
+            Err(error) if !error.fatal() => {}
+            _ => break,
+        }
+    }
+    // The checksum of a mutant is hardly ever right; its content is read all the same.
+    bytes.get(HEADER..).is_some_and(sound) || accepted
 }
 
 /// A file of its own for the readers that take a path.

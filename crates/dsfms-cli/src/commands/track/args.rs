@@ -1,5 +1,6 @@
 //! The arguments of `dsfms track`.
 
+use super::super::reconstruct::PriorName;
 use super::link::LinkArgs;
 use super::source::InputFormat;
 use crate::exit::Usage;
@@ -48,8 +49,17 @@ pub struct TrackArgs {
     pub template: PathBuf,
     /// A video, image files, folders of them, - for frames on standard input, or an OpenIGTLink server,
     /// igtl://HOST:PORT/DEVICE (no device: the first that sends pictures).
-    #[arg(required = true, value_name = "VIDEO")]
+    /// An address of a network stream (rtsp://, srt://, ...) is read by an installed ffmpeg.
+    #[arg(required_unless_present = "device", conflicts_with = "device", value_name = "VIDEO")]
     pub input: Vec<PathBuf>,
+    /// A capture device in place of VIDEO, read by an installed ffmpeg: a format of ffmpeg and its
+    /// name there, as v4l2:/dev/video0 or decklink:NAME; --size and --rate are asked of it.
+    #[arg(long, value_name = "KIND:NAME")]
+    pub device: Option<String>,
+    /// Keep every frame that is taken, lossless and with its time, in a new folder; track plays it
+    /// again at its times (with --realtime) or as fast as it can.
+    #[arg(long, value_name = "DIR")]
+    pub record: Option<PathBuf>,
     /// Intrinsics of these frames; default the template's own camera.
     #[arg(long, value_name = "FILE")]
     pub camera: Option<PathBuf>,
@@ -59,6 +69,16 @@ pub struct TrackArgs {
     /// Masks of the instruments, white = instrument.
     #[arg(long, value_name = "DIR")]
     pub instrument_masks: Option<PathBuf>,
+    /// Outlines of the organ, white = organ.
+    #[arg(long, value_name = "DIR")]
+    pub organ_masks: Option<PathBuf>,
+    /// What of the picture is valid (the endoscope's viewport), white = valid: a folder, or one file for
+    /// all frames; without it a round viewport is found by itself.
+    #[arg(long, value_name = "FILE_OR_DIR")]
+    pub masks: Option<PathBuf>,
+    /// What the surface keeps of its rest shape; without it that of the options file, or conformal.
+    #[arg(long, value_enum)]
+    pub prior: Option<PriorName>,
     /// Take every so-manieth frame.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub stride: u32,
@@ -103,6 +123,18 @@ pub struct TrackArgs {
     pub output: PathBuf,
 }
 
+impl TrackArgs {
+    /// Masks that are given, and the option that names them.
+    pub fn masks(&self) -> impl Iterator<Item = (&PathBuf, &'static str)> {
+        let all = [
+            (&self.instrument_masks, "--instrument-masks"),
+            (&self.organ_masks, "--organ-masks"),
+            (&self.masks, "--masks"),
+        ];
+        all.into_iter().filter_map(|(path, option)| Some((path.as_ref()?, option)))
+    }
+}
+
 /// Methods that follow a video.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum TrackMethod {
@@ -131,8 +163,8 @@ fn rate(text: &str) -> Result<f64, String> {
 /// Combinations that clap cannot name well.
 pub fn check(args: &TrackArgs, live: bool) -> anyhow::Result<()> {
     let wrong = |text: &str| Err(Usage(text.into()).into());
-    if let Some(masks) = &args.instrument_masks {
-        inputs::must_exist(masks, "--instrument-masks")?;
+    for (masks, option) in args.masks() {
+        inputs::must_exist(masks, option)?;
     }
     match (live, args.input_format) {
         (true, InputFormat::Raw) if args.size.is_none() => {

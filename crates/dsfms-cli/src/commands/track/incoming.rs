@@ -1,6 +1,7 @@
-//! Frames that come by network.
+//! Frames that come by network or from a device.
 
 use super::args::TrackArgs;
+use super::capture::{Capture, is_stream};
 use super::link::{place, reach};
 use super::source::Reader;
 use crate::exit::Usage;
@@ -22,21 +23,30 @@ const SILENT: Duration = Duration::from_secs(5);
 const AGAIN: Duration = Duration::from_millis(200);
 
 /// A source that is no file.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub enum Stream {
     /// Pictures of an OpenIGTLink server at `HOST:PORT`; of the first device that sends some, where no
     /// name is given.
     Igtl { place: String, device: Option<String> },
+    /// What an installed ffmpeg reads.
+    Ffmpeg(Capture),
 }
 
 /// Whether an input names no file.
 pub fn is_address(input: &Path) -> bool {
+    is_igtl(input) || is_stream(input)
+}
+
+fn is_igtl(input: &Path) -> bool {
     input.to_str().is_some_and(|text| text.starts_with("igtl://"))
 }
 
 impl Stream {
     /// What the arguments name; `None` for files and standard input.
     pub fn of(args: &TrackArgs) -> anyhow::Result<Option<Self>> {
+        if let Some(device) = &args.device {
+            return Ok(Some(Self::Ffmpeg(Capture::device(device, args)?)));
+        }
         let Some(address) = args.input.iter().find(|input| is_address(input)) else {
             return Ok(None);
         };
@@ -45,7 +55,16 @@ impl Stream {
                 Usage(format!("{} stands alone, not beside files", address.display())).into()
             );
         }
-        Ok(Some(Self::parse(&address.to_string_lossy())?))
+        let text = address.to_string_lossy();
+        let igtl = is_igtl(address);
+        Ok(Some(if igtl { Self::parse(&text)? } else { Self::Ffmpeg(Capture::address(&text)) }))
+    }
+
+    /// Nobody wants more; what runs for it ends.
+    pub fn stop(&self) {
+        if let Self::Ffmpeg(capture) = self {
+            capture.stop();
+        }
     }
 
     fn parse(address: &str) -> Result<Self, Usage> {
@@ -57,28 +76,33 @@ impl Stream {
 
     /// Hand over frame after frame, until the source is gone or nobody wants more.
     pub(super) fn read(&self, reader: &mut Reader) -> anyhow::Result<()> {
-        let Self::Igtl { place, device } = self;
-        let mut device = device.clone();
-        let mut reached = Instant::now();
-        loop {
-            match reach(place) {
-                Ok(stream) => {
-                    if !messages(stream, &mut device, reader)? {
-                        return Ok(());
-                    }
-                    reached = Instant::now();
-                }
-                Err(_) if reached.elapsed() < GONE => {}
-                // It went, as every source does some time.
-                Err(_) if reader.seen > 0 => return Ok(()),
-                Err(error) => {
-                    return Err(error).with_context(|| {
-                        format!("igtl://{place} cannot be reached; start the server first")
-                    });
-                }
-            }
-            std::thread::sleep(AGAIN);
+        match self {
+            Self::Igtl { place, device } => igtl(place, device.clone(), reader),
+            Self::Ffmpeg(capture) => capture.read(reader),
         }
+    }
+}
+
+fn igtl(place: &str, mut device: Option<String>, reader: &mut Reader) -> anyhow::Result<()> {
+    let mut reached = Instant::now();
+    loop {
+        match reach(place) {
+            Ok(stream) => {
+                if !messages(stream, &mut device, reader)? {
+                    return Ok(());
+                }
+                reached = Instant::now();
+            }
+            Err(_) if reached.elapsed() < GONE => {}
+            // It went, as every source does some time.
+            Err(_) if reader.seen > 0 => return Ok(()),
+            Err(error) => {
+                return Err(error).with_context(|| {
+                    format!("igtl://{place} cannot be reached; start the server first")
+                });
+            }
+        }
+        std::thread::sleep(AGAIN);
     }
 }
 
@@ -130,19 +154,15 @@ mod tests {
 
     #[test]
     fn an_address_has_a_port_and_perhaps_a_device() {
-        let of = |text: &str| Stream::parse(text);
-        let igtl = |place: &str, device: Option<&str>| Stream::Igtl {
-            place: place.into(),
-            device: device.map(str::to_owned),
+        let of = |text: &str| match Stream::parse(text).unwrap() {
+            Stream::Igtl { place, device } => (place, device),
+            Stream::Ffmpeg(_) => unreachable!(),
         };
-        assert_eq!(
-            of("igtl://localhost:18944/Video").unwrap(),
-            igtl("localhost:18944", Some("Video"))
-        );
-        assert_eq!(of("igtl://10.0.0.1:1").unwrap(), igtl("10.0.0.1:1", None));
-        assert_eq!(of("igtl://a:1/").unwrap(), igtl("a:1", None));
+        assert_eq!(of("igtl://localhost:1/Video"), ("localhost:1".into(), Some("Video".into())));
+        assert_eq!(of("igtl://10.0.0.1:1"), ("10.0.0.1:1".into(), None));
+        assert_eq!(of("igtl://a:1/"), ("a:1".into(), None));
         for wrong in ["igtl://", "igtl://host", "igtl:///Video", "igtl://host:x/Video"] {
-            assert!(of(wrong).is_err(), "{wrong}");
+            assert!(Stream::parse(wrong).is_err(), "{wrong}");
         }
         assert!(is_address(Path::new("igtl://a:1")) && !is_address(Path::new("clip.mp4")));
     }

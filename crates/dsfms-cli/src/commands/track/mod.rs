@@ -1,11 +1,13 @@
 //! `dsfms track`: a video of the deforming organ, frame after frame.
 
 mod args;
+mod capture;
 mod incoming;
 mod link;
 mod live;
 mod outputs;
 mod queue;
+mod record;
 mod source;
 
 use super::reconstruct::method_name;
@@ -25,13 +27,15 @@ use dsfms::image::Frame;
 use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::io::template::read_template;
 use dsfms::pipeline::{Method, Progress};
+use dsfms::register::Prior;
 use dsfms::template::Template;
 use dsfms::track::shapes::ShapeFile;
 use dsfms::track::{TrackOptions, TrackStatus, Tracked, Tracker};
 use incoming::Stream;
 use link::Link;
 use live::{Told, tell};
-use source::{Content, Item, Source};
+use record::{Recorder, Recording};
+use source::{Content, Item, MaskFiles, Source};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -48,6 +52,10 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
         None => base,
     };
     options.reconstruct.seed = global.seed;
+    if let Some(prior) = args.prior.map(Prior::from) {
+        let solves = &mut options.reconstruct;
+        (solves.register.prior, solves.joint.prior) = (prior, prior);
+    }
     let method = match args.method {
         TrackMethod::Dsfm => Method::Dsfm,
         TrackMethod::Joint => Method::Joint,
@@ -60,7 +68,9 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     let page = args.output.join("report.html");
     let report = TrackReport::new(page, name, &template, &camera, method_name(method))?;
     let link = Link::open(&args.link, &template, &camera, reporter)?;
-    let source = source(args, live)?;
+    let record = |folder: &PathBuf| Recording::start(folder, args.realtime);
+    let recording = args.record.as_ref().map(record).transpose()?;
+    let source = source(args, live, recording.as_ref().map(Recording::recorder))?;
     let rate = args.rate.or_else(|| source.rate()).unwrap_or(RATE);
     let mut job = Job {
         args,
@@ -79,6 +89,7 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
         dropped: 0,
         counts: [0; 3],
         link,
+        recording,
     };
     let reading = source.start(rate, job.tracker.preparation());
     let ended = loop {
@@ -97,7 +108,7 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
 
 /// Folders and files of the input, apart from which results lie.
 fn places(args: &TrackArgs) -> Vec<&Path> {
-    let masks = args.instrument_masks.iter();
+    let masks = args.masks().map(|(path, _)| path);
     let files = args.input.iter().filter(|input| !incoming::is_address(input));
     files.chain([&args.template]).chain(masks).map(PathBuf::as_path).collect()
 }
@@ -105,15 +116,20 @@ fn places(args: &TrackArgs) -> Vec<&Path> {
 /// Frames a second where nothing says so.
 const RATE: f64 = 25.0;
 
-fn source(args: &TrackArgs, live: bool) -> anyhow::Result<Source> {
+fn source(args: &TrackArgs, live: bool, recorder: Option<Recorder>) -> anyhow::Result<Source> {
     let stream = Stream::of(args)?;
     let files = !live && stream.is_none();
     Ok(Source {
         inputs: if files { args.input.clone() } else { Vec::new() },
         stream,
+        recorder,
         format: args.input_format,
         size: args.size.unwrap_or_default(),
-        masks: args.instrument_masks.clone(),
+        masks: MaskFiles {
+            instrument: args.instrument_masks.clone(),
+            organ: args.organ_masks.clone(),
+            valid: args.masks.clone(),
+        },
         stride: args.stride as usize,
         realtime: args.realtime,
     })
@@ -142,6 +158,7 @@ struct Job<'a> {
     counts: [usize; 3],
     /// Programs that are told while it runs.
     link: Option<Link>,
+    recording: Option<Recording>,
 }
 
 /// A frame's way through the tracker.
@@ -194,7 +211,10 @@ impl<'a> Job<'a> {
             self.last = Some(surface.vertices.clone());
         }
         let kept = self.last.clone().filter(|_| self.args.keep_lost);
-        let shape = tracked.surface.as_ref().map(|s| s.vertices.as_slice()).or(kept.as_deref());
+        let surface = tracked.surface.as_ref();
+        let shape = surface.map(|s| s.vertices.as_slice()).or(kept.as_deref());
+        // Of a shape that is only kept nothing is known to be seen.
+        let visible = surface.map_or(&[][..], |s| s.visible.as_slice());
         if self.live {
             let vertices = self.args.live_vertices.then_some(shape);
             tell(&Told { number, tracked, dropped, ms, vertices }, &mut std::io::stdout())?;
@@ -203,12 +223,12 @@ impl<'a> Job<'a> {
             let told = Told { number, tracked, dropped, ms, vertices: None };
             link.send(&told, frame, time, shape, self.reporter)?;
         }
-        self.shapes.push(shape, tracked.status as u8)?;
+        self.shapes.push(shape, visible, tracked.status as u8)?;
         if let Some(report) = &mut self.report {
             report.add(number, frame, tracked, ms)?;
         }
         if let Some(shape) = shape {
-            self.write_shape(number, tracked.status, shape)?;
+            self.write_shape(number, tracked.status, shape, visible)?;
         }
         if self.args.overlay {
             let path = self.args.output.join(format!("overlay/frame_{number:03}.png"));
@@ -225,11 +245,13 @@ impl<'a> Job<'a> {
         number: usize,
         status: TrackStatus,
         vertices: &[Point3],
+        visible: &[bool],
     ) -> anyhow::Result<()> {
+        let visible = (!visible.is_empty()).then_some(visible);
         let name = format!("frame_{number:03}");
         if self.args.ply {
             let comments = [format!("camera axes of the frame; status {}", status.label())];
-            let extras = PlyExtras { comments: &comments, ..Default::default() };
+            let extras = PlyExtras { comments: &comments, visible, ..Default::default() };
             let path = self.args.output.join(format!("{name}.ply"));
             let (topology, unit) = (&self.template.mesh.topology, self.template.unit);
             write_ply(&path, topology, vertices, unit, &extras)?;
@@ -237,7 +259,11 @@ impl<'a> Job<'a> {
         if !self.args.formats.is_empty() {
             let seconds = number as f64 / self.rate;
             let formats = self.formats();
-            formats.write_frame(&name, seconds, &Shape { vertices, ..Default::default() })?;
+            formats.write_frame(
+                &name,
+                seconds,
+                &Shape { vertices, visible, ..Default::default() },
+            )?;
             let vertices = if formats.animated() { vertices.to_vec() } else { Vec::new() };
             self.kept.push((name, seconds, vertices));
         }
@@ -254,6 +280,14 @@ impl<'a> Job<'a> {
         self.reporter.finish();
         if let Some(link) = self.link.take() {
             link.finish(self.reporter);
+        }
+        match self.recording.take().map(Recording::finish) {
+            Some(Ok([written, left_out])) => {
+                let text = format!("{written} frame(s) recorded, {left_out} left out to keep up");
+                self.reporter.say(&text);
+            }
+            Some(Err(error)) => self.reporter.error(&crate::exit::describe(&error)),
+            None => {}
         }
         let total: usize = self.counts.iter().sum();
         if total == 0 {

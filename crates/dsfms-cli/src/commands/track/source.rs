@@ -3,6 +3,7 @@
 
 use super::incoming::Stream;
 use super::queue::{EndOnDrop, Full, Queue};
+use super::record::{Recorder, Times};
 use crate::exit::describe;
 use crate::inputs::{predicted_from, rest_lost};
 use anyhow::Context;
@@ -10,7 +11,7 @@ use clap::ValueEnum;
 use dsfms::image::{Frame, Mask};
 use dsfms::io::images::{decode_bytes, find_frames, read_frame};
 use dsfms::io::masks::{MaskKind, read_masks};
-use dsfms::track::{Preparation, Prepared};
+use dsfms::track::{Preparation, Prepared, Regions};
 use dsfms::video::mjpeg::Pictures;
 use dsfms::video::{VideoFrame, each_frame, frame_name, frame_rate, is_video};
 use std::io::Read;
@@ -52,17 +53,27 @@ pub enum Content {
     Unreadable(String, String),
 }
 
+/// Files or folders of masks.
+#[derive(Clone, Default)]
+pub struct MaskFiles {
+    pub instrument: Option<PathBuf>,
+    pub organ: Option<PathBuf>,
+    pub valid: Option<PathBuf>,
+}
+
 /// Where frames come from.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Source {
     /// Files, folders and videos; nothing for standard input and streams.
     pub inputs: Vec<PathBuf>,
-    /// What comes by network.
+    /// What comes by network or from a device.
     pub stream: Option<Stream>,
+    /// Keeps the frames that are taken.
+    pub recorder: Option<Recorder>,
     pub format: InputFormat,
     /// Size of raw frames.
     pub size: [usize; 2],
-    pub masks: Option<PathBuf>,
+    pub masks: MaskFiles,
     pub stride: usize,
     /// Drop what cannot be kept up with; files play at so many frames a second.
     pub realtime: bool,
@@ -71,6 +82,7 @@ pub struct Source {
 /// The queue of a source, and what ended it.
 pub struct Reading {
     queue: Arc<Queue<Result<Item, anyhow::Error>>>,
+    stream: Option<Stream>,
 }
 
 impl Reading {
@@ -87,6 +99,9 @@ impl Reading {
 impl Drop for Reading {
     fn drop(&mut self) {
         self.queue.end();
+        if let Some(stream) = &self.stream {
+            stream.stop();
+        }
     }
 }
 
@@ -109,20 +124,21 @@ impl Source {
         let (room, full) =
             if self.realtime { (1, Full::DropOldest) } else { (WAITING, Full::Wait) };
         let queue = Queue::new(room, full);
-        let giver = queue.clone();
+        let (giver, stream) = (queue.clone(), self.stream.clone());
         std::thread::spawn(move || {
             let end = EndOnDrop(giver);
             let paced = self.realtime && !self.inputs.is_empty();
             let pace = paced.then(|| Duration::from_secs_f64(1.0 / rate));
             let (queue, start) = (&end.0, Instant::now());
-            let (seen, time) = (0, None);
-            let mut reader = Reader { source: &self, queue, preparation, pace, start, seen, time };
+            let (seen, time, due) = (0, None, None);
+            let mut reader =
+                Reader { source: &self, queue, preparation, pace, start, seen, time, due };
             if let Err(error) = reader.run() {
                 // Behind the last frame, which must not give way to it.
                 end.0.push_last(Err(error));
             }
         });
-        Reading { queue }
+        Reading { queue, stream }
     }
 }
 
@@ -138,6 +154,8 @@ pub(super) struct Reader<'a> {
     pub(super) seen: usize,
     /// When the next frame was made, where its source tells.
     pub(super) time: Option<SystemTime>,
+    /// When the next frame is to be given, where it is not by the pace.
+    due: Option<Instant>,
 }
 
 impl Reader<'_> {
@@ -156,7 +174,9 @@ impl Reader<'_> {
                 self.video(input)?;
             } else {
                 let paths = find_frames(std::slice::from_ref(input))?;
+                let times = Times::of(input);
                 for path in &paths {
+                    self.as_recorded(path, &times);
                     let more = match self.source.decoded(|| read_frame(path)) {
                         Ok(frame) => self.give(frame, Some(path), Some(paths.len())),
                         Err(error) => {
@@ -171,6 +191,13 @@ impl Reader<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Give the next frame when it was recorded, and with that time.
+    fn as_recorded(&mut self, path: &Path, times: &Times) {
+        if let Some((time, since)) = times.get(path) {
+            (self.time, self.due) = (Some(time), Some(self.start + since));
+        }
     }
 
     fn video(&mut self, path: &Path) -> anyhow::Result<()> {
@@ -259,7 +286,7 @@ impl Reader<'_> {
         let number = self.seen;
         self.seen += 1;
         if let Some(pace) = self.pace {
-            let due = self.start + pace * number as u32;
+            let due = self.due.take().unwrap_or_else(|| self.start + pace * number as u32);
             std::thread::sleep(due.saturating_duration_since(Instant::now()));
         }
         number.is_multiple_of(self.source.stride).then_some(number)
@@ -279,6 +306,9 @@ impl Reader<'_> {
     ) -> bool {
         let Some(number) = self.taken() else { return true };
         let (name, time) = (frame.name.clone(), self.now());
+        if let Some(recorder) = &self.source.recorder {
+            recorder.add(number, time, &frame);
+        }
         let item = self.item(number, time, frame, path, total, reservation);
         // Of another size, or without its mask: this frame is lost, and no other.
         let lost = |error: anyhow::Error| Item {
@@ -300,8 +330,24 @@ impl Reader<'_> {
         total: Option<usize>,
         reservation: Option<String>,
     ) -> anyhow::Result<Item> {
-        let (mask, warnings) = self.mask(&frame, path)?;
-        let prepared = self.preparation.prepare(frame, mask.as_ref())?;
+        let mut warnings = Vec::new();
+        let MaskFiles { instrument, organ, valid } = &self.source.masks;
+        let mut mask = |files: &Option<PathBuf>, kind| -> anyhow::Result<Option<Mask>> {
+            let Some(files) = files else { return Ok(None) };
+            let paths: Vec<PathBuf> = path.map(Path::to_path_buf).into_iter().collect();
+            let (masks, said) = read_masks(std::slice::from_ref(&frame), &paths, files, kind)?;
+            warnings.extend(said.iter().map(ToString::to_string));
+            Ok(masks.into_iter().next())
+        };
+        let instrument = mask(instrument, MaskKind::Instrument)?;
+        let organ = mask(organ, MaskKind::Organ)?;
+        let valid = mask(valid, MaskKind::Valid)?;
+        let regions = Regions {
+            instrument: instrument.as_ref(),
+            organ: organ.as_ref(),
+            valid: valid.as_ref(),
+        };
+        let prepared = self.preparation.prepare(frame, regions)?;
         let content = Content::Frame(Box::new(prepared), reservation);
         Ok(Item { number, time, total, warnings, content })
     }
@@ -311,18 +357,6 @@ impl Reader<'_> {
         let content = Content::Unreadable(name, reason);
         let (time, warnings) = (self.now(), Vec::new());
         self.queue.push(Ok(Item { number, time, total: None, warnings, content }))
-    }
-
-    fn mask(
-        &self,
-        frame: &Frame,
-        path: Option<&Path>,
-    ) -> anyhow::Result<(Option<Mask>, Vec<String>)> {
-        let Some(folder) = &self.source.masks else { return Ok((None, Vec::new())) };
-        let paths: Vec<PathBuf> = path.map(Path::to_path_buf).into_iter().collect();
-        let frames = std::slice::from_ref(frame);
-        let (masks, warnings) = read_masks(frames, &paths, folder, MaskKind::Instrument)?;
-        Ok((masks.into_iter().next(), warnings.iter().map(ToString::to_string).collect()))
     }
 }
 

@@ -75,7 +75,9 @@ impl Messages {
             Some(shape) => (shape.as_slice(), self.template.mesh.topology.faces.as_slice()),
             None => (&[][..], &[][..]),
         };
-        out.extend(surface(head(device::SURFACE), shape, faces, &[]));
+        let number = |seen: &bool| f32::from(u8::from(*seen));
+        let seen = found.iter().map(|s| ("visible", s.visible.iter().map(number).collect()));
+        out.extend(surface(head(device::SURFACE), shape, faces, &seen.collect::<Vec<_>>()));
         if let Some(frame) = &told.frame {
             let head = head(device::PICTURE);
             out.extend(match self.picture {

@@ -1,0 +1,59 @@
+//! `dsfms track` with masks and another prior, and what it says of the vertices that are seen.
+
+mod clip;
+
+use clip::{FRAMES, SIZE, Text, assert_as_files, column, track};
+use dsfms::track::shapes::read_shapes;
+use image::{GrayImage, Luma};
+use std::path::Path;
+
+/// A mask, white in columns below `until`.
+fn mask(path: &Path, until: u32) {
+    let [w, h] = SIZE.map(|n| n as u32);
+    let white = |x: u32| Luma([if x < until { 255 } else { 0 }]);
+    GrayImage::from_fn(w, h, |x, _| white(x)).save(path).unwrap();
+}
+
+#[test]
+fn nothing_is_followed_outside_of_the_masks() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |name: &str, option: &str, until: u32| {
+        let (path, out) = (folder.path().join(format!("{name}.png")), folder.path().join(name));
+        mask(&path, until);
+        track(&out, "frames", &[option, path.to_str().unwrap()]).said();
+        out
+    };
+    // All of it: as without.
+    for option in ["--masks", "--organ-masks"] {
+        let out = run(&option[2..], option, SIZE[0] as u32);
+        let (shapes, status) = read_shapes(&out.join("vertices.npz")).unwrap();
+        assert_as_files(&shapes, &status);
+    }
+    let matches = |out: &Path| -> Vec<usize> {
+        column(out, "matches").iter().map(|n| n.parse().unwrap_or(0)).collect()
+    };
+    let all = matches(&clip::CLIP.path().join("files"));
+    for option in ["--masks", "--organ-masks"] {
+        let part = matches(&run("part", option, SIZE[0] as u32 * 6 / 10));
+        let fewer = part.iter().zip(&all).filter(|(part, all)| part < all).count();
+        assert!(fewer > FRAMES / 2, "{option}: {part:?} of {all:?}");
+        let none = run("none", option, 0);
+        assert!(column(&none, "status").iter().all(|s| s == "lost"), "{option}");
+    }
+    let said = track(&folder.path().join("out"), "frames", &["--organ-masks", "nowhere"]).said();
+    assert!(said.contains("--organ-masks") && said.contains("nowhere"), "{said}");
+}
+
+#[test]
+fn the_prior_is_heeded_and_what_is_seen_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    track(&out, "frames", &["--prior", "arap", "--ply"]).said();
+    let (shapes, status) = read_shapes(&out.join("vertices.npz")).unwrap();
+    let (conformal, _) = read_shapes(&clip::CLIP.path().join("files/vertices.npz")).unwrap();
+    let found: Vec<usize> = (0..FRAMES).filter(|k| status[*k] < 2).collect();
+    assert!(found.len() >= FRAMES / 2, "{status:?}");
+    assert!(found.iter().any(|k| shapes[*k] != conformal[*k]), "another prior, another shape");
+    let ply = std::fs::read(out.join(format!("frame_{:03}.ply", found[0]))).unwrap();
+    assert!(String::from_utf8_lossy(&ply).contains("property uchar visible"));
+}
