@@ -8,13 +8,14 @@ use dsfms::io::stl::write_stl;
 use dsfms::io::vtk::{Array, VtkExtras, write_pvd, write_vtp};
 use dsfms::mesh::strain::{face_strains, vertex_means};
 use dsfms::template::Template;
+use dsfms::verdict::Region;
 use std::path::Path;
 
 /// A format of the frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Format {
-    /// frame_NNN.vtp and frames.pvd for ParaView and 3D Slicer, with strain, visible, confidence and
-    /// observed.
+    /// frame_NNN.vtp and frames.pvd for ParaView and 3D Slicer, with strain, visible, confidence,
+    /// observed and region.
     Vtp,
     /// frame_NNN.obj with the template's UV.
     Obj,
@@ -42,6 +43,7 @@ pub struct Shape<'a> {
     pub visible: Option<&'a [bool]>,
     pub confidence: Option<&'a [f64]>,
     pub observed: Option<&'a [bool]>,
+    pub regions: Option<&'a [Region]>,
 }
 
 impl Formats<'_> {
@@ -74,10 +76,13 @@ impl Formats<'_> {
         let smooth = vertex_means(&rest.topology, &rest.positions, &strain);
         let flags = |f: &[bool]| f.iter().map(|&b| f64::from(u8::from(b))).collect::<Vec<f64>>();
         let (visible, observed) = (shape.visible.map(flags), shape.observed.map(flags));
+        let number = |r: &Region| f64::from(*r as u8);
+        let regions = shape.regions.map(|r| r.iter().map(number).collect::<Vec<f64>>());
         let optional = [
             ("visible", visible.as_deref()),
             ("confidence", shape.confidence),
             ("observed", observed.as_deref()),
+            ("region", regions.as_deref()),
         ];
         let mut vertices = vec![Array { name: "strain", values: &smooth }];
         vertices

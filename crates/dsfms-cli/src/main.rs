@@ -13,6 +13,7 @@ mod outputs;
 mod pictures;
 mod place;
 mod progress;
+mod reasons;
 mod report;
 mod structures;
 

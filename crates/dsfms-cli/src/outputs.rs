@@ -2,14 +2,16 @@
 //! complete.
 
 use crate::draw;
+use crate::reasons::sentences;
 use anyhow::Context;
 use dsfms::camera::CameraModel;
 use dsfms::image::Frame;
 use dsfms::io::atomic::{remove_stale, write_atomic};
 use dsfms::io::names::frame_number;
 use dsfms::io::ply::{PlyExtras, write_ply};
-use dsfms::pipeline::{Method, Reconstruction, StageReport, Status};
+use dsfms::pipeline::{Method, Reconstruction, StageReport};
 use dsfms::template::{LengthUnit, Template};
+use dsfms::verdict::Reason;
 use image::{ImageEncoder, RgbImage};
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -44,6 +46,9 @@ pub struct FrameReport {
     pub status: &'static str,
     /// Why it is not `ok`.
     pub reasons: Vec<String>,
+    /// The same as figures, where the surface was judged.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub doubts: Vec<Reason>,
     /// Name of the input.
     pub input: String,
     pub method: Method,
@@ -95,14 +100,11 @@ impl ExpectedError {
 impl FrameReport {
     /// The report of a frame that gave a surface.
     pub fn of(input: &str, method: Method, unit: LengthUnit, result: &Reconstruction) -> Self {
-        let (status, reasons) = match &result.status {
-            Status::Ok => ("ok", Vec::new()),
-            Status::Degraded(reasons) => ("degraded", reasons.clone()),
-        };
         let matrix = result.pose.to_homogeneous();
         Self {
-            status,
-            reasons,
+            status: result.verdict.level.label(),
+            reasons: sentences(&result.verdict.reasons),
+            doubts: result.verdict.reasons.clone(),
             pose: Some(std::array::from_fn(|r| std::array::from_fn(|c| matrix[(r, c)]))),
             gain: Some(result.gain),
             ambient: Some(result.ambient),
@@ -121,6 +123,7 @@ impl FrameReport {
         Self {
             status: "failed",
             reasons: vec![why],
+            doubts: Vec::new(),
             input: input.to_string(),
             method,
             unit: unit.label(),
@@ -133,6 +136,15 @@ impl FrameReport {
             expected_error: None,
             stages: Vec::new(),
             seconds: 0.0,
+        }
+    }
+
+    /// The report of a frame whose surface must not be shown.
+    pub fn refused(input: &str, method: Method, unit: LengthUnit, reasons: &[Reason]) -> Self {
+        Self {
+            reasons: sentences(reasons),
+            doubts: reasons.to_vec(),
+            ..Self::failed(input, method, unit, String::new())
         }
     }
 
@@ -168,6 +180,7 @@ impl FrameFiles<'_> {
             visible: Some(&result.visible),
             confidence: result.confidence.as_deref(),
             observed: result.observed.as_deref(),
+            region: Some(&result.regions),
             ..Default::default()
         };
         let topology = &template.mesh.topology;

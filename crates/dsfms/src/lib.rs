@@ -38,4 +38,5 @@ pub mod structures;
 pub mod synth;
 pub mod template;
 pub mod track;
+pub mod verdict;
 pub mod video;

@@ -24,6 +24,7 @@ const ORDER: [&str; 26] = [
     "refine",
     "sfs",
     "confidence",
+    "verdict",
     "structures",
     "synth",
     "eval",

@@ -19,10 +19,13 @@ use dsfms::io::masks::MaskKind;
 use dsfms::io::matches::{find_matches, read_matches};
 use dsfms::io::template::read_template;
 use dsfms::pipeline::{
-    Method, Observation, Progress, ReconstructOptions, Reconstruction, reconstruct_with,
+    Method, Observation, Progress, ReconstructError, ReconstructOptions, Reconstruction,
+    reconstruct_with,
 };
 use dsfms::register::{Deformable, Match, Prior};
 use dsfms::template::Template;
+use dsfms::verdict::Thresholds;
+use dsfms::verdict::intrinsics::apart_px;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -250,6 +253,9 @@ fn prepare<'a>(
     }
     let mut template = read_template(&args.template)?;
     let (camera, tone) = inputs::frame_camera(args.camera.as_deref(), global, &mut template)?;
+    if let Some(path) = &args.camera {
+        warn_of_camera(&template, &camera, path, reporter);
+    }
     let mut options = match &args.options {
         Some(path) => inputs::options(path, ReconstructOptions::from_toml)?,
         None => ReconstructOptions::default(),
@@ -301,14 +307,20 @@ impl Job<'_> {
                         visible: Some(&result.visible),
                         confidence: result.confidence.as_deref(),
                         observed: result.observed.as_deref(),
+                        regions: Some(&result.regions),
                     },
                 )?;
                 shape = (!self.args.formats.is_empty()).then_some(result.vertices);
                 report
             }
             Err(error) => {
-                let why = exit::describe(&error);
-                let report = FrameReport::failed(&input, method, self.template.unit, why);
+                let unit = self.template.unit;
+                let report = match error.downcast_ref::<ReconstructError>() {
+                    Some(ReconstructError::Refused(verdict)) => {
+                        FrameReport::refused(&input, method, unit, &verdict.reasons)
+                    }
+                    _ => FrameReport::failed(&input, method, unit, exit::describe(&error)),
+                };
                 if shown {
                     page = Some(failed_frame(name, source, &report)?);
                 }
@@ -386,6 +398,20 @@ impl Job<'_> {
             read_matches(&path, faces, frame.size)
         };
         Ok(self.args.matches.as_deref().map(read).transpose()?)
+    }
+}
+
+/// Say where the frames' camera is not the template's own.
+fn warn_of_camera(template: &Template, given: &CameraModel, path: &Path, reporter: &Reporter) {
+    let Some(own) = &template.camera else { return };
+    let apart = apart_px(given, own);
+    let [w, h] = given.size.map(|n| n as f64);
+    if apart > Thresholds::default().camera * w.hypot(h) {
+        reporter.warn(&format!(
+            "{} is not the camera of the template: sightlines differ by up to {apart:.0} px; \
+             leave --camera out if the frames are of the same camera",
+            path.display()
+        ));
     }
 }
 

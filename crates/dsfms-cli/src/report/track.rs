@@ -5,6 +5,7 @@ use super::chart::{Plot, Series, lines, status_strip};
 use super::data::{PageData, ShownCamera, ShownFrame, ShownSurface, pixels, rows, unit_name};
 use super::embed::{self, Cloud, escape};
 use super::template::definition_list;
+use crate::reasons::sentences;
 use dsfms::camera::CameraModel;
 use dsfms::image::Frame;
 use dsfms::register::scene::visibility;
@@ -90,7 +91,7 @@ impl<'a> TrackReport<'a> {
         self.rows.push(Row {
             number,
             status: tracked.status,
-            reasons: tracked.reasons.clone(),
+            reasons: sentences(&tracked.reasons),
             ms,
             found: tracked.surface.as_ref().is_some_and(|s| s.way == Way::Found),
             stages: tracked.stages.clone(),
@@ -284,6 +285,7 @@ fn status_name(status: TrackStatus) -> &'static str {
 mod tests {
     use super::*;
     use dsfms::synth::{Case, CaseOptions, Draw};
+    use dsfms::verdict::Reason;
 
     #[test]
     fn a_long_video_is_thinned_and_every_frame_is_plotted() {
@@ -305,7 +307,7 @@ mod tests {
         let frame = Frame { name: "f".into(), size: [4, 4], rgb: vec![[9; 3]; 16] };
         for k in 0..300 {
             let status = if k == 7 { TrackStatus::Lost } else { TrackStatus::Ok };
-            let reasons = if k == 7 { vec!["<dark>".to_string()] } else { Vec::new() };
+            let reasons = if k == 7 { vec![Reason::NoSurface { why: "<dark>".into() }] } else { Vec::new() };
             let tracked =
                 Tracked { status, reasons, surface: None, stages: vec![("prepare", 0.001)] };
             report.add(k, &frame, &tracked, 5.0).unwrap();

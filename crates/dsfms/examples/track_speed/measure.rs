@@ -61,10 +61,10 @@ impl Meter {
         }
         if tracked.status != TrackStatus::Ok && self.count <= 1000 {
             eprintln!(
-                "frame {}: {} ({})",
+                "frame {}: {} ({:?})",
                 self.latency_ms.len() - 1,
                 tracked.status.label(),
-                tracked.reasons.join("; ")
+                tracked.reasons
             );
         }
         if self.latency_ms.len().is_multiple_of((self.count / 20).max(1)) {

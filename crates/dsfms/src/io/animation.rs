@@ -186,6 +186,7 @@ mod tests {
             tone: Default::default(),
             light: None,
             coat: Default::default(),
+            usual: None,
         }
     }
 

@@ -4,6 +4,7 @@ use super::atomic::{WriteError, write_atomic};
 use crate::geometry::Point3;
 use crate::mesh::Topology;
 use crate::template::LengthUnit;
+use crate::verdict::Region;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -30,6 +31,8 @@ pub struct PlyExtras<'a> {
     pub confidence: Option<&'a [f64]>,
     /// Per vertex `observed` (uchar 0 or 1): something in the frame spoke of the vertex.
     pub observed: Option<&'a [bool]>,
+    /// Per vertex `region` (uchar), numbered as [`Region`].
+    pub region: Option<&'a [Region]>,
     /// Per vertex `red green blue` (uchar).
     pub color: Option<&'a [[u8; 3]]>,
 }
@@ -52,6 +55,7 @@ pub fn write_ply(
         extras.visible.map(<[_]>::len),
         extras.confidence.map(<[_]>::len),
         extras.observed.map(<[_]>::len),
+        extras.region.map(<[_]>::len),
         extras.color.map(<[_]>::len),
     ];
     if let Some(found) = lengths.into_iter().flatten().find(|&length| length != n) {
@@ -96,6 +100,9 @@ fn header(
     if extras.observed.is_some() {
         writeln!(w, "property uchar observed")?;
     }
+    if extras.region.is_some() {
+        writeln!(w, "property uchar region")?;
+    }
     writeln!(w, "element face {}", topology.faces.len())?;
     write!(w, "property list uchar int vertex_indices\nend_header\n")
 }
@@ -118,6 +125,9 @@ fn vertex(w: &mut dyn Write, i: usize, p: &Point3, extras: &PlyExtras) -> io::Re
     }
     if let Some(observed) = extras.observed {
         w.write_all(&[u8::from(observed[i])])?;
+    }
+    if let Some(region) = extras.region {
+        w.write_all(&[region[i] as u8])?;
     }
     Ok(())
 }

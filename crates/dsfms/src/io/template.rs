@@ -1,7 +1,7 @@
 //! The template on disk: a directory whose files the field's own tools open.
 //!
 //! `template.toml` (manifest), `template.ply` (surface, double precision), `albedo.npz`,
-//! `flattening.npz`, `features.npz`, `seen.npz`, `sigma.npz` (NumPy), `template.glb`
+//! `flattening.npz`, `features.npz`, `seen.npz`, `sigma.npz` (NumPy), `usual.toml` (what the exploration frames look like), `template.glb`
 //! (viewers), `sparse/` (COLMAP text).
 //! Reading uses the manifest, the PLY, the npz files and the points of `sparse/`; the rest is for other
 //! programs.
@@ -12,6 +12,7 @@ use super::ply::{PlyExtras, Precision, write_ply};
 use super::template_manifest::{Counts, FileNote, Manifest, VERSION, VersionOnly};
 use super::{template_arrays as arrays, template_glb, template_sparse};
 use crate::template::Template;
+use crate::template::usual::Usual;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -25,6 +26,8 @@ const SPARSE: &str = "sparse";
 const SEEN: &str = "seen.npz";
 /// Optional: older templates have none, older programs do not look for it.
 const SIGMA: &str = "sigma.npz";
+/// Optional likewise.
+const USUAL: &str = "usual.toml";
 const VIEWER: &str = "template.glb";
 /// All that is in a template: its files, and what programs add about them.
 const CONTENT: [&str; 12] = [
@@ -193,6 +196,11 @@ fn write_files(folder: &Path, template: &Template) -> Result<(), TemplateFileErr
         let file = note(SIGMA, "standard deviation expected of each vertex, length units");
         arrays::write_sigma(&file, &template.sigma)?;
     }
+    if let Some(usual) = &template.usual {
+        let file = note(USUAL, "how the exploration frames look beside this template");
+        let text = toml::to_string(usual).map_err(|e| damaged(&file, &e))?;
+        fs::write(&file, text).map_err(|e| WriteError::new(&file, e))?;
+    }
     if let Some(albedo) = &template.albedo {
         arrays::write_albedo(&note(ALBEDO, "albedo on the surface, linear RGB"), albedo)?;
     }
@@ -259,6 +267,7 @@ pub fn read_template(path: &Path) -> Result<Template, TemplateFileError> {
     let file = path.join(SIGMA);
     let sigma =
         if file.exists() { arrays::read_sigma(&file, counts.vertices)? } else { Vec::new() };
+    let usual = read_usual(&path.join(USUAL))?;
     let optional = |name: &str, wanted: bool| wanted.then(|| path.join(name));
     let albedo = optional(ALBEDO, counts.texels > 0)
         .map(|file| arrays::read_albedo(&file, faces, counts.texels))
@@ -287,7 +296,20 @@ pub fn read_template(path: &Path) -> Result<Template, TemplateFileError> {
         tone: manifest.tone,
         light: manifest.light,
         coat: manifest.coat,
+        usual,
     })
+}
+
+fn read_usual(file: &Path) -> Result<Option<Usual>, TemplateFileError> {
+    if !file.exists() {
+        return Ok(None);
+    }
+    let text = fs::read_to_string(file).map_err(|e| damaged(file, &e))?;
+    toml::from_str(&text).map(Some).map_err(|e| damaged(file, &e))
+}
+
+fn damaged(file: &Path, reason: &dyn std::fmt::Display) -> TemplateFileError {
+    TemplateFileError::Damaged { path: file.to_path_buf(), reason: reason.to_string() }
 }
 
 fn read_manifest(folder: &Path) -> Result<Manifest, TemplateFileError> {

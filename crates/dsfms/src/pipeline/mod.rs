@@ -3,6 +3,7 @@
 pub mod progress;
 pub mod reconstruct;
 pub mod template;
+mod trust;
 
 pub use progress::{Progress, Silent};
 pub use reconstruct::{ReconstructOptions, reconstruct, reconstruct_with};
@@ -19,6 +20,7 @@ use crate::options::OptionError;
 use crate::register::{Match, RegisterError};
 use crate::sfs::SfsError;
 use crate::solver::Summary;
+use crate::verdict::{Evidence, Region, Verdict};
 use serde::{Deserialize, Serialize};
 
 /// How a deformed frame is reconstructed.
@@ -54,21 +56,13 @@ pub struct Observation<'a> {
     pub organ: Option<&'a Mask>,
 }
 
-/// Whether a reconstruction can be trusted.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "status", content = "reasons", rename_all = "snake_case")]
-pub enum Status {
-    /// Nothing to complain about.
-    Ok,
-    /// A surface, with named reservations.
-    Degraded(Vec<String>),
-}
-
 /// The surface of one frame.
 #[derive(Clone, Debug)]
 pub struct Reconstruction {
-    /// Trust.
-    pub status: Status,
+    /// Whether it can be believed; never [`crate::verdict::Level::Lost`].
+    pub verdict: Verdict,
+    /// The figures it rests on.
+    pub evidence: Evidence,
     /// Vertices in camera axes, template's unit and vertex order.
     pub vertices: Vec<Point3>,
     /// Rigid part: `camera_from_template`.
@@ -80,12 +74,16 @@ pub struct Reconstruction {
     /// `false` where nothing in the frame spoke of a vertex; as
     /// [`crate::confidence::Confidence::observed`].
     pub observed: Option<Vec<bool>>,
+    /// What is known of every vertex.
+    pub regions: Vec<Region>,
     /// Exposure gain relative to the template's albedo; 1 for methods without shading.
     pub gain: f64,
     /// Ambient light, linear; 0 for methods without shading.
     pub ambient: f64,
     /// Matches used: all given or found, with `true` for those that were kept.
     pub matches: Vec<(Match, bool)>,
+    /// Vertices or samples that shading was read from, where the method reads any.
+    pub shaded: Option<usize>,
     /// Name, wall time in seconds and solver report of every stage, in order.
     pub stages: Vec<StageReport>,
 }
@@ -134,7 +132,16 @@ pub enum ReconstructError {
         /// Size in the camera file.
         expected: [usize; 2],
     },
+    /// A surface that must not be shown.
+    #[error("the surface cannot be believed: {}", listed(.0))]
+    Refused(Verdict),
     /// Nothing visible in the frame.
     #[error("the frame is black (brightest pixel {0} of 255); nothing can be reconstructed")]
     Black(u8),
+}
+
+/// The reasons as the library writes them; programs read them as [`crate::verdict::Reason`].
+fn listed(verdict: &Verdict) -> String {
+    let reasons: Vec<String> = verdict.reasons.iter().map(|r| format!("{r:?}")).collect();
+    reasons.join(", ")
 }

@@ -1,9 +1,9 @@
 //! Pose, eq. 3 and eq. 4 in a row, with the visibility, the masks and the verdict around them.
 
-use super::{Method, Observation, ReconstructError, Reconstruction, StageReport, Status};
+use super::trust::{Trusted, trust};
+use super::{Method, Observation, ReconstructError, Reconstruction, StageReport};
 use crate::camera::Camera;
 use crate::confidence::{Model, Solved, confidence};
-use crate::geometry::Point3;
 use crate::image::{Mask, Outline, Picture, usable, viewport};
 use crate::light::Coated;
 use crate::options::{Documented, OptionError, commented};
@@ -14,6 +14,7 @@ use crate::register::{
 };
 use crate::sfs::{SfsInput, SfsOptions, shape_from_shading};
 use crate::template::{SurfaceTexels, Template};
+use crate::verdict::{Evidence, Level, Thresholds, Verdict};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -31,6 +32,8 @@ pub struct ReconstructOptions {
     pub refine: RefineOptions,
     /// Weights of the joint solve.
     pub joint: JointOptions,
+    /// When a surface is believed.
+    pub verdict: Thresholds,
 }
 
 impl ReconstructOptions {
@@ -56,7 +59,8 @@ impl ReconstructOptions {
     pub fn validate(&self) -> Result<(), OptionError> {
         self.register.validate()?;
         self.refine.validate()?;
-        self.joint.validate()
+        self.joint.validate()?;
+        self.verdict.validate()
     }
 
     /// The same with `literal` of the whole handed down to its parts.
@@ -69,21 +73,19 @@ impl ReconstructOptions {
 }
 
 /// Where the fields of the options are documented.
-const TABLES: [Documented; 4] = [
+const TABLES: [Documented; 5] = [
     ("", include_str!("reconstruct.rs"), "ReconstructOptions"),
     ("register", include_str!("../register/options.rs"), "RegisterOptions"),
     ("refine", include_str!("../refine/options.rs"), "RefineOptions"),
     ("joint", include_str!("../refine/joint.rs"), "JointOptions"),
+    ("verdict", include_str!("../verdict/thresholds.rs"), "Thresholds"),
 ];
-
-/// Matches below this make a surface that is held by its prior alone over most of its area.
-const FEW_MATCHES: usize = 8;
 
 /// Reconstruct one deformed frame; of several, see [`reconstruct_with`].
 ///
 /// # Errors
 /// Frame and camera of different size, a black frame, no pose, no descriptors where matches have to
-/// be found, no albedo for a shading method.
+/// be found, no albedo for a shading method, a surface that must not be shown.
 pub fn reconstruct(
     template: &Template,
     observation: &Observation,
@@ -156,30 +158,35 @@ pub fn reconstruct_with(
             }
         }
     }
-    finish(&sight, &posed, &mut result);
-    log.time("confidence", || judge(&sight, &scene, method, &options.refine, &mut result));
+    see(&sight, &mut result);
+    log.time("confidence", || expect(&sight, &scene, method, &options.refine, &mut result));
+    let trusted = Trusted { sight: &sight, scene: &scene, posed: &posed, method, options };
+    log.time("verdict", || trust(&trusted, &mut result));
+    if result.verdict.level == Level::Lost {
+        return Err(ReconstructError::Refused(result.verdict));
+    }
     result.stages = log.stages;
     Ok(result)
 }
 
 /// What the stages read of one frame, made once.
-struct Sight<'a> {
-    template: &'a Template,
-    observation: &'a Observation<'a>,
+pub(super) struct Sight<'a> {
+    pub(super) template: &'a Template,
+    pub(super) observation: &'a Observation<'a>,
     /// Pixels where the organ may be seen.
-    usable: Mask,
+    pub(super) usable: Mask,
     /// Where the organ ends, if a mask says and the method asks.
     outline: Option<Outline>,
-    light: Coated,
-    /// The frame beside the albedo, where the method looks at brightness and there is one.
-    compared: Option<(Picture, &'a SurfaceTexels)>,
+    pub(super) light: Coated,
+    /// The frame beside the albedo, where there is one.
+    pub(super) compared: Option<(Picture, &'a SurfaceTexels)>,
 }
 
 impl<'a> Sight<'a> {
     fn new(template: &'a Template, observation: &'a Observation, method: Method) -> Self {
         let Observation { frame, tone, instrument, organ, .. } = *observation;
         let lit = viewport(std::slice::from_ref(frame));
-        let albedo = template.albedo.as_ref().filter(|_| method != Method::Rigid);
+        let albedo = template.albedo.as_ref();
         Self {
             template,
             observation,
@@ -271,15 +278,18 @@ fn rigid_result(
     let limit = (3.0 * options.robust_px[1]).max(3.0 * posed.median_px());
     let kept = posed.residuals_px.iter().map(|&r| r <= limit);
     Reconstruction {
-        status: Status::Ok,
+        verdict: Verdict::default(),
+        evidence: Evidence::default(),
         vertices: scene.posed.clone(),
         pose: posed.pose,
         visible: Vec::new(),
         confidence: None,
         observed: None,
+        regions: Vec::new(),
         gain: 1.0,
         ambient: 0.0,
         matches: matches.iter().copied().zip(kept).collect(),
+        shaded: None,
         stages: Vec::new(),
     }
 }
@@ -298,20 +308,13 @@ fn take_coarse(
 fn take_refined(result: &mut Reconstruction, refined: &Refined) {
     result.vertices.clone_from(&refined.vertices);
     (result.gain, result.ambient) = (refined.gain, refined.ambient);
-    if refined.diffuse_vertices == 0 {
-        degrade(&mut result.status, "no vertex could be used for shading: the result is DSfM's");
-    } else if !(0.2..5.0).contains(&refined.gain) {
-        let gain = refined.gain;
-        degrade(&mut result.status, &format!("exposure gain {gain:.2} is far from the template's"));
-    }
+    result.shaded = Some(refined.diffuse_vertices);
 }
 
 fn take_joined(result: &mut Reconstruction, joined: &Joined) {
     result.vertices.clone_from(&joined.vertices);
     (result.gain, result.ambient) = (joined.gain, joined.ambient);
-    if joined.samples == 0 {
-        degrade(&mut result.status, "nothing could be used for shading: the result is motion's");
-    }
+    result.shaded = Some(joined.samples);
 }
 
 /// The SfS baseline at the rigid registration.
@@ -337,40 +340,17 @@ fn shade_alone(
     Ok(())
 }
 
-/// Final visibility and the verdict.
-fn finish(sight: &Sight, posed: &Posed, result: &mut Reconstruction) {
+/// Final visibility.
+fn see(sight: &Sight, result: &mut Reconstruction) {
     let Sight { template, observation, usable, .. } = sight;
     result.visible = visibility(observation.camera, &template.mesh, &result.vertices);
     for (visible, p) in result.visible.iter_mut().zip(&result.vertices) {
         *visible &= observation.camera.project(p).is_some_and(|q| usable.at_pixel(&q.pixel));
     }
-    let kept = result.matches.iter().filter(|m| m.1).count();
-    let total = result.matches.len();
-    let status = &mut result.status;
-    if kept < FEW_MATCHES {
-        degrade(
-            status,
-            &format!("only {kept} matches carry the surface; {FEW_MATCHES} or more are wanted"),
-        );
-    }
-    if 2 * kept < total {
-        degrade(status, &format!("only {kept} of {total} matches agree with the surface"));
-    }
-    let spread = posed.median_px() / (observation.frame.size[0] as f64);
-    if spread > 0.05 {
-        let px = posed.median_px();
-        degrade(status, &format!("the organ moved far from any rigid pose (median {px:.0} px)"));
-    }
-    if !result.visible.iter().any(|&v| v) {
-        degrade(status, "no vertex is visible in this frame");
-    }
-    if !finite(&result.vertices) {
-        degrade(status, "some vertices are not finite");
-    }
 }
 
 /// Expected errors, where the method has a model of them.
-fn judge(
+fn expect(
     sight: &Sight,
     scene: &Scene,
     method: Method,
@@ -391,15 +371,4 @@ fn judge(
     let found = confidence(&solved, model);
     result.confidence = Some(found.expected_error);
     result.observed = Some(found.observed);
-}
-
-fn finite(vertices: &[Point3]) -> bool {
-    vertices.iter().all(|v| v.iter().all(|c| c.is_finite()))
-}
-
-fn degrade(status: &mut Status, reason: &str) {
-    match status {
-        Status::Ok => *status = Status::Degraded(vec![reason.to_owned()]),
-        Status::Degraded(reasons) => reasons.push(reason.to_owned()),
-    }
 }

@@ -10,6 +10,7 @@ mod error;
 mod outline;
 mod precision;
 mod surface;
+mod usual;
 mod views;
 
 pub use click::OrganClick;
@@ -399,6 +400,7 @@ pub fn template_from_mesh(
         tone: ToneCurve::default(),
         light: None,
         coat: Coat::default(),
+        usual: None,
     }
 }
 

@@ -112,6 +112,7 @@ impl Case {
             tone: ToneCurve::Srgb,
             light: Some(options.light.clone()),
             coat: Default::default(),
+            usual: None,
         };
         Self { camera, template, frame, matches, deformation, truth, visible }
     }

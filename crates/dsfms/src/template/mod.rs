@@ -21,6 +21,7 @@ mod test_scene;
 pub mod texel_fill;
 pub mod texels;
 pub mod texture;
+pub mod usual;
 
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point2, Point3};
@@ -82,6 +83,8 @@ pub struct Template {
     pub light: Option<LightModel>,
     /// What the tissue made of that light.
     pub coat: Coat,
+    /// How the exploration frames look beside this template; `None` without frames, and in older templates.
+    pub usual: Option<usual::Usual>,
 }
 
 /// What the exploration tells of the exposure of a frame taken with the same camera.

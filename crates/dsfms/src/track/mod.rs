@@ -15,28 +15,26 @@ pub mod shapes;
 mod surface;
 mod tracker;
 mod usual;
-pub mod verdict;
+mod verdict;
 
 use crate::geometry::{Isometry, Point3};
 use crate::options::{Documented, OptionError, check, commented, from_zero, positive};
 use crate::pipeline::{Method, ReconstructOptions};
 use crate::refine::VideoOptions;
 use crate::register::Match;
+use crate::verdict::Reason;
 pub use prepare::{Preparation, Prepared, Regions};
 use serde::{Deserialize, Serialize};
 pub use tracker::Tracker;
-pub use verdict::VerdictOptions;
 
 /// Options of a [`Tracker`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrackOptions {
-    /// Weights of the solves, and the seed.
+    /// Weights of the solves, the seed, and when a surface is believed.
     pub reconstruct: ReconstructOptions,
     /// The joint solve from the last shape.
     pub video: VideoOptions,
-    /// When a surface is believed.
-    pub verdict: VerdictOptions,
     /// Least normalised cross-correlation of a followed patch with the template's, in `[-1, 1]`.
     pub correlation: f64,
     /// Frames after the last good one for which its shape is still followed.
@@ -54,7 +52,6 @@ impl Default for TrackOptions {
         Self {
             reconstruct: ReconstructOptions::default(),
             video: VideoOptions::default(),
-            verdict: VerdictOptions::default(),
             correlation: 0.7,
             patience: 10,
             search_every: 10,
@@ -90,7 +87,7 @@ impl TrackOptions {
     /// The first field out of them.
     pub fn validate(&self) -> Result<(), OptionError> {
         self.reconstruct.validate()?;
-        let (video, verdict) = (&self.video, &self.verdict);
+        let video = &self.video;
         check(&[
             (
                 "video.blur, blurs_after_gap",
@@ -106,13 +103,6 @@ impl TrackOptions {
             ("video.least_blur_px", from_zero(&[video.least_blur_px]), "0 or more"),
             ("correlation", (-1.0..=1.0).contains(&self.correlation), "from -1 to 1"),
             ("search_every", self.search_every >= 1, "at least 1"),
-            (
-                "verdict.matches, agreement, strain",
-                verdict.matches[0] <= verdict.matches[1]
-                    && verdict.agreement[0] <= verdict.agreement[1]
-                    && verdict.strain[0] <= verdict.strain[1],
-                "two numbers, the second no less than the first",
-            ),
         ])
     }
 
@@ -135,7 +125,7 @@ impl TrackOptions {
 const TABLES: [Documented; 7] = [
     ("", include_str!("mod.rs"), "TrackOptions"),
     ("video", include_str!("../refine/video.rs"), "VideoOptions"),
-    ("verdict", include_str!("verdict.rs"), "VerdictOptions"),
+    ("reconstruct.verdict", include_str!("../verdict/thresholds.rs"), "Thresholds"),
     ("reconstruct", include_str!("../pipeline/reconstruct.rs"), "ReconstructOptions"),
     ("reconstruct.register", include_str!("../register/options.rs"), "RegisterOptions"),
     ("reconstruct.refine", include_str!("../refine/options.rs"), "RefineOptions"),
@@ -154,28 +144,8 @@ fn lay_over(under: &mut toml::Table, over: toml::Table) {
     }
 }
 
-/// What became of a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum TrackStatus {
-    /// The surface can be believed.
-    Ok,
-    /// A surface with named reservations.
-    Degraded,
-    /// No surface.
-    Lost,
-}
-
-impl TrackStatus {
-    /// As written in files.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Ok => "ok",
-            Self::Degraded => "degraded",
-            Self::Lost => "lost",
-        }
-    }
-}
+/// What became of a frame; no surface where it is [`Lost`](crate::verdict::Level::Lost).
+pub type TrackStatus = crate::verdict::Level;
 
 /// How a surface came about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -231,7 +201,7 @@ pub struct Tracked {
     /// Trust.
     pub status: TrackStatus,
     /// Why not `ok`.
-    pub reasons: Vec<String>,
+    pub reasons: Vec<Reason>,
     /// The surface; `None` where lost.
     pub surface: Option<Surface>,
     /// Wall time of every stage that ran, seconds, in order.

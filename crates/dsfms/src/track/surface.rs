@@ -193,7 +193,7 @@ impl Tracker<'_> {
     }
 
     fn enough(&self, matches: &[Match]) -> Result<(), String> {
-        let (found, needed) = (matches.len(), self.options.verdict.matches[0]);
+        let (found, needed) = (matches.len(), self.options.reconstruct.verdict.matches[0]);
         if found < needed {
             return Err(format!("only {found} matches, at least {needed} are needed"));
         }

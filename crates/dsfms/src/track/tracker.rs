@@ -5,7 +5,7 @@ use super::look::{Anchor, Look, Working};
 use super::mips::Mips;
 use super::prepare::{Preparation, Prepared, Regions, View};
 use super::usual::Usual;
-use super::verdict::judge;
+use super::verdict::evidence;
 use super::{Surface, TrackError, TrackOptions, TrackStatus, Tracked, Way};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3, Vector2, align_rigid_robust, median, point_at};
@@ -18,6 +18,7 @@ use crate::refine::VideoMemory;
 use crate::register::find::{Search, agreeing};
 use crate::register::{Match, RegisterMemory};
 use crate::template::Template;
+use crate::verdict::{Reason, Thresholds, Verdict, judge};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -91,8 +92,7 @@ pub(super) struct Draft {
 
 /// A surface with its judgement.
 struct Candidate {
-    status: TrackStatus,
-    reasons: Vec<String>,
+    verdict: Verdict,
     surface: Surface,
     look: Look,
     ambient: f64,
@@ -187,7 +187,7 @@ impl<'a> Tracker<'a> {
         let mut clock = Clock(vec![("prepare", prepared.seconds)]);
         let Some(view) = &prepared.view else {
             let brightest = prepared.brightest;
-            let reasons = vec![format!("the frame is black (brightest pixel {brightest} of 255)")];
+            let reasons = vec![Reason::Black { brightest }];
             return Tracked { status: TrackStatus::Lost, reasons, surface: None, stages: clock.0 };
         };
         let outcome = self.attempts(&prepared.frame, view, &mut clock);
@@ -213,16 +213,16 @@ impl<'a> Tracker<'a> {
         };
         let due = |at: usize| self.count >= at + self.rarer * self.options.search_every;
         match &followed {
-            Ok(c) if c.status == TrackStatus::Ok => {
+            Ok(c) if c.verdict.level == TrackStatus::Ok => {
                 self.rarer = 1;
                 return followed;
             }
-            Ok(c) if c.status == TrackStatus::Degraded && !self.searched.is_none_or(due) => {
+            Ok(c) if c.verdict.level == TrackStatus::Degraded && !self.searched.is_none_or(due) => {
                 return followed;
             }
             _ => {}
         }
-        if matches!(&followed, Ok(c) if c.status == TrackStatus::Degraded) {
+        if matches!(&followed, Ok(c) if c.verdict.level == TrackStatus::Degraded) {
             self.searched = Some(self.count);
         }
         let seed = self.options.reconstruct.seed;
@@ -235,7 +235,7 @@ impl<'a> Tracker<'a> {
             .map_err(|error| error.to_string())
             .and_then(|matches| self.found(view, matches, clock));
         let rank = |c: &Result<Candidate, String>| {
-            c.as_ref().map_or(0.0, |c| match c.status {
+            c.as_ref().map_or(0.0, |c| match c.verdict.level {
                 TrackStatus::Ok => 2.0 + c.surface.agreement,
                 TrackStatus::Degraded => 1.0 + c.surface.agreement,
                 TrackStatus::Lost => 0.0,
@@ -257,7 +257,7 @@ impl<'a> Tracker<'a> {
         if self.last.is_some() {
             let again = self.again(view, matches.clone(), clock);
             if let Ok(c) = again.map(|draft| self.judged(view, draft, Way::Found, clock))
-                && c.status == TrackStatus::Ok
+                && c.verdict.level == TrackStatus::Ok
             {
                 return Ok(c);
             }
@@ -306,6 +306,10 @@ impl<'a> Tracker<'a> {
         agreeing.into_iter().map(|i| matches[i]).collect()
     }
 
+    fn limits(&self) -> &Thresholds {
+        &self.options.reconstruct.verdict
+    }
+
     /// Look at a surface and judge it.
     fn judged(&self, view: &View, draft: Draft, way: Way, clock: &mut Clock) -> Candidate {
         let rest = &self.template.mesh;
@@ -313,7 +317,7 @@ impl<'a> Tracker<'a> {
             Look::new(&self.working, rest, &draft.vertices, &self.albedo, &self.light)
         });
         let [agreeing, places] =
-            clock.time("agree", || look.agreement(&view.seen, self.options.verdict.correlation));
+            clock.time("agree", || look.agreement(&view.seen, self.limits().correlation));
         let ambient = draft.ambient;
         let surface = Surface {
             visible: look.visible.clone(),
@@ -330,9 +334,8 @@ impl<'a> Tracker<'a> {
         };
         let last = self.last.as_ref().filter(|l| way == Way::Followed && l.frame + 1 == self.count);
         let before = last.map(|l| l.vertices.as_slice());
-        let (usual, options) = (self.usual.median(), &self.options.verdict);
-        let (status, reasons) = judge(rest, &surface, before, usual, options);
-        Candidate { status, reasons, surface, look, ambient }
+        let found = evidence(rest, self.camera, &surface, before, self.usual.median());
+        Candidate { verdict: judge(&found, self.limits()), surface, look, ambient }
     }
 
     /// Remember a surface that holds.
@@ -343,10 +346,10 @@ impl<'a> Tracker<'a> {
     ) -> Tracked {
         let lost = |reasons| (TrackStatus::Lost, reasons, None);
         let (status, reasons, surface) = match outcome {
-            Err(reason) => lost(vec![reason]),
-            Ok(c) if c.status == TrackStatus::Lost => lost(c.reasons),
+            Err(why) => lost(vec![Reason::NoSurface { why }]),
+            Ok(c) if c.verdict.level == TrackStatus::Lost => lost(c.verdict.reasons),
             Ok(c) => {
-                if let (TrackStatus::Ok, Some(residual)) = (c.status, c.surface.photometric) {
+                if let (TrackStatus::Ok, Some(residual)) = (c.verdict.level, c.surface.photometric) {
                     self.usual.add(residual);
                 }
                 let before = self
@@ -363,7 +366,7 @@ impl<'a> Tracker<'a> {
                     ambient: c.ambient,
                     look: c.look,
                 });
-                (c.status, c.reasons, Some(c.surface))
+                (c.verdict.level, c.verdict.reasons, Some(c.surface))
             }
         };
         Tracked { status, reasons, surface, stages }

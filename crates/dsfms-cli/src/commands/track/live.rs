@@ -1,6 +1,7 @@
 //! Results of a live run on standard output: a line of JSON a frame, its vertices behind it where
 //! they are asked for.
 
+use crate::reasons::sentences;
 use dsfms::geometry::Point3;
 use dsfms::track::{TrackStatus, Tracked};
 use serde::Serialize;
@@ -8,10 +9,10 @@ use std::io::{self, ErrorKind, Write};
 
 /// A line of JSON.
 #[derive(Serialize)]
-struct Line<'a> {
+struct Line {
     frame: usize,
     status: TrackStatus,
-    reasons: &'a [String],
+    reasons: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pose: Option<[[f64; 4]; 4]>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -55,7 +56,7 @@ fn message(told: &Told) -> io::Result<Vec<u8>> {
     let line = Line {
         frame: told.number,
         status: told.tracked.status,
-        reasons: &told.tracked.reasons,
+        reasons: sentences(&told.tracked.reasons),
         pose: matrix.map(|m| std::array::from_fn(|r| std::array::from_fn(|c| m[(r, c)]))),
         residual_px: surface.map(|s| s.residual_px),
         reprojection_px: surface.map(|s| s.reprojection_px),
@@ -78,12 +79,13 @@ fn message(told: &Told) -> io::Result<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use dsfms::verdict::Reason;
 
     #[test]
     fn vertices_follow_their_line() {
         let tracked = Tracked {
             status: TrackStatus::Lost,
-            reasons: vec!["why\nnot".into()],
+            reasons: vec![Reason::NoSurface { why: "why\nnot".into() }],
             surface: None,
             stages: Vec::new(),
         };

@@ -31,6 +31,7 @@ use dsfms::register::Prior;
 use dsfms::template::Template;
 use dsfms::track::shapes::ShapeFile;
 use dsfms::track::{TrackOptions, TrackStatus, Tracked, Tracker};
+use dsfms::verdict::Reason;
 use incoming::Stream;
 use link::Link;
 use live::{Told, tell};
@@ -195,7 +196,7 @@ impl<'a> Job<'a> {
                 let size = self.camera.size;
                 let frame = Frame { name, size, rgb: vec![[0; 3]; size[0] * size[1]] };
                 let (status, stages) = (TrackStatus::Lost, Vec::new());
-                (frame, Tracked { status, reasons: vec![reason], surface: None, stages })
+                (frame, Tracked { status, reasons: vec![Reason::NoSurface { why: reason }], surface: None, stages })
             }
         };
         let ms = 1e3 * start.elapsed().as_secs_f64();

@@ -2,6 +2,7 @@
 
 use crate::draw;
 use crate::outputs::quoted;
+use crate::reasons::joined;
 use dsfms::camera::CameraModel;
 use dsfms::image::Frame;
 use dsfms::register::scene::visibility;
@@ -23,7 +24,7 @@ const STAGES: [&str; 8] =
 
 /// A row of `summary.csv`.
 pub fn row(number: usize, input: &str, tracked: &Tracked, dropped: usize, ms: f64) -> String {
-    let (status, reasons) = (tracked.status.label(), quoted(&tracked.reasons.join("; ")));
+    let (status, reasons) = (tracked.status.label(), quoted(&joined(&tracked.reasons)));
     let name = quoted(input);
     let measured = tracked.surface.as_ref().map_or([",", ",,,,,,,,,"].map(String::from), |s| {
         let way = if s.way == Way::Found { "found" } else { "followed" };
@@ -111,12 +112,13 @@ pub fn film(folder: &Path, pictures: &[PathBuf], rate: f64) -> Result<(), String
 #[cfg(test)]
 mod tests {
     use super::*;
+    use dsfms::verdict::Reason;
 
     #[test]
     fn a_row_has_as_many_fields_as_there_are_columns() {
         let tracked = Tracked {
             status: TrackStatus::Lost,
-            reasons: vec!["a".into(), "b".into()],
+            reasons: vec![Reason::NotFinite, Reason::Black { brightest: 3 }],
             surface: None,
             stages: vec![("find", 0.25)],
         };
@@ -125,6 +127,9 @@ mod tests {
         let place = |name: &str| COLUMNS.trim().split(',').position(|c| c == name).unwrap();
         let fields: Vec<&str> = line.trim().split(',').collect();
         assert_eq!((fields[place("dropped")], fields[place("find_ms")]), ("2", "250.0"));
-        assert_eq!((fields[place("reasons")], fields[place("ms")]), ("a; b", "250.0"));
+        assert_eq!((fields[place("reasons")], fields[place("ms")]), (
+            "some vertices are not finite; the frame is black (brightest pixel 3 of 255)",
+            "250.0"
+        ));
     }
 }

@@ -3,6 +3,7 @@ use crate::io::obj::write_obj;
 use crate::io::ply::{PlyExtras, Precision, write_ply};
 use crate::io::stl::write_stl;
 use crate::template::LengthUnit;
+use crate::verdict::Region;
 use std::fs;
 
 const SQUARE_PLY: &str = "ply\nformat ascii 1.0\ncomment units mm\nelement vertex 4\n\
@@ -62,6 +63,7 @@ fn written_ply_reads_back_exactly_in_double() {
         visible: Some(&visible),
         confidence: Some(&confidence),
         observed: Some(&visible),
+        region: Some(&[Region::Observed, Region::Hidden, Region::Contradicted, Region::Folded]),
         color: None,
     };
     write_ply(&path, &mesh.topology, &mesh.positions, LengthUnit::TemplateUnit, &extras).unwrap();

@@ -7,6 +7,7 @@ use crate::mesh::shapes;
 use crate::template::bake::choose_resolution;
 use crate::template::flatten::{FlattenOptions, flatten};
 use crate::template::statistics::template_statistics;
+use crate::template::usual::{Appearance, Usual};
 use crate::template::{Features, LengthUnit, SparsePoint, SurfaceTexels, View};
 
 fn tiny() -> Template {
@@ -58,6 +59,17 @@ fn tiny() -> Template {
             spot: Spot::Linear { inner_deg: 10.0, outer_deg: 52.0 },
         })),
         coat: Coat { refractive_index: 1.4, ambient: 0.03, vignetting: -0.2 },
+        usual: Some(Usual {
+            frames: 12,
+            appearance: Appearance {
+                correlation: Some(0.9),
+                contrast: None,
+                residual: 1.0 / 30.0,
+                shown: 0.98,
+                compared: 0.8,
+            },
+            depth: [40.1, 90.2],
+        }),
     }
 }
 
@@ -76,6 +88,7 @@ fn assert_same(a: &Template, b: &Template) {
     assert_eq!(a.tone, b.tone);
     assert_eq!(a.light, b.light);
     assert_eq!(a.coat, b.coat);
+    assert_eq!(a.usual, b.usual);
 }
 
 #[test]
@@ -90,6 +103,7 @@ fn a_template_comes_back_bit_for_bit_and_can_be_replaced() {
     template.flattening = None;
     template.seen.clear();
     template.sigma.clear();
+    template.usual = None;
     template.unit = LengthUnit::TemplateUnit;
     write_template(&path, &template).unwrap();
     assert_same(&read_template(&path).unwrap(), &template);
@@ -143,7 +157,13 @@ fn every_damage_is_named() {
     }
     // As templates were before.
     fs::remove_file(path.join(SIGMA)).unwrap();
-    assert!(read_template(&path).unwrap().sigma.is_empty());
+    fs::remove_file(path.join(USUAL)).unwrap();
+    let older = read_template(&path).unwrap();
+    assert!(older.sigma.is_empty() && older.usual.is_none());
+    fs::write(path.join(USUAL), "frames = 3").unwrap();
+    let wrong = read_template(&path).unwrap_err().to_string();
+    assert!(wrong.contains(USUAL) && wrong.contains("appearance"), "{wrong}");
+    fs::remove_file(path.join(USUAL)).unwrap();
     let manifest = fs::read_to_string(path.join(MANIFEST)).unwrap();
     let edit = |from: &str, to: &str| {
         fs::write(path.join(MANIFEST), manifest.replace(from, to)).unwrap();

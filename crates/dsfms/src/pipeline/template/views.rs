@@ -25,9 +25,9 @@ pub(super) struct Views<'a> {
 }
 
 /// A registered frame.
-struct Registered {
-    frame: usize,
-    pose: Isometry,
+pub(super) struct Registered {
+    pub(super) frame: usize,
+    pub(super) pose: Isometry,
 }
 
 impl Views<'_> {
@@ -59,7 +59,7 @@ impl Views<'_> {
         let features = anchor_features(&mesh, &self.feature_views(&registered), &options.anchor);
         let visible: Vec<Vec<bool>> =
             registered.par_iter().map(|r| self.visible(r, &mesh)).collect();
-        let template = Template {
+        let mut template = Template {
             unit,
             seen: seen_counts(&mesh.topology, &visible),
             sigma: Vec::new(),
@@ -72,8 +72,10 @@ impl Views<'_> {
             tone: self.exploration.tone.clone(),
             light: Some(light.light.clone()),
             coat: shading.coat(),
+            usual: None,
             mesh,
         };
+        template.usual = self.usual(&template, &registered);
         Ok((template, Some(light)))
     }
 
@@ -116,7 +118,7 @@ impl Views<'_> {
     }
 
     /// The vertices that one view sees, inside its mask.
-    fn visible(&self, registered: &Registered, mesh: &Mesh) -> Vec<bool> {
+    pub(super) fn visible(&self, registered: &Registered, mesh: &Mesh) -> Vec<bool> {
         let camera = self.exploration.camera;
         let positions: Vec<Point3> = mesh.positions.iter().map(|p| registered.pose * p).collect();
         let raster = rasterize(camera, &mesh.topology, &positions);

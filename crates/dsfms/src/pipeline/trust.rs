@@ -1,0 +1,160 @@
+//! Everything that is asked of a surface before it is handed out.
+
+use super::reconstruct::Sight;
+use super::{Method, ReconstructOptions, Reconstruction};
+use crate::camera::{Camera, CameraModel};
+use crate::geometry::{Point3, median};
+use crate::register::{Match, Posed, Scene};
+use crate::template::Template;
+use crate::verdict::evidence::{EXPECTED, Evidence, MatchCount};
+use crate::verdict::intrinsics::{apart_px, fits, resized};
+use crate::verdict::look::TileLimits;
+use crate::verdict::observability::{distinct, pose_uncertainty};
+use crate::verdict::regions::{folded, largest_part, share};
+use crate::verdict::strain::strain;
+use crate::verdict::{Compared, Looked, Region, Says, Thresholds, judge, look};
+
+/// A surface and what it was made from.
+pub(super) struct Trusted<'a> {
+    pub(super) sight: &'a Sight<'a>,
+    pub(super) scene: &'a Scene<'a>,
+    pub(super) posed: &'a Posed,
+    pub(super) method: Method,
+    pub(super) options: &'a ReconstructOptions,
+}
+
+/// Judge a surface; sets its verdict and its regions.
+pub(super) fn trust(trusted: &Trusted, result: &mut Reconstruction) {
+    let finite = result.vertices.iter().all(|v| v.iter().all(|c| c.is_finite()));
+    if !finite {
+        result.verdict =
+            judge(&Evidence { finite, ..Evidence::default() }, &trusted.options.verdict);
+        result.regions = vec![Region::Hidden; result.vertices.len()];
+        return;
+    }
+    let looked = trusted.looked(result);
+    let (regions, folds) = trusted.regions(result, looked.as_ref());
+    let evidence = trusted.evidence(result, looked.as_ref(), &regions, folds);
+    result.verdict = judge(&evidence, &trusted.options.verdict);
+    (result.evidence, result.regions) = (evidence, regions);
+}
+
+/// The limits of a tile.
+pub(super) fn tile_limits(limits: &Thresholds) -> TileLimits {
+    let [correlation, slope] = limits.tile_structure;
+    TileLimits { log: limits.tile_log, correlation, slope }
+}
+
+impl Trusted<'_> {
+    fn camera(&self) -> &CameraModel {
+        self.sight.observation.camera
+    }
+
+    fn looked(&self, result: &Reconstruction) -> Option<Looked> {
+        let (picture, albedo) = self.sight.compared.as_ref()?;
+        let compared = Compared {
+            camera: self.camera(),
+            picture,
+            usable: &self.sight.usable,
+            albedo,
+            ambient: result.ambient / result.gain.max(f64::MIN_POSITIVE),
+        };
+        let limits = tile_limits(&self.options.verdict);
+        look(&compared, self.scene.rest, &result.vertices, &self.sight.light, &limits)
+    }
+
+    /// What is known of every vertex, and the number of folded faces.
+    fn regions(&self, result: &Reconstruction, looked: Option<&Looked>) -> (Vec<Region>, usize) {
+        let (over, faces) = folded(self.scene.rest, &result.vertices);
+        let near_match = result.observed.as_deref();
+        let of = |v: usize| {
+            let says =
+                looked.map_or(Says::Nothing, |l| l.at(self.camera(), &result.vertices[v]));
+            match says {
+                _ if !result.visible[v] => Region::Hidden,
+                _ if over[v] => Region::Folded,
+                Says::Contradicts => Region::Contradicted,
+                Says::Agrees => Region::Observed,
+                Says::Nothing if near_match.is_none_or(|o| o[v]) => Region::Observed,
+                Says::Nothing => Region::Unobserved,
+            }
+        };
+        ((0..result.vertices.len()).map(of).collect(), faces)
+    }
+
+    fn evidence(
+        &self,
+        result: &Reconstruction,
+        looked: Option<&Looked>,
+        regions: &[Region],
+        folds: usize,
+    ) -> Evidence {
+        let (rest, camera, shape) = (self.scene.rest, self.camera(), &result.vertices);
+        let template = self.sight.template;
+        let size = camera.size().map(|n| n as f64);
+        let diagonal = size[0].hypot(size[1]);
+        let all: Vec<Match> = result.matches.iter().map(|m| m.0).collect();
+        let kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
+        let different: Vec<Match> = distinct(&kept, diagonal).iter().map(|&i| kept[i]).collect();
+        let seen: Vec<Point3> =
+            (0..shape.len()).filter(|&v| result.visible[v]).map(|v| shape[v]).collect();
+        let residual_px = self.residual_px(&kept, shape);
+        let pose = (!seen.is_empty()).then(|| {
+            let noise = residual_px.unwrap_or(0.0);
+            pose_uncertainty(camera, &rest.topology, shape, &different, noise, &seen)
+        });
+        let depth = median(&mut seen.iter().map(|p| p.z).collect::<Vec<f64>>());
+        let radius = self.scene.radius();
+        let part = |which| largest_part(rest, camera, shape, regions, which);
+        Evidence {
+            finite: true,
+            visible: seen.len(),
+            radius,
+            matches: MatchCount {
+                total: all.len(),
+                kept: kept.len(),
+                distinct: distinct(&all, diagonal).len(),
+                distinct_kept: different.len(),
+                given: self.sight.observation.matches.is_some(),
+            },
+            residual_px,
+            rigid_px: Some([self.posed.median_px(), size[0]]),
+            pose,
+            depth: depth.zip(template.usual.map(|u| u.depth)),
+            extent_px: depth.map(|z| [radius * camera.focal[0] / z, diagonal]),
+            camera: self.other_camera(template, &all),
+            appearance: looked.map(|l| l.appearance),
+            usual: template.usual.map_or(EXPECTED, |u| u.appearance),
+            no_shading: result.shaded == Some(0),
+            gain: (self.method == Method::Dsfms && result.shaded != Some(0)).then_some(result.gain),
+            contradicted: part(Region::Contradicted),
+            unobserved: part(Region::Unobserved),
+            folded: (folds > 0).then(|| (folds, share(rest, regions, Region::Folded))),
+            strain: Some(strain(rest, shape)),
+            ..Evidence::default()
+        }
+    }
+
+    /// Median distance of matches from the surface, px.
+    fn residual_px(&self, matches: &[Match], shape: &[Point3]) -> Option<f64> {
+        let away = |m: &Match| {
+            let seen = self.camera().project(&self.scene.point(m, shape))?;
+            Some((seen.pixel - m.pixel).norm())
+        };
+        median(&mut matches.iter().filter_map(away).collect::<Vec<f64>>())
+    }
+
+    /// Where the camera is not the template's: how far apart, and how the matches fit either.
+    fn other_camera(&self, template: &Template, matches: &[Match]) -> Option<(f64, [f64; 2])> {
+        let (given, own) = (self.camera(), template.camera.as_ref()?);
+        let size = given.size();
+        let apart = apart_px(given, own);
+        let diagonal = (size[0] as f64).hypot(size[1] as f64);
+        if apart <= self.options.verdict.camera * diagonal {
+            return None;
+        }
+        let own = resized(own, size);
+        let (register, seed) = (&self.options.register, self.options.seed);
+        Some((apart, fits([given, &own], self.scene.rest, matches, register, seed)))
+    }
+}

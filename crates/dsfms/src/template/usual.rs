@@ -1,0 +1,33 @@
+//! What the template's own exploration frames look like beside it: the measure for other frames.
+
+use serde::{Deserialize, Serialize};
+
+/// How a frame looks beside what template and light predict.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Appearance {
+    /// Median zero-mean correlation of image and prediction over the textured tiles, in `[-1, 1]`; `None`
+    /// where nothing has texture.
+    pub correlation: Option<f64>,
+    /// Median slope of image on prediction there, of logarithms: 1 where the texture is as strong as
+    /// predicted, less through blur, smoke and what covers it.
+    pub contrast: Option<f64>,
+    /// Robust spread of the log ratio of image to prediction over the tiles.
+    pub residual: f64,
+    /// Share of what can be compared that looks like the template, in `[0, 1]`.
+    pub shown: f64,
+    /// Share of the predicted silhouette that can be compared.
+    pub compared: f64,
+}
+
+/// The exploration frames beside the template that was made from them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Usual {
+    /// Frames that were looked at.
+    pub frames: usize,
+    /// Medians over the frames.
+    pub appearance: Appearance,
+    /// Least and largest median depth of the visible surface, length units.
+    pub depth: [f64; 2],
+}

@@ -1,0 +1,143 @@
+//! Nothing wrong is shown as good: degenerate matches, covered frames, another camera.
+
+use dsfms::camera::{Camera, CameraModel};
+use dsfms::geometry::{Point2, point_at};
+use dsfms::image::{Frame, ToneCurve};
+use dsfms::light::LightModel;
+use dsfms::pipeline::{
+    Method, Observation, ReconstructError, Reconstruction, ReconstructOptions, reconstruct,
+};
+use dsfms::register::Match;
+use dsfms::synth::{Case, CaseOptions, Draw};
+use dsfms::verdict::{Level, Reason, Region};
+
+fn case(count: usize) -> Case {
+    let options = CaseOptions {
+        vertices: 300,
+        extension: 0.03,
+        light: LightModel::Collinear,
+        draw: Draw { count, sigma_px: 0.5 },
+        pull: true,
+    };
+    Case::new(&options, 41)
+}
+
+struct Given<'a> {
+    frame: &'a Frame,
+    camera: &'a CameraModel,
+    matches: &'a [Match],
+}
+
+fn solved(
+    case: &Case,
+    given: Given,
+    method: Method,
+) -> Result<Reconstruction, (Level, Vec<Reason>)> {
+    let observation = Observation {
+        frame: given.frame,
+        camera: given.camera,
+        tone: &ToneCurve::Srgb,
+        matches: Some(given.matches),
+        instrument: None,
+        organ: None,
+    };
+    match reconstruct(&case.template, &observation, method, &ReconstructOptions::default()) {
+        Ok(found) if found.verdict.level == Level::Ok => Ok(found),
+        Ok(found) => Err((found.verdict.level, found.verdict.reasons)),
+        Err(ReconstructError::Refused(verdict)) => Err((verdict.level, verdict.reasons)),
+        Err(error) => Err((Level::Lost, vec![Reason::NoSurface { why: error.to_string() }])),
+    }
+}
+
+fn with_matches(case: &Case, matches: &[Match], method: Method) -> Option<(Level, Vec<Reason>)> {
+    solved(case, Given { frame: &case.frame, camera: &case.camera, matches }, method).err()
+}
+
+/// Exact matches of the true surface whose pixel is wanted.
+fn true_matches(case: &Case, wanted: impl Fn(&Point2) -> bool) -> Vec<Match> {
+    let faces = &case.template.mesh.topology.faces;
+    let barycentric = [1.0 / 3.0; 3];
+    (0..faces.len())
+        .filter(|&f| faces[f].iter().all(|&v| case.visible[v as usize]))
+        .filter_map(|f| {
+            let point = point_at(faces[f].map(|v| &case.truth[v as usize]), barycentric);
+            let pixel = case.camera.project(&point)?.pixel;
+            wanted(&pixel).then_some(Match { face: f as u32, barycentric, pixel })
+        })
+        .collect()
+}
+
+#[test]
+fn an_undisturbed_case_is_good() {
+    let case = case(60);
+    for method in [Method::Rigid, Method::Dsfm, Method::Joint] {
+        let given =
+            Given { frame: &case.frame, camera: &case.camera, matches: &case.matches };
+        let found = solved(&case, given, method);
+        if method == Method::Joint {
+            let found = found.unwrap();
+            assert_eq!(found.regions.len(), case.truth.len());
+            let seen = found.regions.iter().filter(|r| **r != Region::Hidden).count();
+            let observed = found.regions.iter().filter(|r| **r == Region::Observed).count();
+            assert!(observed * 10 > seen * 8, "{observed} of {seen}");
+        }
+    }
+}
+
+#[test]
+fn degenerate_matches_are_never_good() {
+    let case = case(60);
+    let centre = Point2::new(360.0, 288.0);
+    let line = true_matches(&case, |p| (p.y - 288.0).abs() < 6.0);
+    let small = true_matches(&case, |p| (p - centre).norm() < 45.0);
+    let four: Vec<Match> = (0..500).map(|i| case.matches[13 * (i % 4)]).collect();
+    assert!(line.len() >= 8 && small.len() >= 8, "{} {}", line.len(), small.len());
+    for matches in [line, small, four] {
+        for method in [Method::Rigid, Method::Dsfm, Method::Joint] {
+            let doubt = with_matches(&case, &matches, method);
+            let (_, reasons) = doubt.unwrap_or_else(|| panic!("{method:?} {}", matches.len()));
+            assert!(!reasons.is_empty());
+        }
+    }
+}
+
+#[test]
+fn a_covered_frame_names_what_it_covers() {
+    let case = case(60);
+    let size = case.frame.size;
+    for part in [0.5, 0.7] {
+        for colour in [[120, 120, 120], [18, 12, 12]] {
+            let mut frame = case.frame.clone();
+            for y in ((1.0 - part) * size[1] as f64) as usize..size[1] {
+                frame.rgb[y * size[0]..(y + 1) * size[0]].fill(colour);
+            }
+            let given = Given { frame: &frame, camera: &case.camera, matches: &case.matches };
+            let (_, reasons) = solved(&case, given, Method::Joint).err().unwrap();
+            let region = |r: &Reason| {
+                matches!(
+                    r,
+                    Reason::RegionContradicted(_)
+                        | Reason::RegionUnobserved(_)
+                        | Reason::Covered { .. }
+                        | Reason::Uncompared { .. }
+                        | Reason::NoShading
+                )
+            };
+            assert!(reasons.iter().any(region), "{part} {colour:?} {reasons:?}");
+        }
+    }
+}
+
+#[test]
+fn another_camera_is_refused_where_the_matches_contradict_it() {
+    let case = case(60);
+    let mut camera = case.camera.clone();
+    camera.focal = camera.focal.map(|f| 1.5 * f);
+    let matches = true_matches(&case, |_| true);
+    let given = Given { frame: &case.frame, camera: &camera, matches: &matches };
+    let (_, reasons) = solved(&case, given, Method::Dsfm).err().unwrap();
+    let named = |r: &Reason| {
+        matches!(r, Reason::CameraContradicted { .. } | Reason::CameraUnconfirmed { .. })
+    };
+    assert!(reasons.iter().any(named), "{reasons:?}");
+}
