@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""Is anything wrong shown as good? Disturbs frames of clips of known truth in some 70 ways, reconstructs them
-and scores the verdicts: status, true error in the deformed zone, stated error.
+"""Is anything wrong shown as good? Disturbs frames of clips of known truth in some 70 ways and stretches of
+them in 21, reconstructs and tracks them and scores the verdicts: status, true error in the deformed zone,
+stated error.
 
     for s in "uterus 101" "liver 102" "patch 103"; do set -- $s
         dsfms synth --video --organ $1 --seed $2 --frames 100 --size 640x360 -o clips/$2; done
@@ -10,7 +11,9 @@ Frames are disturbed where the organ is deformed most; occluders lie on the defo
 visible part of what moved by at least half of the largest displacement, its error the root mean square in mm,
 absolute. The stated bound is that of frame_NNN.json: the 90th percentile of the expected error over the visible
 vertices. Wrong as good: `ok`, an error above three medians of the undisturbed ok frames, and above the stated
-bound. Prints the table as Markdown; scored/rows.json holds every frame. Needs numpy and pillow.
+bound. A stretch is of twelve frames, undisturbed up to the fifth; `track` states no error, so there the three
+medians alone count. Prints tables as Markdown; scored/rows.json and clips.json hold every frame. Needs numpy
+and pillow.
 """
 import argparse
 import json
@@ -25,7 +28,6 @@ from PIL import Image, ImageFilter
 UNDISTURBED = "undisturbed"
 WRONG = 3.0  # an ok frame may be wrong by so many medians
 APART = 15  # frames between two that are disturbed
-FACES = {}
 
 
 def linear(image):
@@ -124,56 +126,77 @@ def hidden(clip, k, shape, share, disc):
     return order <= np.quantile(order[clip.outline(k, shape)], share)
 
 
-def disturbances(clip, other, k):
-    """Name, picture and what else differs: camera, matches, template, masks."""
-    image, shape = clip.frame(k), clip.frame(k).shape[:2]
-    h, w = shape
+def pictures(clip, other, k):
+    """What is done to the picture of a frame, by name; not yet done."""
+    image = clip.frame(k)
+    h, w = shape = image.shape[:2]
     light = linear(image)
     y, x = np.mgrid[0:h, 0:w]
     foreign = other.frame(other.most_deformed(1)[0])
-    late = clip.frame(clip.clear()[(clip.clear().index(k) + len(clip.clear()) // 2) % len(clip.clear())])
+    clear = clip.clear()
+    late = clip.frame(clear[(clear.index(k) + len(clear) // 2) % len(clear)])
 
     def painted(where, colour):
         return np.where(where[..., None], colour, image).astype(np.uint8)
 
-    yield "other organ", foreign, {}
-    yield "other template", image, {"template": other}
-    yield "mirrored", image[:, ::-1], {}
-    yield "upside down", image[::-1], {}
-    yield "instruments without masks", image, {"masked": False}
-    yield "cut: right half of another moment", painted(x > w / 2, late), {}
-    yield "lower half grey (file cut off)", painted(y > h / 2, 128), {}
-    yield "rows torn", np.where((y // 40 % 2 == 1)[..., None], np.roll(image, -60, 1), image), {}
-    for veil in (0.4, 0.6, 0.8):
-        yield f"fog {veil:.0%}", encoded(light * (1 - veil) + 0.35 * veil), {}
-        cloud = (veil * (0.5 + 0.5 * np.sin(x / 67 + np.sin(y / 53))))[..., None]
-        yield f"smoke {veil:.0%}", encoded(light * (1 - cloud) + 0.35 * cloud), {}
-    for share in (0.3, 0.6):
+    def blood(share):
         pool = hidden(clip, k, shape, share, True)[..., None]
-        blood = light * [0.25, 0.1, 0.1] + [0.08, 0, 0]
-        yield f"blood {share:.0%}", encoded(np.where(pool, blood, light)), {}
+        return encoded(np.where(pool, light * [0.25, 0.1, 0.1] + [0.08, 0, 0], light))
+
+    def smoke(veil):
+        cloud = (veil * (0.5 + 0.5 * np.sin(x / 67 + np.sin(y / 53))))[..., None]
+        return encoded(light * (1 - cloud) + 0.35 * cloud)
+
+    def blur(sigma):
+        return np.asarray(Image.fromarray(image).filter(ImageFilter.GaussianBlur(sigma)))
+
+    def noise():
+        return np.clip(image + np.random.default_rng(k).normal(0, 20, image.shape), 0, 255).astype(np.uint8)
+
+    found = {
+        "other organ": lambda: foreign,
+        "mirrored": lambda: image[:, ::-1],
+        "upside down": lambda: image[::-1],
+        "cut: right half of another moment": lambda: painted(x > w / 2, late),
+        "lower half grey (file cut off)": lambda: painted(y > h / 2, 128),
+        "rows torn": lambda: np.where((y // 40 % 2 == 1)[..., None], np.roll(image, -60, 1), image),
+        "white balance": lambda: encoded(light * [1.3, 1.0, 0.7]),
+        "tone: linear values": lambda: (255 * light).astype(np.uint8),
+        "noise of 20 grey values": noise,
+    }
+    for veil in (0.4, 0.6, 0.8):
+        found[f"fog {veil:.0%}"] = lambda v=veil: encoded(light * (1 - v) + 0.35 * v)
+        found[f"smoke {veil:.0%}"] = lambda v=veil: smoke(v)
+    for share in (0.3, 0.6):
+        found[f"blood {share:.0%}"] = lambda s=share: blood(s)
     for sigma in (2, 4, 8):
-        yield f"blur {sigma} px", np.asarray(Image.fromarray(image).filter(ImageFilter.GaussianBlur(sigma))), {}
+        found[f"blur {sigma} px"] = lambda s=sigma: blur(s)
     for gain in (0.3, 3.0):
-        yield f"exposure x {gain}", encoded(light * gain), {}
-    yield "white balance", encoded(light * [1.3, 1.0, 0.7]), {}
-    yield "tone: linear values", (255 * light).astype(np.uint8), {}
-    noise = np.random.default_rng(k).normal(0, 20, image.shape)
-    yield "noise of 20 grey values", np.clip(image + noise, 0, 255).astype(np.uint8), {}
+        found[f"exposure x {gain}"] = lambda g=gain: encoded(light * g)
     for share in (0.1, 0.3, 0.5, 0.7, 0.9):
         for name, disc in (("disc", True), ("side", False)):
-            where = hidden(clip, k, shape, share, disc)
-            yield f"occluder grey {name} {share:.0%}", painted(where, 120), {}
-            yield f"occluder dark {name} {share:.0%}", painted(where, [18, 12, 12]), {}
-            yield f"occluder tissue {name} {share:.0%}", painted(where, foreign), {}
+            for kind, colour in (("grey", 120), ("dark", [18, 12, 12]), ("tissue", foreign)):
+                found[f"occluder {kind} {name} {share:.0%}"] = lambda s=share, d=disc, c=colour: painted(
+                    hidden(clip, k, shape, s, d), c
+                )
+    return found
+
+
+def cameras(clip):
     c = clip.camera
-    focal = lambda by: {"camera": {**c, "fx": c["fx"] * by, "fy": c["fy"] * by}}
-    yield "focal length x 1.05", image, focal(1.05)
-    yield "focal length x 1.5", image, focal(1.5)
-    yield "focal length / 1.5", image, focal(1 / 1.5)
-    yield "principal point + 60 px", image, {"camera": {**c, "cx": c["cx"] + 60}}
-    yield "distortion k1 = -0.3", image, {"camera": {**c, "distortion": {"k1": -0.3}}}
+    return {
+        "focal length x 1.05": {**c, "fx": c["fx"] * 1.05, "fy": c["fy"] * 1.05},
+        "focal length x 1.5": {**c, "fx": c["fx"] * 1.5, "fy": c["fy"] * 1.5},
+        "focal length / 1.5": {**c, "fx": c["fx"] / 1.5, "fy": c["fy"] / 1.5},
+        "principal point + 60 px": {**c, "cx": c["cx"] + 60},
+        "distortion k1 = -0.3": {**c, "distortion_model": "brown_conrady", "distortion": {"k1": -0.3}},
+    }
+
+
+def given(clip, k):
+    """Matches, degenerate and adversarial."""
     m, rng = clip.matches(k), np.random.default_rng(k)
+    h, w = clip.frame(k).shape[:2]
     u, v, n = m[:, 4], m[:, 5], len(m)
     centre = clip.pixels(k)[clip.measured(k)].mean(0)
     away = np.hypot(u - centre[0], v - centre[1])
@@ -181,25 +204,41 @@ def disturbances(clip, other, k):
     def moved(where, by):
         found = m.copy()
         found[where, 4] += by
-        return {"matches": found}
+        return found
 
-    slanted = m[np.abs(v - 0.3 * h - 0.4 * h * u / w) < 5] + rng.normal(0, 1, (n, 6))[: (np.abs(v - 0.3 * h - 0.4 * h * u / w) < 5).sum()] * [0, 0, 0, 0, 1, 1]
-    yield "matches on a line", image, {"matches": m[np.abs(v - np.median(v)) < 4]}
-    yield "matches on a slanted line, noise 1 px", image, {"matches": slanted}
-    small = np.hypot(u - np.median(u), v - np.median(v)) < 0.05 * w
-    yield "matches of one small patch", image, {"matches": m[small]}
-    yield "four matches, 125 times each", image, {"matches": np.repeat(m[:4], 125, 0)}
-    yield "matches on one half", image, {"matches": m[u < np.median(u)]}
-    yield "25 matches far from the zone", image, {"matches": m[away > 0.2 * w][:25]}
-    yield "matches shuffled", image, {"matches": np.column_stack([m[:, :4], np.roll(m[:, 4:], n // 2, 0)])}
+    through = v - np.median(v) - 0.4 * (u - np.median(u))
+    slanted = m[np.abs(through) < 5]
+    slanted[:, 4:] += rng.normal(0, 1, (len(slanted), 2))
     wild = m.copy()
     wild[::3, 4:] = rng.uniform(0, 1, (len(wild[::3]), 2)) * [w - 1, h - 1]
-    yield "a third of the matches random", image, {"matches": wild}
-    yield "matches of the zone 15 px off", image, moved(away < 0.12 * w, 15)
-    yield "all matches 10 px to the right", image, moved(np.ones(n, bool), 10)
+    return {
+        "matches on a line": m[np.abs(v - np.median(v)) < 4],
+        "matches on a slanted line, noise 1 px": slanted,
+        "matches of one small patch": m[np.hypot(u - np.median(u), v - np.median(v)) < 0.05 * w],
+        "four matches, 125 times each": np.repeat(m[:4], 125, 0),
+        "matches on one half": m[u < np.median(u)],
+        "25 matches far from the zone": m[away > 0.2 * w][:25],
+        "matches shuffled": np.column_stack([m[:, :4], np.roll(m[:, 4:], n // 2, 0)]),
+        "a third of the matches random": wild,
+        "matches of the zone 15 px off": moved(away < 0.12 * w, 15),
+        "all matches 10 px to the right": moved(np.ones(n, bool), 10),
+    }
 
 
-def put(folder, name, image, extra, clip, k):
+def disturbances(clip, other, k):
+    """Name, picture and what else differs: camera, matches, template, masks."""
+    image = clip.frame(k)
+    for name, made in pictures(clip, other, k).items():
+        yield name, made(), {}
+    yield "other template", image, {"template": other}
+    yield "instruments without masks", image, {"masked": False}
+    for name, camera in cameras(clip).items():
+        yield name, image, {"camera": camera}
+    for name, matches in given(clip, k).items():
+        yield name, image, {"matches": matches}
+
+
+def put(folder, image, extra, clip, k):
     """Write one frame beside those that share template and camera; returns the group."""
     template = extra.get("template", clip).name
     camera = extra.get("camera", clip.camera)
@@ -240,6 +279,7 @@ def solve(group, template, method, arguments):
 def outcome(clip, k, out, number):
     report = json.loads((out / f"frame_{number:03}.json").read_text())
     row = {"status": report["status"], "reasons": report["reasons"], "doubts": report.get("doubts", [])}
+    row["evidence"] = report.get("evidence")
     surface = out / f"frame_{number:03}.ply"
     if report["status"] != "failed" and surface.exists():
         shape = read_ply(surface)[0]
@@ -257,10 +297,10 @@ def scored(clips, arguments):
         other, jobs = clips[(i + 1) % len(clips)], []
         work = folder / "work" / clip.name
         for k in clip.clear()[1 :: arguments.every]:
-            jobs.append((UNDISTURBED, k, *put(work, "", clip.frame(k), {}, clip, k), clip))
+            jobs.append((UNDISTURBED, k, *put(work, clip.frame(k), {}, clip, k), clip))
         for k in clip.most_deformed(arguments.frames):
             for kind, image, extra in disturbances(clip, other, k):
-                target = put(work, kind, image, extra, clip, k)
+                target = put(work, image, extra, clip, k)
                 jobs.append((kind, k, *target, extra.get("template", clip)))
         for method in arguments.methods.split(","):
             outs = {g: solve(g, t.folder, method, arguments) for g, t in {j[2]: j[4] for j in jobs}.items()}
@@ -268,6 +308,75 @@ def scored(clips, arguments):
                 row = {"clip": clip.name, "frame": k, "kind": kind, "method": method}
                 rows.append(row | outcome(clip, k, outs[group], number))
     return rows
+
+
+# Stretches of a clip: what is done to each, dealt out to the clips in turn.
+STRETCHES = [
+    UNDISTURBED, "frozen", "other organ", "mirrored", "cut: right half of another moment", "rows torn", "fog 40%",
+    "fog 80%", "smoke 60%", "blood 30%", "blood 60%", "blur 2 px", "blur 8 px", "exposure x 0.3", "white balance",
+    "noise of 20 grey values", "occluder grey disc 50%", "occluder dark side 70%", "occluder tissue disc 30%",
+    "occluder tissue side 90%", "focal length x 1.5", "instruments without masks",
+]  # fmt: skip
+LENGTH, FROM = 12, 5
+
+
+def stretch(clip, other, kind, folder):
+    """Write twelve frames, the last seven disturbed; their numbers in the clip."""
+    clear = clip.clear()
+    middle = clear.index(clip.most_deformed(1)[0])
+    first = min(max(0, middle - LENGTH * 2 // 3), len(clear) - LENGTH)
+    numbers = clear[first : first + LENGTH]
+    for part in ("frames", "masks"):
+        (folder / part).mkdir(parents=True, exist_ok=True)
+    shown = []
+    for i, k in enumerate(numbers):
+        k = numbers[FROM] if kind == "frozen" and i > FROM else k
+        made = pictures(clip, other, k).get(kind, lambda k=k: clip.frame(k)) if i >= FROM else lambda k=k: clip.frame(k)
+        Image.fromarray(np.ascontiguousarray(made())).save(folder / f"frames/f_{i:03}.png", compress_level=1)
+        shutil.copy(clip.mask(k), folder / f"masks/f_{i:03}.png")
+        shown.append(k)
+    (folder / "camera.json").write_text(json.dumps(cameras(clip).get(kind, clip.camera)))
+    return shown
+
+
+def tracked(clips, arguments):
+    rows = []
+    for i, kind in enumerate(STRETCHES):
+        for clip in clips if kind == UNDISTURBED else [clips[i % len(clips)]]:
+            other = clips[(clips.index(clip) + 1) % len(clips)]
+            folder = Path(arguments.out, "work", "clips", f"{i:02}-{clip.name}")
+            shown = stretch(clip, other, kind, folder)
+            command = [arguments.dsfms, "track", clip.folder / "organ.template", folder / "frames"]
+            command += ["--camera", folder / "camera.json", "--method", "joint", "--no-report", "-o", folder / "out"]
+            if kind != "instruments without masks":
+                command += ["--instrument-masks", folder / "masks"]
+            subprocess.run([str(c) for c in command], capture_output=True)
+            shapes = np.load(folder / "out/vertices.npz")
+            for at, k in enumerate(shown):
+                status = ["ok", "degraded", "failed"][int(shapes["status"][at])]
+                row = {"clip": clip.name, "frame": k, "kind": kind if at >= FROM else UNDISTURBED, "status": status}
+                if status != "failed":
+                    row["error"] = clip.error(k, shapes["vertices"][at].astype(float))
+                rows.append(row | {"stretch": kind})
+    return rows
+
+
+def report_clips(rows):
+    plain = [r for r in rows if r["kind"] == UNDISTURBED]
+    usual = float(np.median([r["error"] for r in plain if r["status"] == "ok"]))
+    bad = [r for r in rows if r["status"] == "ok" and r["error"] > WRONG * usual]
+    alarms = sum(r["status"] != "ok" for r in plain)
+    print(f"track: {len({r['stretch'] for r in rows}) - 1} disturbed stretches; median zone error of undisturbed ok "
+          f"frames {usual:.2f} mm; false alarms {alarms} of {len(plain)}; **wrong as good: {len(bad)}**\n")
+    for r in bad:
+        print(f"- wrong {r['clip']} frame {r['frame']} {r['kind']}: {r['error']:.2f} mm")
+    print("\n| stretch | clip | disturbed frames ok / degraded / lost | worst ok, mm |\n| --- | --- | --- | --- |")
+    for kind in STRETCHES[1:]:
+        of = [r for r in rows if r["kind"] == kind]
+        counts = [sum(r["status"] == s for r in of) for s in ("ok", "degraded", "failed")]
+        worst = max((r["error"] for r in of if r["status"] == "ok"), default=None)
+        shown = f"{worst:.2f}" if worst is not None else ""
+        print(f"| {kind} | {of[0]['clip']} | {counts[0]} / {counts[1]} / {counts[2]} | {shown} |")
 
 
 def names(rows):
@@ -317,12 +426,21 @@ def main():
     parser.add_argument("--out", default="scored")
     parser.add_argument("--options", help="TOML for reconstruct")
     parser.add_argument("--methods", default="joint,dsfm")
+    parser.add_argument("--track", action="store_true", help="stretches of the clips too")
     parser.add_argument("--frames", type=int, default=2, help="frames of a clip that are disturbed")
     parser.add_argument("--every", type=int, default=4, help="every so-manieth frame is taken undisturbed")
     arguments = parser.parse_args()
-    rows = scored([Clip(c) for c in arguments.clips], arguments)
-    Path(arguments.out, "rows.json").write_text(json.dumps(rows, indent=1))
-    report(rows, arguments.methods.split(","))
+    clips = [Clip(c) for c in arguments.clips]
+    Path(arguments.out).mkdir(parents=True, exist_ok=True)
+    if arguments.methods:
+        rows = scored(clips, arguments)
+        Path(arguments.out, "rows.json").write_text(json.dumps(rows, indent=1))
+        report(rows, arguments.methods.split(","))
+    if arguments.track:
+        rows = tracked(clips, arguments)
+        Path(arguments.out, "clips.json").write_text(json.dumps(rows, indent=1))
+        print()
+        report_clips(rows)
 
 
 if __name__ == "__main__":

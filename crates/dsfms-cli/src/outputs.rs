@@ -11,7 +11,7 @@ use dsfms::io::names::frame_number;
 use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::pipeline::{Method, Reconstruction, StageReport};
 use dsfms::template::{LengthUnit, Template};
-use dsfms::verdict::Reason;
+use dsfms::verdict::{Evidence, Reason};
 use image::{ImageEncoder, RgbImage};
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -49,6 +49,9 @@ pub struct FrameReport {
     /// The same as figures, where the surface was judged.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub doubts: Vec<Reason>,
+    /// What they were judged by.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub evidence: Option<Evidence>,
     /// Name of the input.
     pub input: String,
     pub method: Method,
@@ -105,6 +108,7 @@ impl FrameReport {
             status: result.verdict.level.label(),
             reasons: sentences(&result.verdict.reasons),
             doubts: result.verdict.reasons.clone(),
+            evidence: Some(result.evidence.clone()),
             pose: Some(std::array::from_fn(|r| std::array::from_fn(|c| matrix[(r, c)]))),
             gain: Some(result.gain),
             ambient: Some(result.ambient),
@@ -124,6 +128,7 @@ impl FrameReport {
             status: "failed",
             reasons: vec![why],
             doubts: Vec::new(),
+            evidence: None,
             input: input.to_string(),
             method,
             unit: unit.label(),
@@ -140,10 +145,12 @@ impl FrameReport {
     }
 
     /// The report of a frame whose surface must not be shown.
-    pub fn refused(input: &str, method: Method, unit: LengthUnit, reasons: &[Reason]) -> Self {
+    pub fn refused(input: &str, method: Method, unit: LengthUnit, found: &Reconstruction) -> Self {
+        let reasons = &found.verdict.reasons;
         Self {
             reasons: sentences(reasons),
-            doubts: reasons.to_vec(),
+            doubts: reasons.clone(),
+            evidence: Some(found.evidence.clone()),
             ..Self::failed(input, method, unit, String::new())
         }
     }

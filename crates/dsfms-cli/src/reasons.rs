@@ -35,7 +35,7 @@ fn place(part: &Part) -> String {
 
 fn statement(reason: &Reason) -> String {
     match reason {
-        Reason::NoSurface { why } => why.clone(),
+        Reason::NoSurface { why } | Reason::Input { why } => why.clone(),
         Reason::NotFinite => "some vertices are not finite".into(),
         Reason::Black { brightest } => {
             format!("the frame is black (brightest pixel {brightest} of 255)")
@@ -99,9 +99,7 @@ fn statement(reason: &Reason) -> String {
         Reason::RegionUnobserved(part) => {
             format!("nothing in the frame speaks of {}", place(part))
         }
-        Reason::NoShading => {
-            "nothing could be used for shading: the result is motion's".into()
-        }
+        Reason::NoShading => "nothing could be used for shading: the result is motion's".into(),
         Reason::Gain { gain } => format!("exposure gain {gain:.2} is far from the template's"),
         Reason::Strain { share } => format!("edges change their length by {}", percent(*share)),
         Reason::Folded { faces, share } => {

@@ -178,8 +178,8 @@ fn judge(case: &Case, instrument: Option<&Mask>, index: usize) -> [Vec<Row>; 4] 
     };
     let mut all: [Vec<Row>; 4] = Default::default();
     for method in METHODS {
-        let Ok(found) = reconstruct(&case.template, &observation, method, &Default::default())
-        else {
+        let found = reconstruct(&case.template, &observation, method, &Default::default());
+        let Ok(found) = Reconstruction::even_refused(found) else {
             continue;
         };
         let models: &[Model] = match method {

@@ -10,7 +10,7 @@
 use dsfms::geometry::{Point2, Point3};
 use dsfms::image::ToneCurve;
 use dsfms::light::LightModel;
-use dsfms::pipeline::{Method, Observation, ReconstructOptions, reconstruct};
+use dsfms::pipeline::{Method, Observation, ReconstructOptions, Reconstruction, reconstruct};
 use dsfms::register::Match;
 use dsfms::synth::random::{Random, uniform};
 use dsfms::synth::{Case, CaseOptions, Draw};
@@ -99,7 +99,8 @@ fn solve(
         instrument: None,
         organ: None,
     };
-    Ok(reconstruct(&case.template, &observation, method, options)?.vertices)
+    let found = reconstruct(&case.template, &observation, method, options);
+    Ok(Reconstruction::even_refused(found)?.vertices)
 }
 
 /// Root mean square error over all vertices, mm.

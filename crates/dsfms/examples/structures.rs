@@ -9,13 +9,13 @@
 //! Markdown, the inner points' mean error over the surface's. SEED is for new cases: those of
 //! `docs/results/structures.md` are of 2, and nothing was chosen on them.
 
-use dsfms::experiment::Organ;
+use dsfms::experiment::{Organ, surface};
 use dsfms::geometry::{Isometry, Point3, Vector3, align_rigid};
 use dsfms::light::LightModel;
 use dsfms::mesh::Mesh;
 use dsfms::mesh::components::largest_component;
 use dsfms::mesh::normals::vertex_normals;
-use dsfms::pipeline::{Method, ReconstructOptions, reconstruct};
+use dsfms::pipeline::{Method, ReconstructOptions};
 use dsfms::structures::{Carrier, CarrierOptions, Depth, depths, expected_error};
 use dsfms::synth::random::{Random, normal, uniform};
 use dsfms::synth::{Admitted, Case, CaseOptions, Deformation, Draw};
@@ -277,9 +277,7 @@ fn reconstructed(
     let case = Case::of(part, deformation, &options, Admitted::Everywhere, part_seed, &mut random);
     let pose = align_rigid(&case.deformation.vertices, &case.truth)?;
     let goal: Vec<Point3> = points.iter().map(|p| pose * map(p)).collect();
-    let observation = dsfms::experiment::observation(&case);
-    let found =
-        reconstruct(&case.template, &observation, method, &ReconstructOptions::default()).ok()?;
+    let found = surface(&case, method, &ReconstructOptions::default()).ok()?;
     let carrier = Carrier::new(&template, &CarrierOptions::default()).ok()?;
     let subject = Subject { name: String::new(), whole: template.clone(), template, size };
     Some(judge(&subject, [&found.vertices, &case.truth], [&points, &goal], &carrier))

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A module may use itself and what stands left of it.
-const ORDER: [&str; 26] = [
+const ORDER: [&str; 27] = [
     "options",
     "guard",
     "geometry",

@@ -24,8 +24,8 @@ use dsfms::pipeline::{
 };
 use dsfms::register::{Deformable, Match, Prior};
 use dsfms::template::Template;
-use dsfms::verdict::Thresholds;
 use dsfms::verdict::intrinsics::apart_px;
+use dsfms::verdict::{Reason, Thresholds};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -290,6 +290,7 @@ impl Job<'_> {
                 if let Some(reason) = source.reservation() {
                     report.status = "degraded";
                     report.reasons.push(reason.into());
+                    report.doubts.push(Reason::Input { why: reason.into() });
                 }
                 let places = self.carry_structures(name, &frame, &result)?;
                 if shown {
@@ -316,8 +317,8 @@ impl Job<'_> {
             Err(error) => {
                 let unit = self.template.unit;
                 let report = match error.downcast_ref::<ReconstructError>() {
-                    Some(ReconstructError::Refused(verdict)) => {
-                        FrameReport::refused(&input, method, unit, &verdict.reasons)
+                    Some(ReconstructError::Refused(found)) => {
+                        FrameReport::refused(&input, method, unit, found)
                     }
                     _ => FrameReport::failed(&input, method, unit, exit::describe(&error)),
                 };

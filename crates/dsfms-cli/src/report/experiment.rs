@@ -6,8 +6,7 @@ use super::data::{PageData, ShownCamera, ShownFrame, ShownSurface, pixels, unit_
 use super::embed::{self, Cloud, escape};
 use super::template::definition_list;
 use crate::outputs::FrameReport;
-use dsfms::experiment::{Arm, Metric, Organ, Plan, Row, observation};
-use dsfms::pipeline::reconstruct;
+use dsfms::experiment::{Arm, Metric, Organ, Plan, Row, surface};
 use dsfms::synth::{Case, Cell};
 
 /// Most arms in 3D; an ablation has many more.
@@ -56,7 +55,7 @@ fn cases_data(cases: &[(String, Case)], arms: &[Arm]) -> anyhow::Result<PageData
         let mut shown = ShownFrame::new(name, &case.frame)?;
         for arm in arms {
             let unit = case.template.unit;
-            let found = reconstruct(&case.template, &observation(case), arm.method, &arm.options);
+            let found = surface(case, arm.method, &arm.options);
             let report = match &found {
                 Ok(result) => FrameReport::of(name, arm.method, unit, result),
                 Err(error) => FrameReport::failed(name, arm.method, unit, error.to_string()),

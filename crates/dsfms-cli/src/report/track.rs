@@ -307,7 +307,8 @@ mod tests {
         let frame = Frame { name: "f".into(), size: [4, 4], rgb: vec![[9; 3]; 16] };
         for k in 0..300 {
             let status = if k == 7 { TrackStatus::Lost } else { TrackStatus::Ok };
-            let reasons = if k == 7 { vec![Reason::NoSurface { why: "<dark>".into() }] } else { Vec::new() };
+            let reasons =
+                if k == 7 { vec![Reason::NoSurface { why: "<dark>".into() }] } else { Vec::new() };
             let tracked =
                 Tracked { status, reasons, surface: None, stages: vec![("prepare", 0.001)] };
             report.add(k, &frame, &tracked, 5.0).unwrap();

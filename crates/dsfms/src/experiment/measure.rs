@@ -3,7 +3,9 @@
 use crate::camera::Camera;
 use crate::geometry::Point3;
 use crate::image::ToneCurve;
-use crate::pipeline::Observation;
+use crate::pipeline::{
+    Method, Observation, ReconstructError, ReconstructOptions, Reconstruction, reconstruct,
+};
 use crate::synth::Case;
 
 /// A case as a frame to reconstruct, with its matches and without masks.
@@ -16,6 +18,18 @@ pub fn observation(case: &Case) -> Observation<'_> {
         instrument: None,
         organ: None,
     }
+}
+
+/// The surface of a case, whatever is thought of it.
+///
+/// # Errors
+/// No surface at all.
+pub fn surface(
+    case: &Case,
+    method: Method,
+    options: &ReconstructOptions,
+) -> Result<Reconstruction, ReconstructError> {
+    Reconstruction::even_refused(reconstruct(&case.template, &observation(case), method, options))
 }
 
 /// Errors of one surface against the truth, absolute, root mean squares.

@@ -16,7 +16,7 @@ mod run;
 mod summary;
 
 pub use error::ExperimentError;
-pub use measure::{Errors, measure, observation};
+pub use measure::{Errors, measure, observation, surface};
 pub use organ::Organ;
 pub use plan::{Arm, Plan, arms_of};
 pub use plot::plot;

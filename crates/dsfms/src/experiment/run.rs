@@ -1,9 +1,9 @@
 //! Working through a plan: all cores, one case at a time each, every finished case kept.
 
 use super::record::{Finished, preamble, read};
-use super::{Arm, ExperimentError, Organ, Plan, Record, measure, observation};
+use super::{Arm, ExperimentError, Organ, Plan, Record, measure, surface};
 use crate::io::atomic::write_atomic;
-use crate::pipeline::{Progress, reconstruct};
+use crate::pipeline::Progress;
 use crate::synth::{Case, Cell};
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -132,7 +132,7 @@ impl Shared<'_> {
 /// Fill a record with what a method makes of a case.
 fn solve(case: &Case, arm: &Arm, blank: Record) -> Record {
     let start = Instant::now();
-    let found = reconstruct(&case.template, &observation(case), arm.method, &arm.options);
+    let found = surface(case, arm.method, &arm.options);
     let seconds = start.elapsed().as_secs_f64();
     let (errors, note) = match found {
         Ok(surface) => (Some(measure(case, &surface.vertices)), String::new()),

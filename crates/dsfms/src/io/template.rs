@@ -1,9 +1,9 @@
 //! The template on disk: a directory whose files the field's own tools open.
 //!
 //! `template.toml` (manifest), `template.ply` (surface, double precision), `albedo.npz`,
-//! `flattening.npz`, `features.npz`, `seen.npz`, `sigma.npz` (NumPy), `usual.toml` (what the exploration frames look like), `template.glb`
-//! (viewers), `sparse/` (COLMAP text).
-//! Reading uses the manifest, the PLY, the npz files and the points of `sparse/`; the rest is for other
+//! `flattening.npz`, `features.npz`, `seen.npz`, `sigma.npz` (NumPy), `usual.toml` (what the exploration
+//! frames look like beside it), `template.glb` (viewers), `sparse/` (COLMAP text).
+//! Reading uses the manifest, the PLY, `usual.toml`, the npz files and the points of `sparse/`; the rest is for other
 //! programs.
 
 use super::atomic::{WriteError, old_prefix, parent, partial_prefix, share};
@@ -30,7 +30,7 @@ const SIGMA: &str = "sigma.npz";
 const USUAL: &str = "usual.toml";
 const VIEWER: &str = "template.glb";
 /// All that is in a template: its files, and what programs add about them.
-const CONTENT: [&str; 12] = [
+const CONTENT: [&str; 13] = [
     MANIFEST,
     SURFACE,
     ALBEDO,
@@ -39,6 +39,7 @@ const CONTENT: [&str; 12] = [
     SPARSE,
     SEEN,
     SIGMA,
+    USUAL,
     VIEWER,
     "report.html",
     "pictures",
@@ -304,8 +305,12 @@ fn read_usual(file: &Path) -> Result<Option<Usual>, TemplateFileError> {
     if !file.exists() {
         return Ok(None);
     }
-    let text = fs::read_to_string(file).map_err(|e| damaged(file, &e))?;
-    toml::from_str(&text).map(Some).map_err(|e| damaged(file, &e))
+    let text = crate::guard::read_text(file).map_err(|e| damaged(file, &e))?;
+    let usual: Usual = toml::from_str(&text).map_err(|e| damaged(file, &e))?;
+    if !usual.is_plausible() {
+        return Err(damaged(file, &"a figure is not finite or out of its bounds"));
+    }
+    Ok(Some(usual))
 }
 
 fn damaged(file: &Path, reason: &dyn std::fmt::Display) -> TemplateFileError {

@@ -59,7 +59,7 @@ pub struct Observation<'a> {
 /// The surface of one frame.
 #[derive(Clone, Debug)]
 pub struct Reconstruction {
-    /// Whether it can be believed; never [`crate::verdict::Level::Lost`].
+    /// Whether it can be believed; [`crate::verdict::Level::Lost`] within [`ReconstructError::Refused`] alone.
     pub verdict: Verdict,
     /// The figures it rests on.
     pub evidence: Evidence,
@@ -86,6 +86,20 @@ pub struct Reconstruction {
     pub shaded: Option<usize>,
     /// Name, wall time in seconds and solver report of every stage, in order.
     pub stages: Vec<StageReport>,
+}
+
+impl Reconstruction {
+    /// The surface whatever is thought of it, for experiments: one that left out what is refused
+    /// would flatter its method.
+    ///
+    /// # Errors
+    /// No surface at all.
+    pub fn even_refused(found: Result<Self, ReconstructError>) -> Result<Self, ReconstructError> {
+        match found {
+            Err(ReconstructError::Refused(found)) => Ok(*found),
+            found => found,
+        }
+    }
 }
 
 /// One stage of a reconstruction.
@@ -132,9 +146,9 @@ pub enum ReconstructError {
         /// Size in the camera file.
         expected: [usize; 2],
     },
-    /// A surface that must not be shown.
-    #[error("the surface cannot be believed: {}", listed(.0))]
-    Refused(Verdict),
+    /// A surface that must not be shown; experiments measure it all the same.
+    #[error("the surface cannot be believed: {}", listed(&.0.verdict))]
+    Refused(Box<Reconstruction>),
     /// Nothing visible in the frame.
     #[error("the frame is black (brightest pixel {0} of 255); nothing can be reconstructed")]
     Black(u8),

@@ -162,11 +162,11 @@ pub fn reconstruct_with(
     log.time("confidence", || expect(&sight, &scene, method, &options.refine, &mut result));
     let trusted = Trusted { sight: &sight, scene: &scene, posed: &posed, method, options };
     log.time("verdict", || trust(&trusted, &mut result));
-    if result.verdict.level == Level::Lost {
-        return Err(ReconstructError::Refused(result.verdict));
-    }
     result.stages = log.stages;
-    Ok(result)
+    match result.verdict.level {
+        Level::Lost => Err(ReconstructError::Refused(Box::new(result))),
+        Level::Ok | Level::Degraded => Ok(result),
+    }
 }
 
 /// What the stages read of one frame, made once.

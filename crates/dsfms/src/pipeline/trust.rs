@@ -68,8 +68,7 @@ impl Trusted<'_> {
         let (over, faces) = folded(self.scene.rest, &result.vertices);
         let near_match = result.observed.as_deref();
         let of = |v: usize| {
-            let says =
-                looked.map_or(Says::Nothing, |l| l.at(self.camera(), &result.vertices[v]));
+            let says = looked.map_or(Says::Nothing, |l| l.at(self.camera(), &result.vertices[v]));
             match says {
                 _ if !result.visible[v] => Region::Hidden,
                 _ if over[v] => Region::Folded,

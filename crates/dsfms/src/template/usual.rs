@@ -31,3 +31,17 @@ pub struct Usual {
     /// Least and largest median depth of the visible surface, length units.
     pub depth: [f64; 2],
 }
+
+impl Usual {
+    /// All figures are finite, and those that others are measured by are positive.
+    pub fn is_plausible(&self) -> bool {
+        let Appearance { correlation, contrast, residual, shown, compared } = self.appearance;
+        let [near, far] = self.depth;
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        correlation.is_none_or(f64::is_finite)
+            && contrast.is_none_or(f64::is_finite)
+            && [shown, compared].iter().all(|x| (0.0..=1.0).contains(x))
+            && [residual, near, far].into_iter().all(positive)
+            && near <= far
+    }
+}

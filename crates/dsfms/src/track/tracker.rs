@@ -349,7 +349,8 @@ impl<'a> Tracker<'a> {
             Err(why) => lost(vec![Reason::NoSurface { why }]),
             Ok(c) if c.verdict.level == TrackStatus::Lost => lost(c.verdict.reasons),
             Ok(c) => {
-                if let (TrackStatus::Ok, Some(residual)) = (c.verdict.level, c.surface.photometric) {
+                if let (TrackStatus::Ok, Some(residual)) = (c.verdict.level, c.surface.photometric)
+                {
                     self.usual.add(residual);
                 }
                 let before = self

@@ -3,9 +3,10 @@
 use super::observability::PoseUncertainty;
 use super::reason::Part;
 use crate::template::usual::Appearance;
+use serde::Serialize;
 
 /// Matches of one frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct MatchCount {
     /// All.
     pub total: usize,
@@ -20,7 +21,7 @@ pub struct MatchCount {
 }
 
 /// Everything that [`super::judge`] asks; `None` where it is not known.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evidence {
     /// All coordinates are finite.
     pub finite: bool,

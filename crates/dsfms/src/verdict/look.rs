@@ -157,9 +157,8 @@ impl Blocks {
         let lit: Vec<f64> = shape.iter().zip(&normals).map(lit).collect();
         let predicted = raster.render_quarters([f32::NAN; 3], |face, quarters| {
             let corners = rest.topology.faces[face];
-            let shade = |b: &[f64; 3]| -> f64 {
-                (0..3).map(|k| b[k] * lit[corners[k] as usize]).sum()
-            };
+            let shade =
+                |b: &[f64; 3]| -> f64 { (0..3).map(|k| b[k] * lit[corners[k] as usize]).sum() };
             let shade = quarters.iter().map(shade).sum::<f64>() / 4.0;
             albedo.observed_mean(face, quarters).map(|a| a * shade as f32 + ambient as f32)
         });
@@ -181,15 +180,14 @@ impl Blocks {
             let (x, y) = (at % size[0] * block, at / size[0] * block);
             let (mut count, mut total, mut shown) = (0, 0, 0);
             let (mut seen, mut told) = ([0.0_f32; 3], [0.0_f32; 3]);
-            for row in y..(y + block).min(h) {
-                for i in row * w + x..row * w + (x + block).min(w) {
-                    total += 1;
-                    shown += usize::from(raster.face[i] != u32::MAX);
-                    if counts(i) {
-                        count += 1;
-                        (0..3).for_each(|c| seen[c] += picture.linear.data[i][c]);
-                        (0..3).for_each(|c| told[c] += predicted[i][c]);
-                    }
+            let rows = y..(y + block).min(h);
+            for i in rows.flat_map(|row| row * w + x..row * w + (x + block).min(w)) {
+                total += 1;
+                shown += usize::from(raster.face[i] != u32::MAX);
+                if counts(i) {
+                    count += 1;
+                    (0..3).for_each(|c| seen[c] += picture.linear.data[i][c]);
+                    (0..3).for_each(|c| told[c] += predicted[i][c]);
                 }
             }
             surface[at] = 2 * shown > total;
@@ -264,9 +262,8 @@ fn judge(tiles: &[Tile], limits: &TileLimits) -> Option<(Appearance, Vec<Says>)>
     let sure: Vec<&&Tile> = if sure.len() < FEWEST { told.iter().collect() } else { sure };
     let [(log, spread), (colour, _)] =
         [0, 1].map(|k| centre_and_spread(&mut sure.iter().map(|t| t.log[k]).collect::<Vec<f64>>()));
-    let strong = median(
-        &mut sure.iter().filter_map(|t| t.structure.map(|s| s[1])).collect::<Vec<f64>>(),
-    );
+    let strong =
+        median(&mut sure.iter().filter_map(|t| t.structure.map(|s| s[1])).collect::<Vec<f64>>());
     let says = |tile: &Tile| {
         let like = (tile.log[0] - log).abs() < limits.log[0]
             && (tile.log[1] - colour).abs() < limits.log[1];

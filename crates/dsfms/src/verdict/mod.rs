@@ -56,11 +56,6 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// No surface, for one reason.
-    pub fn lost(reason: Reason) -> Self {
-        Self { level: Level::Lost, reasons: vec![reason] }
-    }
-
     /// Add a doubt.
     pub fn object(&mut self, level: Level, reason: Reason) {
         match level > self.level {
@@ -116,7 +111,7 @@ fn matches(verdict: &mut Verdict, evidence: &Evidence, limits: &Thresholds) {
     verdict.least(distinct_kept as f64, [lost as f64, wanted as f64], few);
     let repeated = given && (distinct as f64) < limits.distinct * total as f64;
     verdict.degrade_if(repeated, Reason::RepeatedMatches { distinct, total });
-    let disagree = (kept as f64) < limits.kept * total as f64;
+    let disagree = (kept as f64) < limits.kept[usize::from(given)] * total as f64;
     verdict.degrade_if(disagree, Reason::MatchesDisagree { kept, total });
     if let (Some(px), false) = (evidence.residual_px, given) {
         verdict.degrade_if(px > limits.residual_px, Reason::Residual { px });
@@ -156,6 +151,10 @@ fn place(verdict: &mut Verdict, evidence: &Evidence, limits: &Thresholds) {
     }
 }
 
+/// A frame may differ from the prediction by so much whatever the exploration did (logarithms): a surface
+/// half a millimetre off explains as much.
+const LEAST_RESIDUAL: f64 = 0.02;
+
 /// What the frame shows where the surface is.
 fn appearance(verdict: &mut Verdict, evidence: &Evidence, limits: &Thresholds) {
     if let Some([agreeing, places]) = evidence.places {
@@ -180,7 +179,7 @@ fn appearance(verdict: &mut Verdict, evidence: &Evidence, limits: &Thresholds) {
             let reason = Reason::Faint { contrast, usual };
             verdict.degrade_if(contrast < limits.contrast * usual, reason);
         }
-        let times = found.residual / usual.residual;
+        let times = found.residual / usual.residual.max(LEAST_RESIDUAL);
         verdict.degrade_if(times > limits.photometric, Reason::Brightness { times });
     }
     if let Some(times) = evidence.photometric {

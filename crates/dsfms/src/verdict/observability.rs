@@ -5,6 +5,7 @@ use crate::geometry::{Point3, Vector3, point_at};
 use crate::mesh::Topology;
 use crate::register::Match;
 use nalgebra::{Matrix2x3, Matrix3, Matrix6, SMatrix};
+use serde::Serialize;
 use std::collections::BTreeSet;
 
 /// Matches that share a square of this side, of the frame's diagonal, repeat one another.
@@ -27,7 +28,7 @@ pub fn distinct(matches: &[Match], diagonal: f64) -> Vec<usize> {
 }
 
 /// How uncertain a rigid pose is.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PoseUncertainty {
     /// Standard deviation of the position that nine in ten of the asked points keep within, length units.
     pub length: f64,
@@ -75,7 +76,7 @@ pub fn pose_uncertainty(
     ));
     let eigen = (scale * information * scale).symmetric_eigen();
     let largest = eigen.eigenvalues.max();
-    if !(largest > 0.0) || eigen.eigenvalues.min() <= 1e-12 * largest {
+    if largest.is_nan() || largest <= 0.0 || eigen.eigenvalues.min() <= 1e-12 * largest {
         return open;
     }
     let inverse = Matrix6::from_diagonal(&eigen.eigenvalues.map(|e| sigma * sigma / e));
@@ -155,11 +156,8 @@ mod tests {
 
     #[test]
     fn repeated_matches_count_once() {
-        let at = |x: f64| Match {
-            face: 0,
-            barycentric: [1.0, 0.0, 0.0],
-            pixel: Point2::new(x, 10.0),
-        };
+        let at =
+            |x: f64| Match { face: 0, barycentric: [1.0, 0.0, 0.0], pixel: Point2::new(x, 10.0) };
         let matches: Vec<Match> = (0..500).map(|i| at(40.0 * f64::from(i % 4))).collect();
         assert_eq!(distinct(&matches, 734.0), [0, 1, 2, 3]);
     }

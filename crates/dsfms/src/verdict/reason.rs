@@ -12,6 +12,11 @@ pub enum Reason {
         /// The stage's error.
         why: String,
     },
+    /// The frame is not as it was taken: damaged, or predicted from one that is.
+    Input {
+        /// What is known of it.
+        why: String,
+    },
     /// A coordinate is NaN or infinite.
     NotFinite,
     /// The brightest value of the frame, of 255.
@@ -35,7 +40,7 @@ pub enum Reason {
         /// All.
         total: usize,
     },
-    /// The surface explains less than half of the matches.
+    /// The surface explains too few of the matches.
     MatchesDisagree {
         /// Explained.
         kept: usize,

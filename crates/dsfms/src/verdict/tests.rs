@@ -5,13 +5,7 @@ use observability::PoseUncertainty;
 
 fn good() -> Evidence {
     Evidence {
-        matches: MatchCount {
-            total: 100,
-            kept: 90,
-            distinct: 95,
-            distinct_kept: 88,
-            given: false,
-        },
+        matches: MatchCount { total: 100, kept: 90, distinct: 95, distinct_kept: 88, given: false },
         ..Evidence::default()
     }
 }
@@ -36,42 +30,34 @@ fn each_doubt_has_its_level() {
     let found = with(|e| e.matches.kept = 40);
     assert_eq!(found.level, Level::Degraded);
     assert_eq!(found.reasons, [Reason::MatchesDisagree { kept: 40, total: 100 }]);
-    let few = |kept, given| {
-        with(|e| (e.matches.distinct_kept, e.matches.given) = (kept, given)).level
-    };
-    assert_eq!([few(40, false), few(20, false), few(5, false)], [
-        Level::Ok,
-        Level::Degraded,
-        Level::Lost
-    ]);
-    assert_eq!([few(20, true), few(5, true), few(3, true)], [
-        Level::Ok,
-        Level::Degraded,
-        Level::Lost
-    ]);
+    let share = |kept, given| with(|e| (e.matches.kept, e.matches.given) = (kept, given)).level;
+    assert_eq!([share(60, false), share(60, true)], [Level::Ok, Level::Degraded]);
+    let few =
+        |kept, given| with(|e| (e.matches.distinct_kept, e.matches.given) = (kept, given)).level;
+    assert_eq!(
+        [few(40, false), few(20, false), few(5, false)],
+        [Level::Ok, Level::Degraded, Level::Lost]
+    );
+    assert_eq!(
+        [few(20, true), few(5, true), few(3, true)],
+        [Level::Ok, Level::Degraded, Level::Lost]
+    );
     let places = |agreeing| with(|e| e.places = Some([agreeing, 100])).level;
     assert_eq!([places(90), places(40), places(10)], [Level::Ok, Level::Degraded, Level::Lost]);
     let lit = |times| with(|e| e.photometric = Some(times)).level;
     assert_eq!([lit(2.0), lit(3.0)], [Level::Ok, Level::Degraded]);
     let strain = |share| with(|e| e.strain = Some(share)).level;
-    assert_eq!([strain(0.1), strain(0.5), strain(f64::NAN)], [
-        Level::Ok,
-        Level::Degraded,
-        Level::Lost
-    ]);
+    assert_eq!(
+        [strain(0.1), strain(0.5), strain(f64::NAN)],
+        [Level::Ok, Level::Degraded, Level::Lost]
+    );
     let depth = |depth| with(|e| e.depth = Some((depth, [60.0, 100.0]))).level;
-    assert_eq!([depth(80.0), depth(250.0), depth(4900.0), depth(5.0)], [
-        Level::Ok,
-        Level::Degraded,
-        Level::Lost,
-        Level::Lost
-    ]);
+    assert_eq!(
+        [depth(80.0), depth(250.0), depth(4900.0), depth(5.0)],
+        [Level::Ok, Level::Degraded, Level::Lost, Level::Lost]
+    );
     let camera = |own| with(|e| e.camera = Some((40.0, [1.0, own]))).level;
-    assert_eq!([camera(2.0), camera(1.0), camera(0.5)], [
-        Level::Ok,
-        Level::Degraded,
-        Level::Lost
-    ]);
+    assert_eq!([camera(2.0), camera(1.0), camera(0.5)], [Level::Ok, Level::Degraded, Level::Lost]);
 }
 
 #[test]

@@ -11,9 +11,9 @@ use crate::progress::Reporter;
 use crate::report::experiment::case_page;
 use clap::Args;
 use dsfms::camera::CameraModel;
-use dsfms::experiment::{arms_of, measure, observation};
+use dsfms::experiment::{arms_of, measure, surface};
 use dsfms::geometry::Point3;
-use dsfms::pipeline::{Method, Progress, ReconstructOptions, reconstruct};
+use dsfms::pipeline::{Method, Progress, ReconstructOptions};
 use dsfms::raster::{Raster, rasterize};
 use dsfms::synth::{Case, Cell, RenderOptions, render};
 use image::{Rgb, RgbImage, imageops};
@@ -81,7 +81,7 @@ pub fn run(args: &Table1Args, global: &Global, reporter: &Reporter) -> anyhow::R
 
 /// The surface of a method; `None` where it gives none.
 fn shape(case: &Case, method: Method, options: &ReconstructOptions) -> Option<Vec<Point3>> {
-    Some(reconstruct(&case.template, &observation(case), method, options).ok()?.vertices)
+    Some(surface(case, method, options).ok()?.vertices)
 }
 
 fn figures(name: &str, case: &Case, shapes: &[Option<Vec<Point3>>; 4]) -> String {

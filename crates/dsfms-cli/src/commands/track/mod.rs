@@ -187,7 +187,7 @@ impl<'a> Job<'a> {
                     if tracked.status == TrackStatus::Ok {
                         tracked.status = TrackStatus::Degraded;
                     }
-                    tracked.reasons.push(reason);
+                    tracked.reasons.push(Reason::Input { why: reason });
                 }
                 (prepared.frame, tracked)
             }
@@ -196,7 +196,8 @@ impl<'a> Job<'a> {
                 let size = self.camera.size;
                 let frame = Frame { name, size, rgb: vec![[0; 3]; size[0] * size[1]] };
                 let (status, stages) = (TrackStatus::Lost, Vec::new());
-                (frame, Tracked { status, reasons: vec![Reason::NoSurface { why: reason }], surface: None, stages })
+                let reasons = vec![Reason::Input { why: reason }];
+                (frame, Tracked { status, reasons, surface: None, stages })
             }
         };
         let ms = 1e3 * start.elapsed().as_secs_f64();

@@ -127,9 +127,12 @@ mod tests {
         let place = |name: &str| COLUMNS.trim().split(',').position(|c| c == name).unwrap();
         let fields: Vec<&str> = line.trim().split(',').collect();
         assert_eq!((fields[place("dropped")], fields[place("find_ms")]), ("2", "250.0"));
-        assert_eq!((fields[place("reasons")], fields[place("ms")]), (
-            "some vertices are not finite; the frame is black (brightest pixel 3 of 255)",
-            "250.0"
-        ));
+        assert_eq!(
+            (fields[place("reasons")], fields[place("ms")]),
+            (
+                "some vertices are not finite; the frame is black (brightest pixel 3 of 255)",
+                "250.0"
+            )
+        );
     }
 }

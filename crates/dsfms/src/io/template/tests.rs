@@ -92,6 +92,23 @@ fn assert_same(a: &Template, b: &Template) {
 }
 
 #[test]
+fn usual_figures_that_nothing_can_be_measured_by_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("organ.template");
+    write_template(&path, &tiny()).unwrap();
+    let good = fs::read_to_string(path.join(USUAL)).unwrap();
+    for (from, to) in [("0.98", "nan"), ("0.0333", "-0.0333"), ("40.1", "400.1"), ("frames", "x")] {
+        assert!(good.contains(from), "{good}");
+        fs::write(path.join(USUAL), good.replace(from, to)).unwrap();
+        let error = read_template(&path).unwrap_err().to_string();
+        assert!(error.contains(USUAL), "{error}");
+    }
+    // An older template has none.
+    fs::remove_file(path.join(USUAL)).unwrap();
+    assert_eq!(read_template(&path).unwrap().usual, None);
+}
+
+#[test]
 fn a_template_comes_back_bit_for_bit_and_can_be_replaced() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("new/organ.template");

@@ -14,11 +14,7 @@ const FRAMES: usize = 12;
 
 impl Views<'_> {
     /// Look at some of the frames; `None` where nothing can be compared.
-    pub(super) fn usual(
-        &self,
-        template: &Template,
-        registered: &[Registered],
-    ) -> Option<Usual> {
+    pub(super) fn usual(&self, template: &Template, registered: &[Registered]) -> Option<Usual> {
         let every = registered.len().div_ceil(FRAMES).max(1);
         let some: Vec<&Registered> = registered.iter().step_by(every).collect();
         let found: Vec<Appearance> =
@@ -29,7 +25,7 @@ impl Views<'_> {
         let depths: Vec<f64> = registered.iter().filter_map(|r| self.depth(template, r)).collect();
         let least = depths.iter().copied().fold(f64::INFINITY, f64::min);
         let most = depths.iter().copied().fold(0.0, f64::max);
-        Some(Usual {
+        let usual = Usual {
             frames: found.len(),
             appearance: Appearance {
                 correlation: of(&|a| a.correlation),
@@ -39,13 +35,13 @@ impl Views<'_> {
                 compared: of(&|a| Some(a.compared))?,
             },
             depth: [least, most],
-        })
+        };
+        usual.is_plausible().then_some(usual)
     }
 
     fn appearance(&self, template: &Template, r: &Registered) -> Option<Appearance> {
         let camera = self.exploration.camera;
-        let picture =
-            Picture::of(&self.exploration.frames[r.frame], self.exploration.tone);
+        let picture = Picture::of(&self.exploration.frames[r.frame], self.exploration.tone);
         let whole = || Mask::filled(camera.size, true);
         let compared = Compared {
             camera,
