@@ -2,6 +2,7 @@
 
 use super::Picture;
 use crate::commands::track::outputs;
+use crate::reasons::joined;
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
 use dsfms::image::Frame;
@@ -64,7 +65,7 @@ impl Messages {
             TrackStatus::Degraded => StatusCode::UnknownError,
             TrackStatus::Lost => StatusCode::NotFound,
         };
-        let text = reasons.join("; ");
+        let text = joined(reasons);
         let mut out = status(head(device::STATUS), code, *of as i64, of.label(), &text);
         out.extend(string(head(device::VERDICT), &told.verdict));
         if let Some(found) = found {
