@@ -1,5 +1,6 @@
 //! Options from a user: bounds, what belongs to whom, and the names that reports print.
 
+use dsfms::image::Frame;
 use dsfms::pipeline::{
     Method, Observation, ReconstructError, ReconstructOptions, Reconstruction, TemplateOptions,
     reconstruct,
@@ -101,5 +102,31 @@ fn the_commented_defaults_are_the_defaults_and_miss_no_field() {
         assert!(
             template.lines().any(|l| l.trim_start_matches("# ").starts_with(&format!("{field} =")))
         );
+    }
+}
+
+#[test]
+fn the_same_case_gives_the_same_surface_at_any_resolution() {
+    let solved = |scale: f64| {
+        let mut case = case();
+        let [w, h] = case.camera.size.map(|n| (scale * n as f64).round() as usize);
+        // Pixel centres lie at integers.
+        let at = |x: f64| scale * (x + 0.5) - 0.5;
+        case.camera.size = [w, h];
+        case.camera.focal = case.camera.focal.map(|f| scale * f);
+        case.camera.centre = case.camera.centre.map(at);
+        case.matches.iter_mut().for_each(|m| m.pixel = m.pixel.map(at));
+        case.frame = Frame { size: [w, h], rgb: vec![[128; 3]; w * h], ..case.frame };
+        let found = solve(&case, Method::Dsfm, &ReconstructOptions::default()).unwrap();
+        let kept = found.matches.iter().filter(|m| m.1).count();
+        (found.vertices, kept)
+    };
+    let (middle, kept) = solved(1280.0 / 720.0);
+    for width in [320.0, 3840.0] {
+        let (found, other) = solved(width / 720.0);
+        assert_eq!(other, kept, "{width} px");
+        let off = found.iter().zip(&middle).map(|(a, b)| (a - b).norm());
+        let mean = off.sum::<f64>() / middle.len() as f64;
+        assert!(mean < 0.03, "{width} px: {mean} mm");
     }
 }

@@ -53,7 +53,6 @@ const CHANGES: [Change; 32] = {
         change("joint: no smoothing", Joint, |o| o.joint.smoothing = 0.0),
         change("joint: gain at its first estimate and no ambient", Joint, |o| {
             (o.joint.gain_sigma, o.joint.ambient_sigma) = (FAST, FAST);
-            o.joint.least_gain_sigma = FAST;
         }),
         change("joint: least squares", Joint, |o| o.joint.robust = LOOSE),
         change("joint: finest blur only", Joint, |o| {

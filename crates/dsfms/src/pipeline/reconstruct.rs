@@ -7,7 +7,9 @@ use crate::confidence::{Model, Solved, confidence};
 use crate::image::{Mask, Outline, Picture, usable, viewport};
 use crate::light::Coated;
 use crate::options::{Documented, OptionError, commented};
-use crate::refine::{Joined, JointOptions, Photograph, RefineOptions, Refined, join, refine};
+use crate::refine::{
+    Comparison, Joined, JointOptions, Photograph, RefineOptions, Refined, join, refine,
+};
 use crate::register::scene::visibility;
 use crate::register::{
     Body, Deformable, Match, Posed, RegisterOptions, Registered, Scene, find, pose, register,
@@ -18,7 +20,8 @@ use crate::verdict::{Evidence, Level, Thresholds, Verdict};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// Options of a reconstruction.
+/// Options of a reconstruction. Lengths in pixels are those of an image of 640×480 and scale with the
+/// diagonal.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ReconstructOptions {
@@ -70,7 +73,22 @@ impl ReconstructOptions {
         all.refine.literal |= self.literal;
         all
     }
+
+    /// The same for frames of a size, px: lengths in pixels are stated for [`DIAGONAL`] and grow with
+    /// the image.
+    fn at_size(mut self, [width, height]: [usize; 2]) -> Self {
+        let scale = (width as f64).hypot(height as f64) / DIAGONAL;
+        let (register, joint) = (&mut self.register, &mut self.joint);
+        register.match_sigma_px *= scale;
+        register.robust_px = register.robust_px.map(|px| scale * px);
+        joint.match_px *= scale;
+        joint.silhouette_px *= scale;
+        self
+    }
 }
+
+/// Image diagonal that lengths in pixels are stated for: 640×480.
+const DIAGONAL: f64 = 800.0;
 
 /// Where the fields of the options are documented.
 const TABLES: [Documented; 5] = [
@@ -109,7 +127,7 @@ pub fn reconstruct_with(
 ) -> Result<Reconstruction, ReconstructError> {
     options.validate()?;
     check(template, observation, method)?;
-    let options = &options.settled();
+    let options = &options.settled().at_size(observation.frame.size);
     let mut log = StageLog::default();
     let sight = Sight::new(template, observation, method);
     let matches = log.time("matching", || matches_of(&sight, &options.register, options.seed))?;
@@ -140,8 +158,13 @@ pub fn reconstruct_with(
             if method == Method::Dsfms {
                 let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
                 let refined = log.time("refine (eq. 4)", || {
-                    refine(&body, &coarse.vertices, &kept, &photo, &options.refine)
-                        .settled(&body, anchor)
+                    let mut refined =
+                        refine(&body, &coarse.vertices, &kept, &photo, &options.refine);
+                    if !options.literal {
+                        refined.vertices = comparison(&body, &kept, &photo, options)
+                            .kept(&coarse.vertices, refined.vertices);
+                    }
+                    refined.settled(&body, anchor)
                 });
                 log.attach(&refined.summary);
                 take_refined(&mut result, &refined);
@@ -150,8 +173,11 @@ pub fn reconstruct_with(
                 let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
                 let (start, depth_sigma) = (&coarse.vertices, coarse.depth_sigma);
                 let joined = log.time("joint", || {
-                    join(&body, start, depth_sigma, &kept, &photo, &options.joint)
-                        .settled(&body, anchor)
+                    let mut joined = join(&body, start, depth_sigma, &kept, &photo, &options.joint);
+                    let still = &body.scene().posed;
+                    joined.vertices =
+                        comparison(&body, &kept, &photo, options).kept(still, joined.vertices);
+                    joined.settled(&body, anchor)
                 });
                 log.attach(&joined.summary);
                 take_joined(&mut result, &joined);
@@ -167,6 +193,17 @@ pub fn reconstruct_with(
         Level::Lost => Err(ReconstructError::Refused(Box::new(result))),
         Level::Ok | Level::Degraded => Ok(result),
     }
+}
+
+/// What decides how much of a deformation stays.
+fn comparison<'a>(
+    body: &'a Body,
+    matches: &'a [Match],
+    photo: &'a Photograph,
+    options: &'a ReconstructOptions,
+) -> Comparison<'a> {
+    let sigma_px = options.register.match_sigma_px;
+    Comparison { body, matches, sigma_px, photo, options: &options.joint }
 }
 
 /// What the stages read of one frame, made once.

@@ -20,6 +20,14 @@ pub(super) struct Channels {
     pub(super) maybe_glare: bool,
 }
 
+impl Channels {
+    /// Log ratio of image and prediction, of all channels together; not finite where either is dark.
+    pub(super) fn log_ratio(&self) -> f64 {
+        let (image, albedo): (f64, f64) = (self.image.iter().sum(), self.albedo.iter().sum());
+        (image / (albedo * self.shade)).ln()
+    }
+}
+
 /// Bounds and sources of the noise of the image model.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct NoiseOptions {

@@ -7,6 +7,7 @@
 use super::Photograph;
 use super::cues::Cues;
 use super::field::GainField;
+use super::gain::{GainPrior, log_gain_at};
 use super::hold::hold;
 use super::mirror::mirrored;
 use super::samples::{Seen, look};
@@ -21,7 +22,6 @@ use crate::options::{OptionError, check, from_zero, positive};
 use crate::register::terms::{keep, motion, stay};
 use crate::register::{Body, Match, Prior, Scene};
 use crate::solver::{Loss, Options, Summary};
-use crate::template::Exposure;
 use serde::{Deserialize, Serialize};
 
 /// Options of the joint solve. Lengths are relative to the visible radius, so they hold in any unit.
@@ -58,9 +58,7 @@ pub struct JointOptions {
     pub near_depth_motion: f64,
     /// Spread of the log gain about its expectation, where the exploration does not tell a smaller one.
     pub gain_sigma: f64,
-    /// Least spread of the log gain: light that the model leaves out changes with the shape.
-    pub least_gain_sigma: f64,
-    /// Spread of the ambient light about 0.
+    /// Spread of the ambient light about 0, where the exploration does not tell the exposure.
     pub ambient_sigma: f64,
     /// Spread of the smooth log gain over the surface; 0 leaves it out.
     pub smooth_gain: f64,
@@ -127,8 +125,8 @@ impl JointOptions {
             ("joint.near_depth_hold", positive(&[self.near_depth_hold]), "positive"),
             ("joint.near_depth_motion", from_zero(&[self.near_depth_motion]), "0 or more"),
             (
-                "joint.gain_sigma, least_gain_sigma, ambient_sigma",
-                positive(&[self.gain_sigma, self.least_gain_sigma, self.ambient_sigma]),
+                "joint.gain_sigma, ambient_sigma",
+                positive(&[self.gain_sigma, self.ambient_sigma]),
                 "positive",
             ),
             ("joint.smooth_gain", from_zero(&[self.smooth_gain]), "0 or more"),
@@ -152,7 +150,7 @@ impl Default for JointOptions {
         Self {
             prior: Prior::Conformal,
             conformal: 1e4,
-            stretch: 4e3,
+            stretch: 3e2,
             smoothing: 30.0,
             photometric: 4.0,
             sigma_relative: [0.01, 0.1],
@@ -163,11 +161,10 @@ impl Default for JointOptions {
             near_depth_hold: 0.07,
             near_depth_motion: 100.0,
             gain_sigma: 0.1,
-            least_gain_sigma: 0.015,
             ambient_sigma: 0.02,
-            smooth_gain: 0.01,
+            smooth_gain: 0.0,
             smooth_length: 0.3,
-            blurs: vec![0.018, 0.009, 0.0045, 0.0045],
+            blurs: vec![0.018, 0.009, 0.0045, 0.003],
             max_samples: 8000,
             contour_blurs: 1.5,
             grazing: 0.25,
@@ -176,7 +173,7 @@ impl Default for JointOptions {
             silhouette_px: 2.0,
             specular: 1.0,
             halo: 0.02,
-            strain: 0.2,
+            strain: 0.1,
             mirrors: 2,
         }
     }
@@ -240,12 +237,14 @@ pub fn join(
         let full = body.carried(&state.vertices);
         let look = look(photo, body.full().rest, &full, blur, options);
         let cues = Cues::of(&look, body, &state.vertices, photo, options);
+        let at_matches = (stage == 0).then(|| log_gain_at(&look, scene, matches, start)).flatten();
         let seen = Seen::of(look, body, &state.vertices, field, options);
         let (gain, hold) = prior.get_or_insert_with(|| {
             state.globals[0] = seen.log_gain;
-            let gain = GainPrior::of(photo, seen.log_gain, options);
+            let (sigma, ambient) = (options.gain_sigma, options.ambient_sigma);
+            let gain = GainPrior::of(photo.exposure, seen.log_gain, at_matches, sigma, ambient);
             // Brightness tells the distance from a near light as well as the exposure is known.
-            let (light, slack) = (&photo.light.light, options.gain_sigma / gain.sigma);
+            let (light, slack) = (&photo.light.light, gain.slack(sigma));
             (gain, hold(scene, matches, &scene.posed, depth_sigma, light, options, slack))
         });
         let count = seen.samples.len();
@@ -319,30 +318,6 @@ pub(super) fn held<'a>(
     keep(matched, scene, options.prior, strain, [options.conformal, options.stretch])
 }
 
-/// What is expected of the log gain.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct GainPrior {
-    pub(super) expected: f64,
-    pub(super) sigma: f64,
-}
-
-/// An exposure that differs by more than this from the exploration's, in the log, has changed: a shape
-/// whose distance alone were off would be a fourteenth nearer or farther.
-const CHANGED: f64 = 0.15;
-
-impl GainPrior {
-    /// Of a photograph whose log gain at the rigid pose is `seen`: three times the spread of the
-    /// exploration's frames, since a new shape throws light in a new way.
-    fn of(photo: &Photograph, seen: f64, options: &JointOptions) -> Self {
-        let Some(Exposure { log_gain: expected, spread }) = photo.exposure else {
-            return Self { expected: seen, sigma: options.gain_sigma };
-        };
-        let told = (3.0 * spread).max(options.least_gain_sigma).min(options.gain_sigma);
-        let changed = (seen - expected).abs() > CHANGED;
-        Self { expected, sigma: if changed { options.gain_sigma } else { told } }
-    }
-}
-
 /// The photometric condition on top, with smoothing, what holds depth and the hidden side, and the
 /// priors of gain and ambient light.
 pub(super) fn shaded<'a>(
@@ -362,7 +337,7 @@ pub(super) fn shaded<'a>(
         .plus_as("hold of depth", 1.0, Loss::Huber(1.0), hold)
         .plus(3.0, Loss::Squared, stay(scene))
         .plus(1.0, Loss::Squared, GlobalsPrior::of(0, gain.expected, gain.sigma))
-        .plus(1.0, Loss::Squared, GlobalsPrior::of(1, 0.0, options.ambient_sigma))
+        .plus(1.0, Loss::Squared, GlobalsPrior::of(1, 0.0, gain.ambient_sigma))
         .plus(1.0, Loss::Squared, field)
 }
 

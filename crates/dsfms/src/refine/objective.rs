@@ -2,10 +2,12 @@
 
 use super::RefineOptions;
 use super::evidence::{Evidence, Photograph, gather_on};
+use super::gain::GainPrior;
 use crate::energy::{
     Diffuse, GlobalsPrior, Objective, Reprojection, Smoothing, Specular, Stay, Unknowns, Workspace,
 };
 use crate::geometry::Point3;
+use crate::light::LightModel;
 use crate::register::terms::hold_depth;
 use crate::register::{Body, Match, Scene};
 use crate::solver::{Loss, Options, Summary};
@@ -46,13 +48,14 @@ pub fn refine(
 ) -> Refined {
     let scene = body.scene();
     let mut evidence = gather_on(body, coarse, photo, options);
-    let expected = photo.exposure.map_or(evidence.log_gain, |e| e.log_gain);
+    let (sigma, ambient) = (options.gain_sigma, options.ambient_sigma);
+    let prior = GainPrior::of(photo.exposure, evidence.log_gain, None, sigma, ambient);
     let start = if options.literal { 0.0 } else { evidence.log_gain };
     let mut state = Unknowns { vertices: coarse.to_vec(), globals: vec![start, 0.0] };
     let rounds = if options.literal { 1 } else { options.rounds.max(1) };
     let (mut round, mut workspace) = (0, Workspace::default());
     loop {
-        let objective = objective(scene, coarse, matches, photo, &evidence, expected, options);
+        let objective = objective(scene, coarse, matches, photo, &evidence, prior, options);
         let solver = Options { max_steps: 20, cost_tolerance: 1e-5, ..Options::default() };
         let (next, summary) = objective.minimise_in(&mut workspace, state, &solver);
         round += 1;
@@ -78,14 +81,17 @@ fn objective<'a>(
     matches: &[Match],
     photo: &Photograph<'a>,
     evidence: &'a Evidence,
-    expected_log_gain: f64,
+    prior: GainPrior,
     options: &RefineOptions,
 ) -> Objective<'a> {
     let topology = &scene.rest.topology;
     let count = evidence.visible.iter().filter(|v| **v).count().max(1);
     let share = options.reference_count / count as f64;
     let seen = (0..coarse.len() as u32).filter(|&v| evidence.visible[v as usize]);
-    let sigmas = vec![options.depth_hold * scene.radius(); matches.len()];
+    // Brightness tells the distance from a near light as well as the exposure is known.
+    let near = matches!(photo.light.light, LightModel::Point(_)) && !options.literal;
+    let slack = if near { prior.slack(options.gain_sigma) } else { 1.0 };
+    let sigmas = vec![slack * options.depth_hold * scene.radius(); matches.len()];
     let boundary = hold_depth(scene, matches, coarse, sigmas);
     let reprojection = Reprojection::at(scene.camera, coarse, seen);
     let diffuse =
@@ -106,7 +112,7 @@ fn objective<'a>(
     let [gain_sigma, ambient_sigma, gain_mean] = if literal {
         [1e-6, 1e-6, 0.0]
     } else {
-        [options.gain_sigma, options.ambient_sigma, expected_log_gain]
+        [prior.sigma, prior.ambient_sigma, prior.expected]
     };
     Objective::over(coarse.len(), 2)
         .plus(1.0, depth_loss, boundary)

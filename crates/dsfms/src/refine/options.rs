@@ -111,7 +111,7 @@ impl Default for RefineOptions {
             specular_deg: 8.0,
             contour_blurs: 1.5,
             halo: 0.02,
-            rounds: 2,
+            rounds: 3,
             literal: false,
         }
     }

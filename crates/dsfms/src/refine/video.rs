@@ -5,8 +5,9 @@
 //! memory of the last solve.
 
 use super::Photograph;
+use super::gain::GainPrior;
 use super::hold::hold;
-use super::joint::{GainPrior, JointOptions, held, shaded};
+use super::joint::{JointOptions, held, shaded};
 use super::samples::{Seen, look};
 use crate::energy::{FaceRings, Photometric, Unknowns, Workspace};
 use crate::geometry::Point3;
@@ -157,7 +158,7 @@ pub fn join_near(
         state.globals[0] = shading.log_gain(topology, &state.vertices, state.globals[1]);
         let expected = photo.exposure.map_or(seen.log_gain, |e| e.log_gain);
         let held = held(scene, matches, match_px, 2, &joint);
-        let gain = GainPrior { expected, sigma: joint.gain_sigma };
+        let gain = GainPrior::free(expected, joint.gain_sigma, joint.ambient_sigma);
         let problem = shaded(held, scene, hold.clone(), shading.clone(), gain, &joint);
         let (state, summary) = problem.minimise_in(workspace, state, &solver);
         let residual = shading.mean_residual(topology, &state.vertices, &state.globals);
