@@ -20,7 +20,7 @@ mod verdict;
 use crate::geometry::{Isometry, Point3};
 use crate::options::{Documented, OptionError, check, commented, from_zero, positive};
 use crate::pipeline::{Method, ReconstructOptions};
-use crate::refine::VideoOptions;
+use crate::refine::{JointOptions, VideoOptions};
 use crate::register::Match;
 use crate::verdict::Reason;
 pub use prepare::{Preparation, Prepared, Regions};
@@ -50,13 +50,25 @@ pub struct TrackOptions {
 impl Default for TrackOptions {
     fn default() -> Self {
         Self {
-            reconstruct: ReconstructOptions::default(),
+            reconstruct: ReconstructOptions { joint: exposure_unknown(), ..Default::default() },
             video: VideoOptions::default(),
             correlation: 0.7,
             patience: 10,
             search_every: 10,
             awake: false,
         }
+    }
+}
+
+/// Joint weights of frames whose exposure counts as unknown: a stronger prior holds what brightness
+/// cannot tell, and smooth errors of it are a field.
+fn exposure_unknown() -> JointOptions {
+    JointOptions {
+        stretch: 4e3,
+        strain: 0.2,
+        smooth_gain: 0.01,
+        blurs: vec![0.018, 0.009, 0.0045, 0.0045],
+        ..JointOptions::default()
     }
 }
 
@@ -71,9 +83,7 @@ impl TrackOptions {
     /// # Errors
     /// Malformed TOML, a field that does not exist, or one out of its bounds.
     pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
-        let options: Self = toml::from_str(text)?;
-        options.validate().map_err(serde::de::Error::custom)?;
-        Ok(options)
+        Self::default().with_toml(text)
     }
 
     /// The defaults as TOML, every field under its documentation.
@@ -112,7 +122,7 @@ impl TrackOptions {
     /// As [`from_toml`](Self::from_toml).
     pub fn with_toml(&self, text: &str) -> Result<Self, toml::de::Error> {
         // By itself first: its errors tell the line.
-        Self::from_toml(text)?;
+        toml::from_str::<Self>(text)?;
         let mut all = toml::Table::try_from(self).map_err(serde::de::Error::custom)?;
         lay_over(&mut all, toml::from_str(text)?);
         let all: Self = all.try_into()?;
