@@ -105,7 +105,7 @@ fn other_commands() {
     let calibrate = ["calibrate", "frames", "--square", "3mm", "-o", "new/cal.json", "--board"];
     let board = |b| [&calibrate[..], &[b]].concat();
     refused(&case, &board("7x5"), NOTHING, &["board"]);
-    refused(&case, &board("seven"), USAGE, &["7x"]);
+    refused(&case, &board("seven"), USAGE, &["10x7"]);
     let gone = ["calibrate", "none", "--board", "7x5", "--square", "3mm", "-o", "new.json"];
     refused(&case, &gone, NOTHING, &["none"]);
     let organ = ["synth", "--organ", "spleen", "--count", "1", "-o", "out"];
