@@ -44,7 +44,10 @@ fn prepared() -> Case {
     case.template();
     fs::write(case.path("notes.txt"), "no video, no frame, no camera").unwrap();
     fs::create_dir(case.path("photographs")).unwrap();
-    save(&case.path("photographs/organ_003.png"), [160, 120], |i| [(i % 251) as u8; 3]);
+    for name in ["organ_003", "tool_003"] {
+        let path = case.path(&format!("photographs/{name}.png"));
+        save(&path, [160, 120], |i| [(i % 251) as u8; 3]);
+    }
     fs::create_dir(case.path("small")).unwrap();
     for i in 0..4 {
         save(&case.path(&format!("small/f_{i}.png")), [80, 60], |_| [120; 3]);
