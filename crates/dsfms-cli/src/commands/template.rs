@@ -310,9 +310,7 @@ fn from_frames(
     let loaded = load(args, &cameras, camera_path, reporter)?;
     let camera = &cameras.common;
     let mut options = options.clone();
-    if let Some(a) = camera.file.vignetting {
-        options.light.vignetting = Vignetting::Known(a);
-    }
+    camera.tell_options(&mut options);
     let options = &options;
     let metric = args.scale_mesh.as_deref().map(|p| open_mesh(p, reporter)).transpose()?;
     let exploration = Exploration {

@@ -1,5 +1,6 @@
 //! One deformed frame through all stages of a method.
 
+pub mod inputs;
 pub mod progress;
 pub mod reconstruct;
 pub mod template;
