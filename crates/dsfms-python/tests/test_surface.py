@@ -1,5 +1,6 @@
 """Template, surface, tracker, errors."""
 
+import shutil
 import signal
 import subprocess
 import sys
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import first, pixels
+from conftest import ROOT, first, pixels
 from numpy.typing import NDArray
 
 import dsfms
@@ -202,3 +203,27 @@ def test_reasons_are_kinds_with_figures() -> None:
     reason = dsfms.Reason.of("only 5 matches carry the surface")
     assert reason.kind is dsfms.ReasonKind.FEW_MATCHES and "5 matches" in str(reason)
     assert dsfms.Reason.of("something new").kind is dsfms.ReasonKind.OTHER
+
+
+def test_a_damaged_frame_is_lost_alone(clip: Path, tmp_path: Path) -> None:
+    frames = tmp_path / "frames"
+    shutil.copytree(clip / "frames", frames)
+    names = sorted(frames.iterdir())
+    names[2].write_bytes(b"no picture")
+    images = dsfms.Frames(frames)
+    assert images.number is None
+    with pytest.warns(dsfms.DsfmsWarning, match=f"{names[2].stem} is lost"):
+        numbers = [images.number for _ in images]
+    assert numbers == [0, 1, *range(3, len(names))] and dsfms.frame_count(frames) == len(names)
+    template = dsfms.Template.load(clip / "organ.template")
+    surfaces = list(dsfms.Tracker(template, clip / "camera.json").track(frames))
+    assert len(surfaces) == len(names) and surfaces[2].frame == names[2].stem
+    assert surfaces[2].status is dsfms.Status.LOST and surfaces[1].status is not dsfms.Status.LOST
+    assert names[2].name in str(surfaces[2].reasons[0])
+
+
+def test_a_damaged_video_loses_one_frame() -> None:
+    frames = dsfms.Frames(ROOT / "crates/dsfms/tests/corpus/mp4/damaged-400-bytes.mp4")
+    with pytest.warns(dsfms.DsfmsWarning, match="is lost"):
+        numbers = [frames.number for _ in frames]
+    assert len(numbers) == 14 and set(numbers) < set(range(15))

@@ -93,6 +93,25 @@ def _row(number: int, surface: dsfms.Surface) -> dict[str, Any]:
     }
 
 
+def _fill(rows: list[dict[str, Any]], shapes: list[NDArray[np.float64]], numbers: range, count: int) -> None:
+    """Frames that cannot be decoded are lost under their own numbers."""
+    for number in numbers:
+        rows.append(
+            {
+                "frame": number,
+                "status": dsfms.Status.LOST.value,
+                "reasons": ["the frame cannot be decoded"],
+                "reason_kinds": [dsfms.ReasonKind.OTHER.value],
+                "pose": [float("nan")] * 16,
+                "visible": 0,
+                "matches": 0,
+                "matches_kept": 0,
+                "residual_px": float("nan"),
+            }
+        )
+        shapes.append(np.full((count, 3), np.nan))
+
+
 def _residual(surface: dsfms.Surface) -> float:
     """Median distance of the kept matches from the surface, px; NaN where there are none."""
     matches = surface.matches[surface.matches_kept]
@@ -146,15 +165,19 @@ def track(stretch: Stretch, to: str) -> dict[str, Any]:
     shapes: list[NDArray[np.float64]] = []
     picture = b""
     middle = (stretch.start + stretch.stop) // 2
-    for number, image in enumerate(dsfms.Frames(job.video, first, stretch.stop), start=first):
+    frames = dsfms.Frames(job.video, first, stretch.stop)
+    for image in frames:
+        number = frames.number or 0
+        _fill(rows, shapes, range(first + len(rows), number), len(template.vertices))
         surface = tracker.push(image)
         rows.append(_row(number, surface))
         shapes.append(surface.vertices)
-        if number == middle:
+        if number == middle or not picture:
             picture = thumbnail(image, surface)
+    if not rows:
+        raise RuntimeError(f"no frame of {stretch.label} can be decoded")
+    _fill(rows, shapes, range(first + len(rows), stretch.stop), len(template.vertices))
     numbers = [row["frame"] for row in rows]
-    if not numbers or numbers[-1] != stretch.stop - 1:
-        raise RuntimeError(f"the video ends within {stretch.label}")
     inside = [row for row in rows if row["frame"] >= stretch.start]
     store.write(f"vertices/{stretch.stem}.npz", _arrays(numbers, shapes))
     store.write(f"thumbnails/{stretch.stem}.png", picture)
