@@ -178,7 +178,9 @@ impl Images {
             Self::Paths(paths) => {
                 sources(&paths, purpose, progress).map_err(IntoPython::into_python)
             }
-            Self::Memory(frames) => Ok(frames.into_iter().map(|frame| Source::Decoded(frame, None)).collect()),
+            Self::Memory(frames) => {
+                Ok(frames.into_iter().map(|frame| Source::Decoded(frame, None)).collect())
+            }
         }
     }
 }
