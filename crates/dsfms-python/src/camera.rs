@@ -55,10 +55,11 @@ impl Camera {
 }
 
 fn tone(value: &Bound<'_, PyAny>) -> PyResult<ToneCurve> {
-    if let Ok(gamma) = value.extract::<f64>() {
-        if gamma.is_finite() && gamma > 0.0 {
-            return Ok(ToneCurve::Gamma(gamma));
-        }
+    if let Ok(gamma) = value.extract::<f64>()
+        && gamma.is_finite()
+        && gamma > 0.0
+    {
+        return Ok(ToneCurve::Gamma(gamma));
     }
     match value.extract::<String>().as_deref() {
         Ok("srgb") => Ok(ToneCurve::Srgb),
