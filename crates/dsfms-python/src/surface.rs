@@ -83,9 +83,9 @@ impl Surface {
             TrackStatus::Degraded => "degraded",
             TrackStatus::Lost => "lost",
         };
-        let (vertices, pose, matches) = match found.surface {
-            Some(s) => (Some(s.vertices), Some(s.pose), s.matches),
-            None => (None, None, Vec::new()),
+        let (vertices, pose, matches, visible) = match found.surface {
+            Some(s) => (Some(s.vertices), Some(s.pose), s.matches, s.visible.into()),
+            None => (None, None, Vec::new(), OnceLock::new()),
         };
         Self {
             template,
@@ -95,7 +95,7 @@ impl Surface {
             reasons: found.reasons,
             vertices,
             pose,
-            visible: OnceLock::new(),
+            visible,
             expected_error: None,
             observed: None,
             gain: f64::NAN,
