@@ -14,11 +14,12 @@ use dsfms::geometry::Point3;
 use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::io::template::write_template;
 use dsfms::pipeline::{
-    BuiltTemplate, Exploration, Method, Observation, Progress, ReconstructOptions, TemplateOptions,
-    reconstruct_with, template_from_frames,
+    BuiltTemplate, Exploration, Method, Observation, Progress, ReconstructOptions, Reconstruction,
+    TemplateOptions, reconstruct_with, template_from_frames,
 };
 use dsfms::register::Deformable;
 use dsfms::template::Template;
+use dsfms::verdict::Level;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -31,9 +32,9 @@ Examples:
 
 Writes OUT/report.html (one self-contained page), OUT/organ.template, OUT/<method>/frame_NNN.* as
 `dsfms reconstruct` does, OUT/truth/frame_NNN.ply on the same vertices, and OUT/scene: the embedded frames, masks, camera and truth, on which every
-other command can be tried. The exit code is 0 when every method gave a surface for every frame, else
-2. Degraded surfaces are counted in the text and marked in the report, but do not change it: that a
-weaker method has reservations is what the comparison shows.";
+other command can be tried. The exit code is 0 when `joint` gave a believable surface for every frame, else
+2. The other methods are there to be compared: their surfaces are measured and shown whatever is thought
+of them, with their verdict, and leave no files where they cannot be believed.";
 
 /// The methods compared, in the order of the report.
 pub const METHODS: [Method; 5] =
@@ -79,8 +80,10 @@ pub fn run(args: &DemoArgs, global: &Global, reporter: &Reporter) -> anyhow::Res
     super::to_stdout(&report.text())?;
     let shown = path.canonicalize().unwrap_or(path);
     super::to_stdout(&format!("report: {}\n", shown.display()))?;
-    let complete = frames.iter().flat_map(|f| &f.methods).all(|m| m.surface.is_some());
-    Ok(if complete { Outcome::Ok } else { Outcome::Degraded })
+    let joint = METHODS.iter().position(|&m| m == Method::Joint);
+    let believed =
+        joint.is_some_and(|k| frames.iter().all(|f| f.methods[k].report.status != "failed"));
+    Ok(if believed { Outcome::Ok } else { Outcome::Degraded })
 }
 
 fn build(
@@ -141,11 +144,15 @@ fn reconstruct_all(
         .collect();
     for ((i, method), result) in jobs.into_iter().zip(results) {
         let input = scene.deformed[i].frame.name.clone();
-        let outcome = match result {
+        // A comparison that left out what is refused would flatter its method.
+        let outcome = match Reconstruction::even_refused(result) {
             Ok(surface) => {
                 let truth: &FrameTruth = &frames[i].truth;
                 let errors = tie.evaluate(template, &surface.vertices, truth, scene)?;
-                let report = FrameReport::of(&input, method, template.unit, &surface);
+                let report = match surface.verdict.level {
+                    Level::Lost => FrameReport::refused(&input, method, template.unit, &surface),
+                    _ => FrameReport::of(&input, method, template.unit, &surface),
+                };
                 (report, Some((surface, errors)))
             }
             Err(error) => {
@@ -208,7 +215,8 @@ fn write_files(
             let name = deformed.frame.name.clone();
             let files = FrameFiles { folder: &folder, name: &name };
             let result = &frame.methods[k];
-            if let Some((surface, _)) = &result.surface {
+            let shown = |s: &&(Reconstruction, _)| s.0.verdict.level != Level::Lost;
+            if let Some((surface, _)) = result.surface.as_ref().filter(shown) {
                 let camera = &scene.camera.file.camera;
                 files.write_surface(template, &deformed.frame, camera, surface)?;
             }

@@ -147,15 +147,9 @@ pub enum ReconstructError {
         expected: [usize; 2],
     },
     /// A surface that must not be shown; experiments measure it all the same.
-    #[error("the surface cannot be believed: {}", listed(&.0.verdict))]
+    #[error("the surface cannot be believed: {}", .0.verdict)]
     Refused(Box<Reconstruction>),
     /// Nothing visible in the frame.
     #[error("the frame is black (brightest pixel {0} of 255); nothing can be reconstructed")]
     Black(u8),
-}
-
-/// The reasons as the library writes them; programs read them as [`crate::verdict::Reason`].
-fn listed(verdict: &Verdict) -> String {
-    let reasons: Vec<String> = verdict.reasons.iter().map(|r| format!("{r:?}")).collect();
-    reasons.join(", ")
 }

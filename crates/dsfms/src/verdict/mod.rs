@@ -1,7 +1,7 @@
 //! Whether a surface can be believed: one verdict for single frames and videos.
 //!
 //! Stages gather [`Evidence`], [`judge`] holds it against [`Thresholds`] and names every [`Reason`]. What is
-//! not known (`None`) does not speak. The reasons are figures; sentences are made where people read them.
+//! not known (`None`) does not speak. The reasons are figures, and print as sentences.
 //! Four things are asked: what the matches leave open ([`observability`]), whether the image shows what the
 //! surface predicts ([`look()`]), of which parts nothing is known ([`regions`]), and whether the camera is the
 //! template's ([`intrinsics`]).
@@ -14,6 +14,7 @@ pub mod reason;
 pub mod regions;
 pub mod strain;
 pub mod thresholds;
+mod words;
 
 pub use evidence::{Evidence, MatchCount};
 pub use look::{Compared, Looked, Says, look};

@@ -79,7 +79,7 @@ impl Report<'_> {
         for part in Part::ALL {
             text += &format!("{:>24}", part.name());
         }
-        text.push('\n');
+        text += &format!("{:>24}\n", "ok, degraded, failed");
         for (k, method) in METHODS.into_iter().enumerate() {
             text += &format!("{:<8}", method_name(method));
             for part in Part::ALL {
@@ -89,17 +89,12 @@ impl Report<'_> {
                 };
                 text += &format!("{cell:>24}");
             }
-            text.push('\n');
+            let of = |status| {
+                self.frames.iter().filter(|f| f.methods[k].report.status == status).count()
+            };
+            let verdicts = ["ok", "degraded", "failed"].map(|s| of(s).to_string()).join(", ");
+            text += &format!("{verdicts:>24}\n");
         }
-        let all = || self.frames.iter().flat_map(|f| &f.methods);
-        let count = |status: &str| all().filter(|m| m.report.status == status).count();
-        text += &format!(
-            "{} surfaces: {} ok, {} degraded, {} failed\n",
-            all().count(),
-            count("ok"),
-            count("degraded"),
-            count("failed")
-        );
         text += &format!(
             "{:.0} s in all, of which template {:.0} s\n",
             self.seconds, self.template_seconds
