@@ -1,11 +1,15 @@
 //! The command line as clap reads it.
 
 use crate::commands::{
-    calibrate, demo, evaluate, experiment, export, figure, inspect, options, reconstruct, synth,
-    template, track, view,
+    calibrate, completions, demo, evaluate, experiment, export, figure, inspect, options,
+    reconstruct, synth, template, track, view,
 };
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use crate::progress::ProgressKind;
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use dsfms::image::ToneCurve;
+
+/// Version and commit.
+pub const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), env!("DSFMS_COMMIT"));
 
 const EXIT_CODES: &str = "\
 Exit codes:
@@ -16,7 +20,7 @@ Exit codes:
 
 /// Reconstruct a deforming organ in 3D from a monocular laparoscope, by motion and shading.
 #[derive(Debug, Parser)]
-#[command(name = "dsfms", version, after_help = EXIT_CODES, arg_required_else_help = false)]
+#[command(name = "dsfms", version = VERSION, after_help = EXIT_CODES, arg_required_else_help = true)]
 pub struct Arguments {
     #[command(flatten)]
     pub global: Global,
@@ -27,16 +31,25 @@ pub struct Arguments {
 #[derive(Debug, Args)]
 pub struct Global {
     /// Worker threads, at most 1024; default one per core. Results do not depend on it.
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(help_heading = "Global options", long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
     /// Seed of every random draw.
-    #[arg(long, global = true, value_name = "N", default_value_t = 0)]
+    #[arg(
+        help_heading = "Global options",
+        long,
+        global = true,
+        value_name = "N",
+        default_value_t = 0
+    )]
     pub seed: u64,
+    /// How progress is told on standard error.
+    #[arg(help_heading = "Global options", long, global = true, value_enum, value_name = "KIND", default_value_t = ProgressKind::Auto)]
+    pub progress: ProgressKind,
     /// No progress and no warnings; errors only.
-    #[arg(long, short, global = true)]
+    #[arg(help_heading = "Global options", long, short, global = true)]
     pub quiet: bool,
     /// Tone curve of the images; overrides the camera file's.
-    #[arg(long, global = true, value_enum)]
+    #[arg(help_heading = "Global options", long, global = true, value_enum)]
     pub tone: Option<Tone>,
 }
 
@@ -72,4 +85,66 @@ pub enum Command {
     Demo(demo::DemoArgs),
     View(view::ViewArgs),
     Figure(figure::FigureArgs),
+    Completions(completions::CompletionsArgs),
+    Man(completions::ManArgs),
+}
+
+/// Commands that draw nothing at random and look at no image's brightness.
+const WITHOUT_SEED_AND_TONE: [&str; 8] =
+    ["inspect", "evaluate", "options", "export", "view", "figure", "completions", "man"];
+
+/// The command line with only those global options in a command's help that it uses.
+pub fn command() -> clap::Command {
+    let command = Arguments::command();
+    let unused = ["seed", "tone"];
+    let hidden = command.get_arguments().filter(|arg| unused.contains(&arg.get_id().as_str()));
+    // An option that a command has already is not given to it once more.
+    let hidden: Vec<clap::Arg> = hidden.map(|arg| arg.clone().hide(true)).collect();
+    WITHOUT_SEED_AND_TONE
+        .iter()
+        .fold(command, |command, name| command.mut_subcommand(name, |c| c.args(hidden.clone())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A line of an example that the terminal breaks cannot be pasted.
+    #[test]
+    fn help_fits_eighty_columns_and_knows_its_commands() {
+        let mut command = command();
+        command.clone().debug_assert();
+        command.build();
+        let names: Vec<String> =
+            command.get_subcommands().map(|c| c.get_name().to_owned()).collect();
+        for name in WITHOUT_SEED_AND_TONE {
+            assert!(names.iter().any(|n| n == name), "{name}");
+        }
+        let mut open: Vec<&clap::Command> = command.get_subcommands().collect();
+        while let Some(command) = open.pop() {
+            let text = command.get_after_long_help().map(ToString::to_string).unwrap_or_default();
+            for line in text.lines() {
+                assert!(line.chars().count() < 80, "{}: {line}", command.get_name());
+            }
+            open.extend(command.get_subcommands());
+        }
+    }
+
+    #[test]
+    fn global_options_stand_last_and_alone() {
+        let mut command = command();
+        command.build();
+        let mut help = |name: &str| {
+            let found = command.find_subcommand_mut(name).unwrap();
+            found.render_long_help().to_string()
+        };
+        let text = help("template");
+        let places: Vec<usize> = ["\nInput:", "\nOrgan:", "\nOutput:", "\nGlobal options:"]
+            .iter()
+            .map(|heading| text.find(heading).unwrap_or_else(|| panic!("{heading}: {text}")))
+            .collect();
+        assert!(places.is_sorted(), "{text}");
+        assert!(text[places[3]..].contains("--seed"), "{text}");
+        assert!(!help("view").contains("--seed") && help("view").contains("--threads"));
+    }
 }

@@ -1,6 +1,7 @@
 //! Exit codes, and errors as the user reads them.
 
 use dsfms::io::InputError;
+use dsfms::io::mesh::MeshFileError;
 use dsfms::pipeline::ReconstructError;
 use std::error::Error;
 use std::process::ExitCode;
@@ -82,6 +83,14 @@ fn advice(cause: &(dyn Error + 'static)) -> Option<&'static str> {
             }
             _ => None,
         };
+    }
+    if let Some(MeshFileError::Topology { .. } | MeshFileError::ZeroArea { .. }) =
+        cause.downcast_ref::<MeshFileError>()
+    {
+        return Some(
+            "`dsfms template --repair` merges vertices, removes such faces and turns those that run \
+             against their neighbours, and says what it did",
+        );
     }
     match cause.downcast_ref::<ReconstructError>()? {
         ReconstructError::NoDescriptors => Some("see `dsfms help reconstruct`, --matches"),

@@ -1,10 +1,13 @@
 //! `--formats`: reconstructed frames for other programs, beside the PLY files.
 
+use anyhow::Context;
 use clap::ValueEnum;
 use dsfms::geometry::Point3;
 use dsfms::io::animation::{Moment, write_animation};
-use dsfms::io::obj::write_obj;
+use dsfms::io::atomic::write_atomic;
+use dsfms::io::obj::{ObjExtras, write_mtl, write_obj};
 use dsfms::io::stl::write_stl;
+use dsfms::io::template::texture;
 use dsfms::io::vtk::{Array, VtkExtras, write_pvd, write_vtp};
 use dsfms::mesh::strain::{face_strains, vertex_means};
 use dsfms::template::Template;
@@ -17,7 +20,7 @@ pub enum Format {
     /// frame_NNN.vtp and frames.pvd for ParaView and 3D Slicer, with strain, visible, confidence,
     /// observed and region.
     Vtp,
-    /// frame_NNN.obj with the template's UV.
+    /// frame_NNN.obj with the template's UV, frames.mtl and frames.png, the albedo.
     Obj,
     /// frame_NNN.stl.
     Stl,
@@ -27,6 +30,22 @@ pub enum Format {
 
 /// Most frames of an animation: every target is held by the viewer at once.
 const MOST_MOMENTS: usize = 250;
+
+/// Material of all OBJ files of a folder; its picture lies beside it.
+const MATERIAL: &str = "frames.mtl";
+
+/// A material and its picture, the albedo, which has its name; nothing where there is none.
+pub fn write_material(path: &Path, template: &Template) -> anyhow::Result<bool> {
+    let Some(png) = texture(template).context("the albedo cannot be laid out")? else {
+        return Ok(false);
+    };
+    // A space would end the name in the material.
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().replace(' ', "_");
+    let name = format!("{stem}.png");
+    write_atomic(&path.with_file_name(&name), |w| w.write_all(&png))?;
+    write_mtl(path, &name)?;
+    Ok(true)
+}
 
 /// Where and what.
 #[derive(Clone, Copy)]
@@ -61,9 +80,11 @@ impl Formats<'_> {
                 Format::Vtp => self.write_vtp(&path("vtp"), seconds, shape)?,
                 Format::Obj => {
                     let uv = self.template.flattening.as_ref().map(|f| f.corners.as_slice());
-                    write_obj(&path("obj"), &mesh(), uv, self.template.unit, &[])?;
+                    let material = self.textured().then_some(MATERIAL);
+                    let extras = ObjExtras { uv, material };
+                    write_obj(&path("obj"), &mesh(), self.template.unit, &extras)?;
                 }
-                Format::Stl => write_stl(&path("stl"), &mesh())?,
+                Format::Stl => write_stl(&path("stl"), &mesh(), self.template.unit)?,
                 Format::Glb => {}
             }
         }
@@ -96,8 +117,16 @@ impl Formats<'_> {
         Ok(write_vtp(path, &rest.topology, shape.vertices, self.template.unit, &extras)?)
     }
 
+    /// Whether there is an albedo, and UV to lay it out by.
+    fn textured(&self) -> bool {
+        self.template.albedo.is_some() && self.template.flattening.is_some()
+    }
+
     /// The files of the sequence: name, seconds and shape of every frame that has one.
     pub fn write_series(&self, frames: &[(String, f64, Vec<Point3>)]) -> anyhow::Result<()> {
+        if self.list.contains(&Format::Obj) && !frames.is_empty() {
+            write_material(&self.folder.join(MATERIAL), self.template)?;
+        }
         if self.list.contains(&Format::Vtp) {
             let files: Vec<(f64, String)> =
                 frames.iter().map(|(name, t, _)| (*t, format!("{name}.vtp"))).collect();

@@ -6,7 +6,7 @@ use dsfms::camera::CameraModel;
 use dsfms::image::{Frame, Mask, ToneCurve};
 use dsfms::io::InputError;
 use dsfms::io::camera::{CameraFile, read_camera};
-use dsfms::io::images::{check_camera_size, find_frames, read_frame};
+use dsfms::io::images::{check_camera_size, find_frames, read_frame, read_size};
 use dsfms::io::masks::{MaskKind, read_masks};
 use dsfms::pipeline::Progress;
 use dsfms::template::Template;
@@ -184,6 +184,74 @@ pub fn check_size(frame: &Frame, camera: &CameraModel, path: &Path) -> Result<()
     check_camera_size(std::slice::from_ref(frame), camera.size, path)
 }
 
+/// Images that are looked at before the work.
+const LOOKED_AT: usize = 3;
+
+/// Refuse, before anything is written, images that are all of another size than the camera: that is one
+/// mistake, told once. A few that differ fail on their own.
+pub fn check_sizes(sources: &[Source], camera: &CameraModel, path: &Path) -> anyhow::Result<()> {
+    let sizes = looked_at(sources);
+    match sizes.first() {
+        Some(&(file, found)) if sizes.iter().all(|s| s.1 != camera.size) => {
+            let frame = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let (path, expected) = (path.into(), camera.size);
+            Err(InputError::CameraSize { frame, found, path, expected }.into())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Refuse, before anything is written, masks of which none that is looked at can be used.
+pub fn check_masks(
+    sources: &[Source],
+    masks: Option<&Path>,
+    kind: MaskKind,
+) -> Result<(), InputError> {
+    let Some(masks) = masks else { return Ok(()) };
+    let read = |(file, size): (&Path, [usize; 2])| {
+        let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let frame = Frame { name, size, rgb: Vec::new() };
+        read_masks(std::slice::from_ref(&frame), &[file.into()], masks, kind).map(|_| ())
+    };
+    let found: Vec<Result<(), InputError>> = looked_at(sources).into_iter().map(read).collect();
+    match found.iter().all(Result::is_err) {
+        true => found.into_iter().next().unwrap_or(Ok(())),
+        false => Ok(()),
+    }
+}
+
+/// A few image files and their sizes; what cannot be read is told with its frame.
+fn looked_at(sources: &[Source]) -> Vec<(&Path, [usize; 2])> {
+    let files: Vec<&Path> = sources.iter().filter_map(Source::path).collect();
+    let every = files.len().div_ceil(LOOKED_AT).max(1);
+    let mut found = Vec::new();
+    for file in files.into_iter().step_by(every) {
+        found.extend(read_size(file).ok().map(|size| (file, size)));
+    }
+    found
+}
+
+/// Look at what a video is to be read from: a file must be an image or a video. Streams and folders that
+/// hold no images (recordings) are told of by their readers.
+pub fn look(inputs: &[PathBuf]) -> anyhow::Result<Vec<Source>> {
+    let mut sources = Vec::new();
+    let local = |path: &&PathBuf| !path.to_string_lossy().contains("://");
+    for input in inputs.iter().filter(local).filter(|path| !is_video(path)) {
+        if input.is_dir() {
+            let files = find_frames(std::slice::from_ref(input)).unwrap_or_default();
+            sources.extend(files.into_iter().map(Source::File));
+            continue;
+        }
+        for file in find_frames(std::slice::from_ref(input))? {
+            if file == *input {
+                read_size(input).context("neither a video nor an image")?;
+            }
+            sources.push(Source::File(file));
+        }
+    }
+    Ok(sources)
+}
+
 /// A path that must be there before any work begins.
 pub fn must_exist(path: &Path, option: &str) -> anyhow::Result<()> {
     match path.exists() {
@@ -237,7 +305,8 @@ mod tests {
         let options = TemplateOptions::default();
         let mut template =
             template_from_mesh(mesh, LengthUnit::Millimetre, None, &options, &Silent);
-        let global = Global { threads: None, seed: 0, quiet: true, tone: None };
+        let progress = crate::progress::ProgressKind::Auto;
+        let global = Global { threads: None, seed: 0, progress, quiet: true, tone: None };
         assert!(frame_camera(None, &global, &mut template).is_err());
         frame_camera(Some(&path), &global, &mut template).unwrap();
         assert!(matches!(template.light, Some(LightModel::Point(_))));

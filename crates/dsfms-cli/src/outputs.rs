@@ -18,11 +18,23 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Make sure, before any work, that results can be written.
+/// Make sure, before any work, that results can be written; nothing is made yet, so that a command that
+/// is refused leaves nothing behind.
+pub fn check_folder(folder: &Path) -> anyhow::Result<()> {
+    let full = std::path::absolute(folder).with_context(|| unwritable(folder))?;
+    let standing = full.ancestors().find(|path| path.exists()).unwrap_or(&full);
+    // In a file no other can be made: the system says so.
+    tempfile::tempfile_in(standing).with_context(|| unwritable(folder))?;
+    Ok(())
+}
+
+fn unwritable(folder: &Path) -> String {
+    format!("the output folder {} cannot be written; choose another with -o", folder.display())
+}
+
+/// Make the folder of the results.
 pub fn prepare_folder(folder: &Path) -> anyhow::Result<()> {
-    let refuse = || {
-        format!("the output folder {} cannot be written; choose another with -o", folder.display())
-    };
+    let refuse = || unwritable(folder);
     std::fs::create_dir_all(folder).with_context(refuse)?;
     tempfile::tempfile_in(folder).with_context(refuse)?;
     // What a killed run was in the middle of; what cannot be removed is in nobody's way.

@@ -1,7 +1,7 @@
 //! The output folder: apart from the input, and without files of an older run.
 
 use crate::exit::Usage;
-use crate::outputs::{prepare_folder, write_json};
+use crate::outputs::{check_folder, prepare_folder, write_json};
 use anyhow::Context;
 use dsfms::io::images;
 use serde::Serialize;
@@ -12,8 +12,17 @@ use std::path::{Component, Path, PathBuf};
 const MARK: &str = "dsfms.json";
 
 /// What a run writes besides `frame_NNN…`.
-const FILES: [&str; 7] =
-    ["summary.csv", "report.html", "vertices.npz", "frames.pvd", "frames.glb", "overlay.mp4", MARK];
+const FILES: [&str; 9] = [
+    "summary.csv",
+    "report.html",
+    "vertices.npz",
+    "frames.pvd",
+    "frames.glb",
+    "frames.mtl",
+    "frames.png",
+    "overlay.mp4",
+    MARK,
+];
 /// What it writes of every frame.
 const ENDINGS: [&str; 7] =
     [".ply", ".json", "_overlay.png", "_structures.png", ".vtp", ".obj", ".stl"];
@@ -39,7 +48,7 @@ pub fn check(output: &Path, inputs: &[&Path]) -> anyhow::Result<()> {
             path.file_name().unwrap_or_default().to_string_lossy()
         );
     }
-    prepare_folder(output)
+    check_folder(output)
 }
 
 /// Refuse an output folder that is, or lies in, a folder of the input, or that holds an image of it.
@@ -63,8 +72,9 @@ pub fn check_apart(output: &Path, inputs: &[&Path]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Remove the files of an older run, and mark the folder.
+/// Make the folder, remove the files of an older run, and mark it.
 pub fn renew(output: &Path, command: &str) -> anyhow::Result<()> {
+    prepare_folder(output)?;
     let remove = |path: PathBuf| {
         std::fs::remove_file(&path)
             .with_context(|| format!("cannot remove {} of an older run", path.display()))

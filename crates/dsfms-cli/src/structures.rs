@@ -1,6 +1,7 @@
 //! Hidden structures of `--structures`: read, carried to every frame, drawn and written.
 
 use crate::draw;
+use crate::exit::Usage;
 use crate::progress::Reporter;
 use crate::report::data::{BuriedPlace, ShownStructure, pixels};
 use crate::report::embed::{self, Cloud, Numbers};
@@ -105,7 +106,11 @@ impl Structures {
             rest.positions.iter().map(|p| (p.coords - middle).norm()).fold(0.0, f64::max);
         let mut items = Vec::new();
         for path in paths {
-            let mesh = read_mesh(path)?.mesh;
+            // A file that states no unit is taken to be in the template's.
+            let file = read_mesh(path)?.in_unit(template.unit.into()).map_err(|mismatch| {
+                Usage(format!("--structures {} and the template: {mismatch}", path.display()))
+            })?;
+            let mesh = file.mesh;
             let depths = depths(&rest, &mesh.positions).unwrap_or_default();
             let far = depths.iter().filter(|d| d.distance > half_extent).count();
             if 2 * far > depths.len() {

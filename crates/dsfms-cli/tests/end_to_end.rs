@@ -75,3 +75,51 @@ fn help_and_version_are_successes() {
     let help = String::from_utf8_lossy(&help.get_output().stdout).into_owned();
     assert!(help.contains("white = instrument") && help.contains("Examples:"), "{help}");
 }
+
+#[test]
+fn alone_it_shows_help_and_the_version_names_the_commit() {
+    let case = Case::new();
+    let alone = case.dsfms(&[]).assert().code(64);
+    let help = String::from_utf8_lossy(&alone.get_output().stderr).into_owned();
+    assert!(help.contains("Usage:") && help.contains("reconstruct"), "{help}");
+    let version = case.dsfms(&["--version"]).assert().success();
+    let version = String::from_utf8_lossy(&version.get_output().stdout).into_owned();
+    assert!(version.starts_with("dsfms 0."), "{version}");
+    let inside = std::process::Command::new("git").args(["rev-parse", "HEAD"]).output();
+    if let Some(commit) = inside.ok().filter(|done| done.status.success()) {
+        let commit = String::from_utf8_lossy(&commit.stdout)[..12].to_owned();
+        assert!(version.contains(&format!("({commit})")), "{version}");
+    }
+}
+
+#[test]
+fn completions_and_manual_pages() {
+    let case = Case::new();
+    for shell in ["bash", "zsh", "fish", "powershell"] {
+        let done = case.dsfms(&["completions", shell]).assert().success();
+        let text = String::from_utf8_lossy(&done.get_output().stdout).into_owned();
+        assert!(text.contains("reconstruct") && text.contains("instrument-masks"), "{shell}");
+    }
+    case.dsfms(&["man", "man1"]).assert().success();
+    let page = |name: &str| fs::read_to_string(case.path(&format!("man1/{name}"))).unwrap();
+    assert!(page("dsfms.1").contains("reconstruct"));
+    assert!(page("dsfms-template.1").contains("organ\\-masks"));
+    assert!(page("dsfms-experiment-ext.1").contains("dsfms"));
+}
+
+#[test]
+fn progress_for_programs_is_a_line_of_json_each() {
+    let case = Case::new();
+    case.template();
+    let done = case
+        .reconstruct(&["frames", "--camera", "camera.json", "--matches", "matches.csv"])
+        .args(["--method", "rigid", "--progress", "json", "-o", "out"])
+        .assert()
+        .success();
+    let text = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+    let lines: Vec<serde_json::Value> =
+        text.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
+    let last = lines.iter().rfind(|line| line["stage"] == "frames").unwrap();
+    assert_eq!((last["done"].as_u64(), last["ended"].as_bool()), (Some(1), Some(true)), "{text}");
+    assert!(lines.iter().any(|line| line["message"] == "1 frame(s) ok, 0 degraded, 0 failed"));
+}

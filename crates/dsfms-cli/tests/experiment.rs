@@ -68,7 +68,7 @@ fn wrong_arguments_are_named() {
         ("experiment ext --ext 5,80 -o out", 64, "0 to 40"),
         ("experiment ext --count 0 -o out", 64, "1 to 100000"),
         ("experiment ext --matches 100 -o out", 64, "25"),
-        ("experiment ext --organ kidney -o out", 1, "uterus"),
+        ("experiment ext --organ kidney -o out", 64, "uterus"),
         ("synth --ext x -o out", 64, "percentage"),
         ("experiment ablation", 64, "--output"),
     ] {

@@ -5,7 +5,7 @@
 mod common;
 
 use common::Case;
-use dsfms::io::mesh::read_mesh;
+use dsfms::io::mesh::{MeshUnit, read_mesh};
 use std::process::Command;
 
 /// Two frames by rigid pose in every format; `out`.
@@ -38,11 +38,14 @@ fn every_format_holds_the_frames() {
     }
     let list = std::fs::read_to_string(case.path("out/frames.pvd")).unwrap();
     assert!(list.contains("timestep=\"1\" part=\"0\" file=\"frame_004.vtp\""), "{list}");
-    let glb = read_mesh(&case.path("out/frames.glb")).unwrap().mesh;
-    // Metres, y up.
-    let lowest = |m: &dsfms::mesh::Mesh| m.positions.iter().map(|p| p.z).fold(f64::MAX, f64::min);
-    let highest = |m: &dsfms::mesh::Mesh| m.positions.iter().map(|p| p.z).fold(f64::MIN, f64::max);
-    assert!((lowest(&glb) + 0.001 * highest(&ply)).abs() < 1e-6);
+    // The first frame, whatever viewers are told of metres and of up.
+    let glb = read_mesh(&case.path("out/frames.glb")).unwrap();
+    assert_eq!(glb.mesh.topology.faces, ply.topology.faces);
+    assert_eq!((glb.mesh.positions, glb.unit), (ply.positions, Some(MeshUnit::Millimetre)));
+    let vtp = read_mesh(&case.path("out/frame_003.vtp")).unwrap();
+    assert_eq!(vtp.mesh.topology.faces, ply.topology.faces);
+    let material = std::fs::read_to_string(case.path("out/frames.mtl")).unwrap();
+    assert!(material.contains("map_Kd frames.png") && case.path("out/frames.png").is_file());
 }
 
 const SCRIPT: &str = r#"

@@ -46,6 +46,7 @@ fn track(out: &Path, input: &str, arguments: &[&str], stdin: Vec<u8>) -> Output 
         .unwrap()
         .current_dir(CLIP.path().join("clip"))
         .args(["track", "organ.template", input, "--camera", "camera.json", "--no-report"])
+        .args(["--method", "dsfm"])
         .args(arguments)
         .arg("-o")
         .arg(out)

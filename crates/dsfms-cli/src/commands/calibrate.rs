@@ -3,7 +3,7 @@
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
 use crate::inputs;
-use crate::outputs::{prepare_folder, write_json, write_png};
+use crate::outputs::{check_folder, prepare_folder, write_json, write_png};
 use crate::pictures::calibration as pictures;
 use crate::progress::Reporter;
 use anyhow::Context;
@@ -21,11 +21,13 @@ Examples:
   # A board of 15 x 11 squares has 14 x 10 inner corners
   dsfms calibrate chessboard/ --board 14x10 --square 3mm -o camera.json
   # Some images show only a part of the board
-  dsfms calibrate chessboard/*.png --board 14x10 --square 3mm --partial -o camera.json
+  dsfms calibrate chessboard/*.png --board 14x10 --square 3mm --partial \\
+      -o camera.json
 
-Ten or more sharp images, the board tilted by 20 to 45 degrees in different directions, its corners
-reaching into every part of the image. Beside camera.json a folder camera.calibration/ is written:
-report.json (residuals of every image, standard deviations and covariance of the intrinsics),
+Ten or more sharp images, the board tilted by 20 to 45 degrees in different
+directions, its corners reaching into every part of the image. Beside
+camera.json a folder camera.calibration/ is written: report.json (residuals of
+every image, standard deviations and covariance of the intrinsics),
 residuals.png, and the corners found in every image.";
 
 /// Intrinsics and distortion from images of a chessboard.
@@ -36,22 +38,28 @@ pub struct CalibrateArgs {
     #[arg(value_name = "IMAGES", required = true)]
     images: Vec<PathBuf>,
     /// Inner corners along both sides of the board: where four squares meet, not the squares.
-    #[arg(long, value_name = "COLUMNSxROWS", value_parser = board_size)]
+    #[arg(help_heading = "Board", long, value_name = "COLUMNSxROWS", value_parser = board_size)]
     board: [usize; 2],
     /// Side of one square, as 3mm or 0.3cm; a plain number is mm.
-    #[arg(long, value_name = "LENGTH", value_parser = length_mm)]
+    #[arg(help_heading = "Board", long, value_name = "LENGTH", value_parser = length_mm)]
     square: f64,
     /// Estimate the third radial coefficient too.
-    #[arg(long)]
+    #[arg(help_heading = "Lens", long)]
     third_radial: bool,
     /// Hold the tangential distortion at zero.
-    #[arg(long)]
+    #[arg(help_heading = "Lens", long)]
     no_tangential: bool,
     /// Use images that show only a part of the board, from 4x4 corners on.
-    #[arg(long)]
+    #[arg(help_heading = "Lens", long)]
     partial: bool,
     /// Camera file to write.
-    #[arg(short, long, value_name = "FILE", default_value = "camera.json")]
+    #[arg(
+        help_heading = "Output",
+        short,
+        long,
+        value_name = "FILE",
+        default_value = "camera.json"
+    )]
     output: PathBuf,
 }
 
@@ -79,7 +87,7 @@ pub fn length_mm(text: &str) -> Result<f64, String> {
 /// Run the command.
 pub fn run(args: &CalibrateArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
     let folder = args.output.with_extension("calibration");
-    prepare_folder(&folder)?;
+    check_folder(&folder)?;
     let frames = frames(&args.images, reporter)?;
     let board = Board { corners: args.board, square: args.square };
     let options = CalibrateOptions {
@@ -92,6 +100,7 @@ pub fn run(args: &CalibrateArgs, global: &Global, reporter: &Reporter) -> anyhow
     reporter.step("board and intrinsics", 1, 1);
     let file =
         CameraFile { camera: found.camera.clone(), tone: None, light: None, vignetting: None };
+    prepare_folder(&folder)?;
     write_camera(&args.output, &file)?;
     write_pictures(&folder, &frames, &found)?;
     write_json(&folder.join("report.json"), &report(&frames, &board, &found))?;

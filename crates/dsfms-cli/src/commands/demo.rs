@@ -4,7 +4,7 @@ use super::reconstruct::method_name;
 use crate::args::Global;
 use crate::demo::report::{FrameResult, Report, page};
 use crate::demo::scene::{DeformedFrame, Scene, unpack};
-use crate::demo::truth::{FrameTruth, Tie};
+use crate::demo::truth::{FrameTruth, Tie, steps};
 use crate::exit::Outcome;
 use crate::outputs::{FrameFiles, FrameReport, prepare_folder, summary_csv, write_text};
 use crate::progress::Reporter;
@@ -13,6 +13,7 @@ use clap::Args;
 use dsfms::geometry::Point3;
 use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::io::template::write_template;
+use dsfms::io::vertex_truth::{VertexTruth, vertex_truth_path, write_vertex_truth};
 use dsfms::pipeline::{
     BuiltTemplate, Exploration, Method, Observation, Progress, ReconstructOptions, Reconstruction,
     TemplateOptions, reconstruct_with, template_from_frames,
@@ -30,11 +31,14 @@ Examples:
   dsfms demo
   dsfms demo -o /tmp/demo --vertices 500
 
-Writes OUT/report.html (one self-contained page), OUT/organ.template, OUT/<method>/frame_NNN.* as
-`dsfms reconstruct` does, OUT/truth/frame_NNN.ply on the same vertices, and OUT/scene: the embedded frames, masks, camera and truth, on which every
-other command can be tried. The exit code is 0 when `joint` gave a believable surface for every frame, else
-2. The other methods are there to be compared: their surfaces are measured and shown whatever is thought
-of them, with their verdict, and leave no files where they cannot be believed.";
+Writes OUT/report.html (one self-contained page), OUT/organ.template,
+OUT/<method>/frame_NNN.* as `dsfms reconstruct` does, all in mm (the way of the
+camera is given), OUT/truth/frame_NNN.ply on the same vertices, and OUT/scene:
+the embedded frames, masks, camera and truth, on which every other command can
+be tried. The exit code is 0 when `joint` gave a believable surface for every
+frame, else 2. The other methods are there to be compared: their surfaces are
+measured and shown whatever is thought of them, with their verdict, but leave no
+files where they are not believed.";
 
 /// The methods compared, in the order of the report.
 pub const METHODS: [Method; 5] =
@@ -92,7 +96,8 @@ fn build(
     global: &Global,
     reporter: &Reporter,
 ) -> anyhow::Result<BuiltTemplate> {
-    let mut options = TemplateOptions { vertices: args.vertices, ..Default::default() };
+    let mut options =
+        TemplateOptions { vertices: args.vertices, scale: steps(scene), ..Default::default() };
     options.sfm.seed = global.seed;
     options.dense.seed = global.seed;
     let exploration = Exploration {
@@ -183,20 +188,26 @@ fn observation<'a>(
     }
 }
 
-/// `OUT/truth/frame_NNN.ply`: the true places of the template's vertices, in its unit.
+/// `OUT/truth/frame_NNN.ply`: the true places of the template's vertices, in its unit, and what `evaluate`
+/// reads beside them.
 fn write_truth(
     template: &Template,
     tie: &Tie,
     output: &Path,
     frames: &[FrameResult],
 ) -> anyhow::Result<()> {
-    let scale = 1.0 / tie.world_from_template.scaling();
+    let scale = 1.0 / tie.mm;
     for frame in frames {
         let truth = &frame.truth;
         let positions: Vec<Point3> = truth.mesh.positions.iter().map(|p| p * scale).collect();
         let extras = PlyExtras { visible: Some(&truth.visible), ..Default::default() };
         let path = output.join(format!("truth/{}.ply", frame.name));
         write_ply(&path, &template.mesh.topology, &positions, template.unit, &extras)?;
+        let known = VertexTruth {
+            visible: truth.visible.clone(),
+            displacement: truth.displacement.iter().map(|d| d * scale).collect(),
+        };
+        write_vertex_truth(&vertex_truth_path(&path), &known)?;
     }
     Ok(())
 }

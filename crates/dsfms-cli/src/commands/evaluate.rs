@@ -1,5 +1,7 @@
 //! `dsfms evaluate`: reconstructions against the truth.
 
+mod told;
+
 use crate::exit::{Outcome, Usage};
 use crate::outputs::write_json;
 use anyhow::Context;
@@ -7,28 +9,36 @@ use clap::{Args, ValueEnum};
 use dsfms::camera::CameraModel;
 use dsfms::eval::zone::extent;
 use dsfms::eval::{
-    Alignment, ErrorStats, EvaluateOptions, Evaluation, Truth, deformed_zone,
-    displacement_from_rest, evaluate,
+    Alignment, EvaluateOptions, Truth, deformed_zone, displacement_from_rest, evaluate,
 };
 use dsfms::io::InputError;
 use dsfms::io::camera::read_camera;
-use dsfms::io::mesh::{MeshFile, read_mesh};
+use dsfms::io::mesh::{MeshFile, MeshUnit, read_mesh};
 use dsfms::io::vertex_truth::{read_vertex_truth, vertex_truth_path};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use told::{Gaps, Told, table};
 
 const EXAMPLES: &str = "\
 Examples:
   # Every frame_NNN.ply of a folder against the file of the same name
   dsfms evaluate out/ truth/ --rest rest.ply --camera camera.json
+  # The demo's own figures
+  dsfms evaluate dsfms-demo/joint dsfms-demo/truth \\
+      --camera dsfms-demo/scene/camera.json
   # Scale and pose taken out first, for a template of unknown scale
   dsfms evaluate out/frame_004.ply truth/frame_004.ply --align similarity
 
-Errors are per vertex where both meshes have the same faces in the same order, and distances between
-the surfaces otherwise; lengths are in the unit of the files. The deformed zone is made of the
-vertices that moved by at least half of the largest displacement of a visible vertex. Visibility and
-displacement come from <truth>_vertices.npz (arrays `visible`, `displacement`) beside the true mesh;
-without it visibility is taken from the reconstruction's `visible` and displacement from --rest.";
+Errors are per vertex where both meshes have the same faces in the same order,
+and distances between the surfaces otherwise. Lengths are in the unit of the
+truth, and the output says in which: cm and m are converted, template units (of
+a template without a known distance) cannot be compared with mm and need
+--align similarity. The deformed zone is made of the vertices that moved by at
+least half of the largest displacement of a visible vertex. Visibility and
+displacement come from <truth>_vertices.npz (arrays `visible`, `displacement`)
+beside the true mesh; without it visibility is taken from the reconstruction's
+`visible` and displacement from --rest. What could not be measured is said, and
+why.";
 
 /// Measure reconstructions against true meshes.
 #[derive(Debug, Args)]
@@ -77,16 +87,17 @@ impl From<Align> for Alignment {
 /// Run the command.
 pub fn run(args: &EvaluateArgs) -> anyhow::Result<Outcome> {
     let pairs = pairs(&args.found, &args.truth)?;
-    let rest = args.rest.as_deref().map(read_mesh).transpose()?;
-    let camera = args.camera.as_deref().map(read_camera).transpose()?.map(|file| file.camera);
-    let options = EvaluateOptions { alignment: args.align.into() };
+    let given = Given {
+        rest: args.rest.as_deref().map(read_mesh).transpose()?,
+        camera: args.camera.as_deref().map(read_camera).transpose()?.map(|file| file.camera),
+        alignment: args.align.into(),
+    };
     let mut results = BTreeMap::new();
     let mut missing = 0;
     for (name, found, truth) in pairs {
         match truth {
             Some(truth) => {
-                let result = compare(&found, &truth, rest.as_ref(), camera.as_ref(), &options)?;
-                results.insert(name, result);
+                results.insert(name, given.compare(&found, &truth)?);
             }
             None => {
                 eprintln!("warning: {name}: no true mesh of this name");
@@ -134,72 +145,92 @@ fn pairs(found: &Path, truth: &Path) -> anyhow::Result<Vec<Pair>> {
     }
 }
 
-fn compare(
-    found: &Path,
-    truth: &Path,
-    rest: Option<&MeshFile>,
-    camera: Option<&CameraModel>,
-    options: &EvaluateOptions,
-) -> anyhow::Result<Evaluation> {
-    let (found_file, truth_file) = (read_mesh(found)?, read_mesh(truth)?);
-    let side = vertex_truth_path(truth);
-    let given = side.is_file().then(|| read_vertex_truth(&side)).transpose()?;
-    let positions = &truth_file.mesh.positions;
-    let (visible, displacement) = match given {
-        Some(known) => (Some(known.visible), Some(known.displacement)),
-        None => {
-            let seen = found_file.attributes.get("visible");
-            let seen = seen.filter(|s| s.len() == positions.len());
-            let rest = rest.and_then(|r| displacement_from_rest(&r.mesh.positions, positions));
-            (seen.map(|s| s.iter().map(|&v| v > 0.0).collect()), rest)
-        }
-    };
-    let zone = displacement.map(|d| deformed_zone(&d, visible.as_deref(), extent(positions)));
-    let reference = Truth {
-        mesh: &truth_file.mesh,
-        visible: visible.as_deref(),
-        zone: zone.as_deref(),
-        camera,
-    };
-    let name = || format!("{} against {}", found.display(), truth.display());
-    evaluate(&found_file.mesh, &reference, options).with_context(name)
+/// What all meshes are compared with, and how.
+struct Given {
+    rest: Option<MeshFile>,
+    camera: Option<CameraModel>,
+    alignment: Alignment,
 }
 
-fn table(results: &BTreeMap<String, Evaluation>) -> String {
-    let mut text = format!("{:<22}{:<20}", "mesh", "part");
-    for column in ["count", "rms", "mean", "median", "p90", "max"] {
-        text += &format!("{column:>9}");
-    }
-    text.push('\n');
-    for (name, e) in results {
-        for (part, stats) in parts(e) {
-            text += &format!("{name:<22}{part:<20}{:>9}", stats.count);
-            for value in [stats.rms, stats.mean, stats.median, stats.p90, stats.max] {
-                text += &format!("{value:>9.3}");
+impl Given {
+    fn compare(&self, found: &Path, truth: &Path) -> anyhow::Result<Told> {
+        let truth_file = read_mesh(truth)?;
+        let (found_file, unit) = self.in_unit_of(read_mesh(found)?, found, &truth_file, truth)?;
+        let positions = &truth_file.mesh.positions;
+        let side = vertex_truth_path(truth);
+        let known = side.is_file().then(|| read_vertex_truth(&side)).transpose()?;
+        let (visible, displacement) = match known {
+            Some(known) => (Some(known.visible), Some(known.displacement)),
+            None => {
+                let seen = found_file.attributes.get("visible");
+                let seen = seen.filter(|s| s.len() == positions.len());
+                let seen = seen.map(|s| s.iter().map(|&v| v > 0.0).collect::<Vec<_>>());
+                (seen, self.displacement(&truth_file, unit)?)
             }
-            text.push('\n');
+        };
+        let zone = displacement.map(|d| deformed_zone(&d, visible.as_deref(), extent(positions)));
+        let reference = Truth {
+            mesh: &truth_file.mesh,
+            visible: visible.as_deref(),
+            zone: zone.as_deref(),
+            camera: self.camera.as_ref(),
+        };
+        let options = EvaluateOptions { alignment: self.alignment };
+        let errors = evaluate(&found_file.mesh, &reference, &options)
+            .with_context(|| format!("{} against {}", found.display(), truth.display()))?;
+        let not_computed = Gaps {
+            found: &found_file.mesh,
+            truth: &truth_file.mesh,
+            visible: visible.is_some(),
+            zone: zone.as_deref(),
+            rest: self.rest.is_some(),
+            camera: self.camera.is_some(),
         }
-        if let Some(rms) = e.edge_length_rms {
-            text += &format!("{name:<22}{:<20}{:>9}{rms:>9.3}\n", "edge length", "");
-        }
+        .reasons();
+        let unit = unit.map_or("not stated", MeshUnit::label);
+        Ok(Told { unit, errors, not_computed })
     }
-    text
-}
 
-/// The rows that are known of a mesh.
-fn parts(e: &Evaluation) -> Vec<(&'static str, ErrorStats)> {
-    let v = e.vertices.as_ref();
-    [
-        ("all", v.map(|v| v.all)),
-        ("visible", v.and_then(|v| v.visible)),
-        ("hidden", v.and_then(|v| v.hidden)),
-        ("zone", v.and_then(|v| v.zone)),
-        ("visible zone", v.and_then(|v| v.visible_zone)),
-        ("reprojection px", e.reprojection_px),
-        ("to true surface", Some(e.found_to_truth)),
-        ("from true surface", Some(e.truth_to_found)),
-    ]
-    .into_iter()
-    .filter_map(|(name, stats)| Some((name, stats?)))
-    .collect()
+    /// The reconstruction in the unit of the truth, and that unit.
+    fn in_unit_of(
+        &self,
+        found: MeshFile,
+        path: &Path,
+        truth: &MeshFile,
+        truth_path: &Path,
+    ) -> anyhow::Result<(MeshFile, Option<MeshUnit>)> {
+        let Some(unit) = truth.unit.or(found.unit) else { return Ok((found, None)) };
+        let stated = found.unit.unwrap_or(unit);
+        if stated.factor_to(unit).is_none() && self.alignment == Alignment::Similarity {
+            return Ok((MeshFile { unit: Some(unit), ..found }, Some(unit)));
+        }
+        let found = found.in_unit(unit).map_err(|_| {
+            Usage(format!(
+                "{} is in {}, {} in {}: no factor between the two is known; give --align similarity, which \
+                 fits the scale too, or a template of known scale (`dsfms template --scale-reference`, \
+                 --camera-step or --scale-mesh)",
+                path.display(),
+                stated.label(),
+                truth_path.display(),
+                unit.label()
+            ))
+        })?;
+        Ok((found, Some(unit)))
+    }
+
+    /// How far the vertices of the truth are from `--rest`, in the unit of the truth.
+    fn displacement(
+        &self,
+        truth: &MeshFile,
+        unit: Option<MeshUnit>,
+    ) -> anyhow::Result<Option<Vec<f64>>> {
+        let Some(rest) = self.rest.clone() else { return Ok(None) };
+        let rest = match unit {
+            Some(unit) => rest
+                .in_unit(unit)
+                .map_err(|mismatch| Usage(format!("--rest and the true mesh: {mismatch}")))?,
+            None => rest,
+        };
+        Ok(displacement_from_rest(&rest.mesh.positions, &truth.mesh.positions))
+    }
 }

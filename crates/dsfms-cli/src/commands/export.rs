@@ -2,22 +2,27 @@
 
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
+use crate::formats::write_material;
 use crate::pictures::template::write_pictures;
 use crate::progress::Reporter;
+use anyhow::Context;
 use clap::Args;
-use dsfms::io::colmap::{Format, write_model};
-use dsfms::io::obj::write_obj;
+use dsfms::io::colmap::{ColmapModel, Format, write_model};
+use dsfms::io::images::find_frames;
+use dsfms::io::obj::{ObjExtras, write_obj};
 use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::io::stl::write_stl;
-use dsfms::io::template::{read_template, write_viewer};
+use dsfms::io::template::{read_template, vertex_colours, write_viewer};
 use dsfms::io::template_sparse::colmap_model;
+use dsfms::io::vtk::{VtkExtras, write_vtp};
+use dsfms::mesh::normals::vertex_normals;
 use dsfms::template::Template;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
 Examples:
   # Cameras, poses and sparse points for COLMAP, as binary files
-  dsfms export organ.template --colmap sparse/0 --binary
+  dsfms export organ.template --colmap sparse/0 --images exploration/ --binary
   # The surface for MeshLab and for a web viewer
   dsfms export organ.template --mesh organ.obj --mesh organ.glb
   # Pictures of flattening and albedo
@@ -33,11 +38,15 @@ pub struct ExportArgs {
     /// Folder for a COLMAP model of the exploration: cameras, images, points3D.
     #[arg(long, value_name = "DIR")]
     colmap: Option<PathBuf>,
+    /// Folder of the exploration's images, whose file names the COLMAP model then holds; without it the
+    /// names have no extension, and other programs do not find the images.
+    #[arg(long, value_name = "DIR", requires = "colmap")]
+    images: Option<PathBuf>,
     /// Write the COLMAP model as .bin instead of .txt.
     #[arg(long, requires = "colmap")]
     binary: bool,
-    /// Surface as PLY, OBJ (with UV), STL or GLB (with UV and albedo), by the file's extension; may
-    /// be given several times.
+    /// Surface as PLY (with normals and albedo as colour), OBJ (with UV, .mtl and albedo), VTP, STL or
+    /// GLB (with UV and albedo), by the file's extension; may be given several times.
     #[arg(long, value_name = "FILE")]
     mesh: Vec<PathBuf>,
     /// Folder for pictures: flattening.png, albedo.png, albedo_spread.png.
@@ -51,13 +60,13 @@ pub fn run(args: &ExportArgs, global: &Global, reporter: &Reporter) -> anyhow::R
         return Err(Usage("nothing to export; give --colmap, --mesh or --pictures".into()).into());
     }
     if let Some(path) = args.mesh.iter().find(|p| kind(p).is_none()) {
-        let problem = format!("--mesh {}: expected .ply, .obj, .stl or .glb", path.display());
+        let problem = format!("--mesh {}: expected .ply, .obj, .vtp, .stl or .glb", path.display());
         return Err(Usage(problem).into());
     }
     let template = read_template(&args.template)?;
     let mut lines = Vec::new();
     if let Some(folder) = &args.colmap {
-        lines.push(colmap(&template, folder, args.binary)?);
+        lines.push(colmap(&template, folder, args)?);
     }
     for path in &args.mesh {
         mesh(&template, path)?;
@@ -75,15 +84,18 @@ pub fn run(args: &ExportArgs, global: &Global, reporter: &Reporter) -> anyhow::R
     Ok(Outcome::Ok)
 }
 
-fn colmap(template: &Template, folder: &Path, binary: bool) -> anyhow::Result<String> {
-    let model = colmap_model(template);
+fn colmap(template: &Template, folder: &Path, args: &ExportArgs) -> anyhow::Result<String> {
+    let mut model = colmap_model(template);
+    if let Some(images) = &args.images {
+        name_files(&mut model, images)?;
+    }
     if model.cameras.is_empty() || model.images.is_empty() {
         return Err(Usage(
             "the template has no exploration frames, so there is no COLMAP model of it".into(),
         )
         .into());
     }
-    write_model(folder, &model, if binary { Format::Binary } else { Format::Text })?;
+    write_model(folder, &model, if args.binary { Format::Binary } else { Format::Text })?;
     let sightings: usize = model.points.iter().map(|p| p.track.len()).sum();
     Ok(format!(
         "{}: {} images, {} points, {sightings} observations, lengths in {}",
@@ -94,11 +106,25 @@ fn colmap(template: &Template, folder: &Path, binary: bool) -> anyhow::Result<St
     ))
 }
 
+/// The names of the image files, by the stems that frames have.
+fn name_files(model: &mut ColmapModel, folder: &Path) -> anyhow::Result<()> {
+    let files = find_frames(&[folder.into()])?;
+    for image in &mut model.images {
+        let own = |path: &&PathBuf| path.file_stem().is_some_and(|stem| *stem == *image.name);
+        let file = files.iter().find(own).with_context(|| {
+            format!("--images {}: no image is called {:?}", folder.display(), image.name)
+        })?;
+        image.name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    }
+    Ok(())
+}
+
 #[derive(Clone, Copy)]
 enum Kind {
     Ply,
     Obj,
     Stl,
+    Vtp,
     Glb,
 }
 
@@ -108,6 +134,7 @@ fn kind(path: &Path) -> Option<Kind> {
         "ply" => Some(Kind::Ply),
         "obj" => Some(Kind::Obj),
         "stl" => Some(Kind::Stl),
+        "vtp" => Some(Kind::Vtp),
         "glb" => Some(Kind::Glb),
         _ => None,
     }
@@ -119,11 +146,27 @@ fn mesh(template: &Template, path: &Path) -> anyhow::Result<()> {
     match kind(path) {
         Some(Kind::Ply) => {
             let expected = (!template.sigma.is_empty()).then_some(template.sigma.as_slice());
-            let extras = PlyExtras { confidence: expected, ..Default::default() };
+            let (colours, normals) =
+                (vertex_colours(template), vertex_normals(&mesh.topology, &mesh.positions));
+            let extras = PlyExtras {
+                confidence: expected,
+                color: colours.as_deref(),
+                normals: Some(&normals),
+                ..Default::default()
+            };
             write_ply(path, &mesh.topology, &mesh.positions, unit, &extras)?;
         }
-        Some(Kind::Obj) => write_obj(path, mesh, uv, unit, &[])?,
-        Some(Kind::Stl) => write_stl(path, mesh)?,
+        Some(Kind::Obj) => {
+            let library = path.with_extension("mtl");
+            let written = write_material(&library, template)?;
+            let name = library.file_name().unwrap_or_default().to_string_lossy();
+            let material = written.then_some(&*name);
+            write_obj(path, mesh, unit, &ObjExtras { uv, material })?;
+        }
+        Some(Kind::Stl) => write_stl(path, mesh, unit)?,
+        Some(Kind::Vtp) => {
+            write_vtp(path, &mesh.topology, &mesh.positions, unit, &VtkExtras::default())?;
+        }
         Some(Kind::Glb) | None => write_viewer(path, template)?,
     }
     Ok(())

@@ -23,17 +23,21 @@ Examples:
   # One frame, shaded, from the laparoscope and from the side
   dsfms figure out --frame 3 -o frame3.png
   # All methods of the demo with their error against the truth, as SVG
-  dsfms figure dsfms-demo --frame 4 --truth dsfms-demo/truth/frame_004.ply -o methods.svg
+  dsfms figure dsfms-demo --frame 4 --truth dsfms-demo/truth/frame_004.ply \\
+      -o methods.svg
   # All around, with the structures that were carried along
   dsfms figure out --frame 3 --turntable 8 -o turn.png
   # A mesh with the albedo of its template
-  dsfms figure out/frame_003.ply --template organ.template --views front,side,above -o organ.png
+  dsfms figure out/frame_003.ply --template organ.template \\
+      --views front,side,above -o organ.png
 
-Where the frames say which vertices the camera saw (output folders do), the rest of the shape is grey:
-nothing but the template speaks of it. Hidden structures show through the shape, fainter the deeper.
-Rows are methods (output folders), columns views of the shape, of the albedo (with --template) and of
-the error (with --truth) or, where the frames have one, of the expected error. The truth must have the
-vertices of the frames. Errors are distances from vertex to vertex, without alignment.";
+Where the frames say which vertices the camera saw (output folders do), the
+rest of the shape is grey: nothing but the template speaks of it. Hidden
+structures show through the shape, fainter the deeper. Rows are methods (output
+folders), columns views of the shape, of the albedo (with --template) and of
+the error (with --truth) or, where the frames have one, of the expected error.
+The truth must have the vertices of the frames. Errors are distances from
+vertex to vertex, without alignment.";
 
 /// Draw a publication figure of one frame.
 #[derive(Debug, Args)]
@@ -135,6 +139,8 @@ pub fn run(args: &FigureArgs) -> anyhow::Result<Outcome> {
 
 fn rows(args: &FigureArgs) -> anyhow::Result<Vec<Row>> {
     let truth = args.truth.as_deref().map(read_mesh).transpose()?;
+    let mut unit = truth.as_ref().and_then(|truth| truth.unit);
+    let first = if unit.is_some() { "the truth" } else { "the first mesh" };
     let mut rows = Vec::new();
     for path in &args.paths {
         let label = || path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -147,7 +153,13 @@ fn rows(args: &FigureArgs) -> anyhow::Result<Vec<Row>> {
         }
         for column in found {
             let chosen = choose(&column, path, args.frame)?;
-            let file = read_mesh(chosen)?;
+            let mut file = read_mesh(chosen)?;
+            // One colour bar for all rows: one unit, that of the truth or of the first row.
+            unit = unit.or(file.unit);
+            if let Some(unit) = unit {
+                let of = || format!("{}: its unit and that of {first}", chosen.display());
+                file = file.in_unit(unit).with_context(of)?;
+            }
             let values = match &truth {
                 Some(truth) => Some(errors(&file, truth, &column.name)?),
                 None => file.attributes.get("confidence").cloned(),
@@ -165,13 +177,23 @@ fn rows(args: &FigureArgs) -> anyhow::Result<Vec<Row>> {
 fn choose<'a>(column: &'a Column, path: &Path, frame: Option<u64>) -> anyhow::Result<&'a PathBuf> {
     let number = |p: &PathBuf| frame_number(&p.file_stem().unwrap_or_default().to_string_lossy());
     match frame {
-        Some(n) if path.is_dir() => column
-            .paths
-            .iter()
-            .find(|p| number(p) == Some(n))
-            .with_context(|| format!("{} holds no frame {n}", column.name)),
+        Some(n) if path.is_dir() => {
+            column.paths.iter().find(|p| number(p) == Some(n)).with_context(|| {
+                let held: Vec<u64> = column.paths.iter().filter_map(number).collect();
+                format!("{} holds no frame {n}; it holds {}", column.name, runs(&held))
+            })
+        }
         _ => Ok(&column.paths[0]),
     }
+}
+
+/// Ascending numbers as runs: `0-3, 7`.
+fn runs(numbers: &[u64]) -> String {
+    let runs = numbers.chunk_by(|a, b| a + 1 == *b).map(|run| match run {
+        [first, .., last] => format!("{first}-{last}"),
+        _ => run.iter().map(u64::to_string).collect(),
+    });
+    runs.collect::<Vec<_>>().join(", ")
 }
 
 /// `structures/frame_NNN_*.ply` beside a frame.

@@ -1,6 +1,7 @@
 //! One file per subcommand.
 
 pub mod calibrate;
+pub mod completions;
 pub mod demo;
 pub mod evaluate;
 pub mod experiment;
@@ -25,7 +26,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let global = &arguments.global;
     let live = matches!(&arguments.command, Command::Track(args) if args.realtime);
     start_threads(global.threads.map(usize::from), live)?;
-    let reporter = Reporter::new(global.quiet);
+    let reporter = Reporter::new(global.quiet, global.progress);
     let result = match &arguments.command {
         Command::Calibrate(args) => calibrate::run(args, global, &reporter),
         Command::Template(args) => template::run(args, global, &reporter),
@@ -40,6 +41,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Command::Demo(args) => demo::run(args, global, &reporter),
         Command::View(args) => view::run(args),
         Command::Figure(args) => figure::run(args),
+        Command::Completions(args) => completions::run(args),
+        Command::Man(args) => completions::man(args),
     };
     reporter.finish();
     result

@@ -8,7 +8,8 @@ use dsfms::track::TrackOptions;
 const EXAMPLES: &str = "\
 Examples:
   dsfms options reconstruct > options.toml
-  dsfms reconstruct organ.template deformed/ --camera camera.json --options options.toml -o out";
+  dsfms reconstruct organ.template deformed/ --camera camera.json \\
+      --options options.toml -o out";
 
 /// Print the options file of a command: every weight and threshold with its default, explained.
 #[derive(Debug, Args)]

@@ -37,21 +37,26 @@ Examples:
   # Matches of your own, instruments masked: white = instrument
   dsfms reconstruct organ.template deformed/*.png --camera camera.json \\
       --matches matches/ --instrument-masks instruments/ -o out
-  # Motion only (eq. 3)
-  dsfms reconstruct organ.template frame_004.png --camera camera.json --method dsfm -o out
+  # Motion only (eq. 3), where albedo or light are not to be trusted
+  dsfms reconstruct organ.template frame_004.png --camera camera.json \\
+      --method dsfm -o out
 
-Masks: white (above 127) = instrument for --instrument-masks, = organ for --organ-masks. A mask that
-covers nearly all or nothing draws a warning.
+Masks: white (above 127) = instrument for --instrument-masks, = organ for
+--organ-masks. A mask that covers nearly all or nothing draws a warning.
 
-Matches: CSV with the columns face,b1,b2,b3,x,y (0-based face of the template, barycentrics, pixels
-with centres at integers), found by name; further columns are ignored, rows with visible = 0 skipped.
-A folder holds one file per frame, of the same name or number.
+Matches: CSV with the columns face,b1,b2,b3,x,y (0-based face of the template,
+barycentrics, pixels with centres at integers), found by name; further columns
+are ignored, rows with visible = 0 skipped. A folder holds one file per frame,
+of the same name or number.
 
-Written to OUT for every frame: frame_NNN.ply (the template's faces and vertex order, camera axes of
-the frame, unit in a header comment, visible per vertex), frame_NNN.json (status, pose, gain, cost of
-every energy term), frame_NNN_overlay.png; summary.csv; and report.html, one page with everything in 3D. With --formats also frame_NNN.vtp (ParaView,
-3D Slicer), .obj, .stl, and frames.glb, an animation with one frame a second. NNN is the last number in the image's
-name where all have one and no two the same, else the place in the sequence.";
+Written to OUT for every frame: frame_NNN.ply (the template's faces and vertex
+order, camera axes of the frame, unit in a header comment, visible per vertex),
+frame_NNN.json (status, pose, gain, cost of every energy term),
+frame_NNN_overlay.png; summary.csv; and report.html, one page with everything
+in 3D. With --formats also frame_NNN.vtp (ParaView, 3D Slicer), .obj, .stl, and
+frames.glb, an animation with one frame a second. NNN is the last number in the
+image's name where all have one and no two the same, else the place in the
+sequence.";
 
 /// Reconstruct the deformed organ in every given frame.
 #[derive(Debug, Args)]
@@ -64,57 +69,65 @@ pub struct ReconstructArgs {
     #[arg(required = true, value_name = "IMAGES")]
     images: Vec<PathBuf>,
     /// Intrinsics of these frames; default the template's own camera.
-    #[arg(long, value_name = "FILE")]
+    #[arg(help_heading = "Input", long, value_name = "FILE")]
     camera: Option<PathBuf>,
     /// Matches: a CSV, or a folder of them; without it they are found automatically.
-    #[arg(long, value_name = "FILE_OR_DIR")]
+    #[arg(help_heading = "Input", long, value_name = "FILE_OR_DIR")]
     matches: Option<PathBuf>,
     /// Masks of the instruments, white = instrument.
-    #[arg(long, value_name = "DIR")]
+    #[arg(help_heading = "Input", long, value_name = "DIR")]
     instrument_masks: Option<PathBuf>,
     /// Outlines of the organ, white = organ.
-    #[arg(long, value_name = "DIR")]
+    #[arg(help_heading = "Input", long, value_name = "DIR")]
     organ_masks: Option<PathBuf>,
-    /// What to do.
-    #[arg(long, value_enum, default_value_t = MethodName::Dsfms)]
-    method: MethodName,
+    /// What is solved; default joint, which has the smallest errors, or dsfm on a template without albedo.
+    /// dsfm, motion alone, where albedo or light are not to be trusted (smoke, blood, another lens);
+    /// dsfms to follow the paper; rigid and sfs to compare.
+    #[arg(help_heading = "Method", long, value_enum)]
+    method: Option<MethodName>,
     /// What the surface keeps of its rest shape in eq. 3 and in the joint solve; without it that of
     /// the options file, or conformal.
-    #[arg(long, value_enum, conflicts_with = "literal")]
+    #[arg(help_heading = "Method", long, value_enum, conflicts_with = "literal")]
     prior: Option<PriorName>,
     /// Solve eqs. 3 and 4 as printed in the paper instead of the repaired form.
-    #[arg(long)]
+    #[arg(help_heading = "Method", long)]
     literal: bool,
     /// Weights and thresholds, as `dsfms options reconstruct` prints them; what the file does not name
     /// keeps its default.
-    #[arg(long, value_name = "FILE")]
+    #[arg(help_heading = "Method", long, value_name = "FILE")]
     options: Option<PathBuf>,
     /// Meshes of hidden structures in the template's frame and unit (tumour, vessels), carried along
     /// with the deformation: OUT/structures and OUT/frame_NNN_structures.png.
-    #[arg(long, value_name = "MESH", num_args = 1..)]
+    #[arg(help_heading = "Input", long, value_name = "MESH", num_args = 1..)]
     structures: Vec<PathBuf>,
     /// Further files of every frame, for other programs.
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "FORMATS")]
+    #[arg(
+        help_heading = "Output",
+        long,
+        value_enum,
+        value_delimiter = ',',
+        value_name = "FORMATS"
+    )]
     formats: Vec<Format>,
     /// Leave out OUT/report.html.
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     no_report: bool,
     /// Folder for the results.
-    #[arg(short, long, value_name = "OUT")]
+    #[arg(help_heading = "Output", short, long, value_name = "OUT")]
     output: PathBuf,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum MethodName {
-    /// Rigid pose only.
+    /// Rigid pose only: how far a shape without deformation comes.
     Rigid,
     /// Shape from shading on the rigid pose.
     Sfs,
-    /// Motion (eq. 3).
+    /// Motion (eq. 3): needs matches, no albedo and no light.
     Dsfm,
-    /// Motion and shading (eq. 4).
+    /// Motion, then shading (eq. 4 of the paper).
     Dsfms,
-    /// Motion, prior and shading in one problem (beyond the paper).
+    /// Motion, prior and shading in one problem (beyond the paper): the smallest errors.
     Joint,
 }
 
@@ -176,6 +189,7 @@ struct Job<'a> {
     deformable: Deformable,
     camera: CameraModel,
     tone: ToneCurve,
+    method: Method,
     options: ReconstructOptions,
     structures: Option<Structures>,
     reporter: &'a Reporter,
@@ -190,6 +204,10 @@ pub fn run(
     place::check(&args.output, &places(args))?;
     let job = prepare(args, global, reporter)?;
     let sources = inputs::sources(&args.images, inputs::Purpose::Reconstruct, reporter)?;
+    inputs::check_sizes(&sources, &job.camera, job.camera_file())?;
+    let instrument = args.instrument_masks.as_deref();
+    inputs::check_masks(&sources, instrument, MaskKind::Instrument)?;
+    inputs::check_masks(&sources, args.organ_masks.as_deref(), MaskKind::Organ)?;
     let inputs: Vec<String> = sources.iter().map(Source::name).collect();
     let names = outputs::output_names(&inputs);
     place::renew(&args.output, "reconstruct")?;
@@ -265,12 +283,30 @@ fn prepare<'a>(
     if let Some(prior) = args.prior.map(Prior::from) {
         (options.register.prior, options.joint.prior) = (prior, prior);
     }
+    let method = method(args, &template, reporter);
     let structures = Structures::read(&args.structures, &template, reporter)?;
     let deformable = Deformable::of(&template.mesh);
-    Ok(Job { args, structures, template, deformable, camera, tone, options, reporter })
+    Ok(Job { args, structures, template, deformable, camera, tone, method, options, reporter })
+}
+
+/// The method asked for, or the best that the template allows.
+fn method(args: &ReconstructArgs, template: &Template, reporter: &Reporter) -> Method {
+    match args.method {
+        Some(name) => name.into(),
+        None if template.albedo.is_some() => Method::Joint,
+        None => {
+            reporter.warn("the template holds no albedo: motion alone is solved (--method dsfm)");
+            Method::Dsfm
+        }
+    }
 }
 
 impl Job<'_> {
+    /// Where the camera comes from.
+    fn camera_file(&self) -> &Path {
+        self.args.camera.as_deref().unwrap_or(&self.args.template)
+    }
+
     fn formats(&self) -> Formats<'_> {
         let Self { args, template, .. } = self;
         Formats { folder: &args.output, template, list: &args.formats }
@@ -280,7 +316,7 @@ impl Job<'_> {
     /// With `shown`, also the frame for the page.
     fn frame(&self, source: &Source, name: &str, i: usize, shown: bool) -> anyhow::Result<Done> {
         let input = source.name();
-        let method = self.args.method.into();
+        let method = self.method;
         let files = FrameFiles { folder: &self.args.output, name };
         let (mut page, mut shape) = (None, None);
         let report = match self.attempt(source) {
@@ -360,7 +396,7 @@ impl Job<'_> {
         frames: Vec<ShownFrame>,
     ) -> anyhow::Result<()> {
         let template = self.args.template.file_name().unwrap_or_default().to_string_lossy();
-        let method = method_name(self.args.method.into());
+        let method = method_name(self.method);
         let mut page =
             frames_page((&template, &self.template), &self.camera, method, rows, frames)?;
         page.data.structures = self.structures.as_ref().map_or(Vec::new(), Structures::shown);
@@ -369,8 +405,7 @@ impl Job<'_> {
 
     fn attempt(&self, source: &Source) -> anyhow::Result<(Frame, Reconstruction)> {
         let frame = source.frame()?;
-        let camera_file = self.args.camera.as_deref().unwrap_or(&self.args.template);
-        inputs::check_size(&frame, &self.camera, camera_file)?;
+        inputs::check_size(&frame, &self.camera, self.camera_file())?;
         let matches = self.matches(&frame)?;
         let mask = |option: &Option<PathBuf>, kind| -> anyhow::Result<Option<Mask>> {
             let read = |p: &PathBuf| inputs::mask_of(&frame, source.path(), p, kind, self.reporter);
@@ -387,8 +422,7 @@ impl Job<'_> {
             organ: organ.as_ref(),
         };
         let Self { template, deformable, options, .. } = self;
-        let result =
-            reconstruct_with(template, deformable, &observation, self.args.method.into(), options)?;
+        let result = reconstruct_with(template, deformable, &observation, self.method, options)?;
         Ok((frame, result))
     }
 

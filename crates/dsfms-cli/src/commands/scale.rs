@@ -13,7 +13,7 @@ use dsfms::template::scale::{PickedPoint, Scale, ScaleReference};
 pub struct ScaleArgs {
     /// Two points of the tissue, each FRAME:X,Y in px (or a vertex number), and their distance, as
     /// 35mm; may be given several times.
-    #[arg(
+    #[arg(help_heading = "Scale and calibration", 
         long,
         num_args = 3,
         value_names = ["POINT", "POINT", "DISTANCE"],
@@ -22,7 +22,7 @@ pub struct ScaleArgs {
     )]
     scale_reference: Vec<String>,
     /// Two frames and how far the camera moved between them, as 12mm; may be given several times.
-    #[arg(
+    #[arg(help_heading = "Scale and calibration", 
         long,
         num_args = 3,
         value_names = ["FRAME", "FRAME", "DISTANCE"],

@@ -15,7 +15,7 @@ use dsfms::geometry::Point2;
 use dsfms::image::{ColorImage, ToneCurve};
 use dsfms::io::camera::{CameraFile, write_camera};
 use dsfms::io::matches::write_matches;
-use dsfms::io::obj::write_obj;
+use dsfms::io::obj::{ObjExtras, write_obj};
 use dsfms::io::ply::{PlyExtras, Precision, write_ply};
 use dsfms::io::vertex_truth::{VertexTruth, write_vertex_truth};
 use dsfms::mesh::Mesh;
@@ -34,27 +34,31 @@ Examples:
   dsfms synth --organ uterus --ext 0,10,20 --count 5 --seed 1 -o cases
   cd cases/ext10/case_0000
   dsfms template --mesh rest.obj --albedo albedo.png -o organ.template
-  dsfms reconstruct organ.template frame_000.png --camera camera.json --matches matches.csv \\
-      --method joint -o out
+  dsfms reconstruct organ.template frame_000.png --camera camera.json \\
+      --matches matches.csv --method joint -o out
   dsfms evaluate out truth --camera camera.json
   # A clip of 500 frames to track, of a part of a uterus
   dsfms synth --video --organ uterus --seed 1 -o clip
   dsfms track clip/organ.template clip/frames --camera clip/camera.json -o out
   # The same pictures as a video file
-  ffmpeg -framerate 25 -i clip/frames/frame_%03d.png -crf 15 -pix_fmt yuv420p clip.mp4
+  ffmpeg -framerate 25 -i clip/frames/frame_%03d.png -crf 15 \\
+      -pix_fmt yuv420p clip.mp4
 
-Written for every case: frame_000.png, camera.json (with the light), matches.csv, rest.obj (mm, with
-UV) and albedo.png, truth/frame_000.ply (camera axes, the order of rest.obj) with
-truth/frame_000_vertices.npz, vertices.csv (vertex,zone,visible,displacement; the zone is what moved by
-more than a tenth of the largest displacement) and case.json.
+Written for every case: frame_000.png, camera.json (with the light),
+matches.csv, rest.obj (mm, with UV) and albedo.png, truth/frame_000.ply (camera
+axes, the order of rest.obj) with truth/frame_000_vertices.npz, vertices.csv
+(vertex,zone,visible,displacement; the zone is what moved by more than a tenth
+of the largest displacement) and case.json.
 
-With --video: frames/frame_NNN.png, exploration/ (24 frames at rest), camera.json, rest.ply (mm),
-organ.template (mesh and poses given; light, albedo and descriptors measured in exploration/), clip.json
-and truth/: clip.npz (vertices: frames x vertices x 3 in camera axes, displacement in mm, visible, zone:
-what moved by at least half of the largest visible displacement), events.csv (event,first,last frame),
-frames.csv, instruments/ (masks), poses.json, light.json. The organ is pulled and pushed in turn,
-instruments touch and pass, the exposure jumps, the lens is covered for 10 frames, one cut changes view
-and shape. A run that was stopped goes on where it was.";
+With --video: frames/frame_NNN.png, exploration/ (24 frames at rest),
+camera.json, rest.ply (mm), organ.template (mesh and poses given; light, albedo
+and descriptors measured in exploration/), clip.json and truth/: clip.npz
+(vertices: frames x vertices x 3 in camera axes, displacement in mm, visible,
+zone: what moved by at least half of the largest visible displacement),
+events.csv (event,first,last frame), frames.csv, instruments/ (masks),
+poses.json, light.json. The organ is pulled and pushed in turn, instruments
+touch and pass, the exposure jumps, the lens is covered for 10 frames, one cut
+changes view and shape. A run that was stopped goes on where it was.";
 
 /// Write synthetic cases: deformed organs with image, matches and truth (paper, section 8.1).
 #[derive(Debug, Args)]
@@ -88,8 +92,8 @@ const ALBEDO_SIDE: usize = 1024;
 
 /// Run the command.
 pub fn run(args: &SynthArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
-    prepare_folder(&args.output)?;
     let organ = args.series.organ()?;
+    prepare_folder(&args.output)?;
     if args.video {
         return clip(args, &organ, global, reporter);
     }
@@ -177,7 +181,7 @@ fn write(folder: &Path, case: &Case) -> anyhow::Result<()> {
     )?;
     write_matches(&at("matches.csv"), &case.matches)?;
     let uv = planar_uv(mesh);
-    write_obj(&at("rest.obj"), mesh, Some(&uv), unit, &[])?;
+    write_obj(&at("rest.obj"), mesh, unit, &ObjExtras { uv: Some(&uv), material: None })?;
     if let Some(albedo) = &case.template.albedo {
         write_png(&at("albedo.png"), &albedo_picture(albedo, uv)?)?;
     }

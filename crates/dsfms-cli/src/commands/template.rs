@@ -9,12 +9,13 @@ use crate::args::Global;
 use crate::exit::{Outcome, Usage};
 use crate::inputs;
 use crate::memory::peak_mb;
-use crate::outputs::{prepare_folder, write_json};
+use crate::outputs::{check_folder, prepare_folder, write_json};
 use crate::pictures::template::{write_pictures, write_textures};
 use crate::place;
 use crate::progress::Reporter;
 use crate::report::template::template_page;
 use clap::{Args, ValueEnum};
+use dsfms::io::mesh::{MeshFile, MeshUnit};
 use dsfms::io::poses::{PoseList, match_poses, read_poses};
 use dsfms::io::template::{check_target, write_template};
 use dsfms::pipeline::{
@@ -22,44 +23,63 @@ use dsfms::pipeline::{
     template_from_frames, template_from_mesh, template_from_posed_frames, template_from_poses,
 };
 use dsfms::sfm::RefineIntrinsics;
+use dsfms::template::LengthUnit;
 use dsfms::template::albedo::Combine;
 use dsfms::template::flatten::FlattenMethod;
 use dsfms::template::light_fit::Vignetting;
-use found::{models_text, precision_row};
+use found::{models_text, precision_row, summary_text};
 use load::{Cameras, Loaded, load, parse_click, parse_outline};
-use mesh::{open_mesh, read_albedo, unit};
+use mesh::{Reading, open_mesh, read_albedo, unit};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 const EXAMPLES: &str = "\
 Examples:
-  # From frames (PNG, JPEG or TIFF in name order) of the organ at rest, seen by a moving camera
+  # From frames (PNG, JPEG or TIFF in name order) of the organ at rest, seen by
+  # a moving camera
   dsfms template exploration/ --camera camera.json -o organ.template
   # Only inside the organ's outline: white = organ
-  dsfms template exploration/ --camera camera.json --organ-masks masks/ -o organ.template
+  dsfms template exploration/ --camera camera.json --organ-masks masks/ \\
+      -o organ.template
   # From a video; the intrinsics are a guess to be refined
-  dsfms template endo.mp4 --camera guess.json --self-calibrate -o organ.template
+  dsfms template endo.mp4 --camera guess.json --self-calibrate \\
+      -o organ.template
   # The organ outlined by hand on one frame
-  dsfms template exploration/ --camera camera.json --organ-polygon frame_004:120,80,560,90,600,400,90,420 -o organ.template
+  dsfms template exploration/ --camera camera.json \\
+      --organ-polygon frame_004:120,80,560,90,600,400,90,420 \\
+      -o organ.template
   # In mm: two points of the tissue, picked in the frames, are 35 mm apart
-  dsfms template exploration/ --camera camera.json --scale-reference frame_003:812,440 frame_003:1020,610 35mm -o organ.template
-  # The organ is what this pixel shows, as far as the surface goes on without a step
-  dsfms template exploration/ --camera camera.json --organ-click 320,240@frame_004 -o organ.template
+  dsfms template exploration/ --camera camera.json \\
+      --scale-reference frame_003:812,440 frame_003:1020,610 35mm \\
+      -o organ.template
+  # The organ is what this pixel shows, as far as the surface goes on without a
+  # step
+  dsfms template exploration/ --camera camera.json \\
+      --organ-click 320,240@frame_004 -o organ.template
   # In mm: a surface of the organ from CT, in any place
-  dsfms template exploration/ --camera camera.json --organ-masks masks/ --scale-mesh liver.stl -o organ.template
+  dsfms template exploration/ --camera camera.json --organ-masks masks/ \\
+      --scale-mesh liver.stl -o organ.template
   # On a mesh of your own, in the world of known camera poses
-  dsfms template exploration/ --camera camera.json --mesh organ.ply --poses poses.json -o organ.template
-  # The camera poses are known (a tracked laparoscope, COLMAP), the surface is not
-  dsfms template exploration/ --camera camera.json --poses poses.json -o organ.template
-  # A mesh whose albedo is known: an image in its UV, or a CSV with one value (or r,g,b) a vertex
+  dsfms template exploration/ --camera camera.json --mesh organ.ply \\
+      --poses poses.json -o organ.template
+  # The camera poses are known (a tracked laparoscope, COLMAP), the surface is
+  # not
+  dsfms template exploration/ --camera camera.json --poses poses.json \\
+      -o organ.template
+  # A mesh whose albedo is known: an image in its UV, or a CSV with one value
+  # (or r,g,b) a vertex
   dsfms template --mesh organ.obj --albedo albedo.png -o organ.template
 
-Masks: white (above 127) = valid for --masks, = organ for --organ-masks. A mask belongs to the frame
-of the same name or number. A mask that covers nearly all or nothing draws a warning.
+Masks: white (above 127) = valid for --masks, = organ for --organ-masks. A mask
+belongs to the frame of the same name or number. A mask that covers nearly all
+or nothing draws a warning.
 
-The result is a folder: template.toml, template.glb, template.ply and more. Without --mesh its
-lengths are in template units, similar to the truth at an unknown scale; a known distance
-(--scale-reference, --camera-step) or a metric mesh (--scale-mesh) makes them mm. pictures/ shows the flattening and the albedo;
-precision.json says how far camera poses and sparse points may be off (expected errors and covariances).";
+The result is a folder: template.toml, template.glb, template.ply and more.
+Without --mesh its lengths are in template units, similar to the truth at an
+unknown scale; a known distance (--scale-reference, --camera-step) or a metric
+mesh (--scale-mesh) makes them mm. pictures/ shows the flattening and the
+albedo; precision.json says how far camera poses and sparse points may be off
+(expected errors and covariances).";
 
 /// Build a template (rest shape, albedo, descriptors) from exploration frames or a mesh.
 #[derive(Debug, Args)]
@@ -71,78 +91,92 @@ pub struct TemplateArgs {
     /// Intrinsics: camera.json, OpenCV YAML or JSON, or COLMAP's cameras.txt, cameras.bin
     /// or model folder; where the cameras of a model's images differ, frames are brought to
     /// that of most.
-    #[arg(long, value_name = "FILE")]
+    #[arg(help_heading = "Input", long, value_name = "FILE")]
     camera: Option<PathBuf>,
     /// Masks of the frames, white = valid image content (no instrument, inside the viewport).
-    #[arg(long, value_name = "DIR")]
+    #[arg(help_heading = "Input", long, value_name = "DIR")]
     masks: Option<PathBuf>,
     /// Outlines of the organ in the frames, white = organ.
-    #[arg(long, value_name = "DIR")]
+    #[arg(help_heading = "Organ", long, value_name = "DIR")]
     organ_masks: Option<PathBuf>,
     /// Outline of the organ on one frame, as FRAME:x,y,x,y,...; only the surface inside it stays. May
     /// be given for several frames.
-    #[arg(long, value_name = "FRAME:X,Y,...", value_parser = parse_outline, conflicts_with_all = ["organ_masks", "mesh"])]
+    #[arg(help_heading = "Organ", long, value_name = "FRAME:X,Y,...", value_parser = parse_outline, conflicts_with_all = ["organ_masks", "mesh"])]
     organ_polygon: Vec<OrganOutline>,
     /// A pixel of one frame (the first, or X,Y@FRAME) that shows the organ; only the surface connected
     /// to it stays. Without it, of parts that a step in depth separates, the one in the middle of the
     /// frames.
-    #[arg(long, value_name = "X,Y[@FRAME]", value_parser = parse_click, conflicts_with = "mesh")]
+    #[arg(help_heading = "Organ", long, value_name = "X,Y[@FRAME]", value_parser = parse_click, conflicts_with = "mesh")]
     organ_click: Option<OrganClick>,
     /// Leave the surface as stereo saw it; else the shading of all frames refines it within its expected
     /// error.
-    #[arg(long, conflicts_with = "mesh")]
+    #[arg(help_heading = "Surface", long, conflicts_with = "mesh")]
     no_shading_refinement: bool,
     /// Keep what lies behind the organ too, as one surface.
-    #[arg(long, conflicts_with_all = ["organ_masks", "organ_polygon", "organ_click", "mesh"])]
+    #[arg(help_heading = "Organ", long, conflicts_with_all = ["organ_masks", "organ_polygon", "organ_click", "mesh"])]
     whole: bool,
     /// Vertices of the template mesh, 100 to 50000; default 1000.
-    #[arg(long, value_name = "N")]
+    #[arg(help_heading = "Surface", long, value_name = "N")]
     vertices: Option<usize>,
     /// Shorter edges where the surface bends, longer ones where it is flat, 0.5 to 2 of the mean:
     /// STRENGTH from 0 (one length) to 1 (the same distance from the surface everywhere).
-    #[arg(long, value_name = "STRENGTH", num_args = 0..=1, require_equals = true, default_missing_value = "1", conflicts_with = "mesh")]
+    #[arg(help_heading = "Surface", long, value_name = "STRENGTH", num_args = 0..=1, require_equals = true, default_missing_value = "1", conflicts_with = "mesh")]
     adaptive: Option<f64>,
     /// Peel off the rim what the surface itself hides from every frame, or what faces away from all.
-    #[arg(long, conflicts_with = "mesh")]
+    #[arg(help_heading = "Surface", long, conflicts_with = "mesh")]
     peel_hidden: bool,
-    /// Surface to use: PLY, OBJ, STL or glTF; its vertex order and faces are kept.
-    #[arg(long, value_name = "FILE")]
+    /// Surface to use: PLY, OBJ, STL, glTF, OFF or VTK (.vtk, .vtp); its vertex order and faces are kept.
+    #[arg(help_heading = "Input", long, value_name = "FILE")]
     mesh: Option<PathBuf>,
+    /// Unit of the numbers in --mesh or --scale-mesh; default what the file says (glTF is in metres),
+    /// else mm.
+    #[arg(help_heading = "Input", long, value_enum, value_name = "UNIT")]
+    mesh_unit: Option<UnitName>,
+    /// Mend --mesh or --scale-mesh: merge vertices at the same place, remove repeated faces and those
+    /// without area, turn faces that run against their neighbours. What was done is said.
+    #[arg(help_heading = "Input", long)]
+    repair: bool,
     /// Known camera poses of the frames, in the mesh's frame if there is one: poses.json, or COLMAP's
     /// images.txt, images.bin or model folder. Without --mesh the surface is in their world and
     /// unit, called template units unless a known distance makes them mm.
-    #[arg(long, value_name = "FILE")]
+    #[arg(help_heading = "Input", long, value_name = "FILE")]
     poses: Option<PathBuf>,
     /// Albedo of the mesh: an image in its UV, or a CSV with one value (or r,g,b) per vertex.
-    #[arg(long, value_name = "FILE", requires = "mesh", conflicts_with = "poses")]
+    #[arg(
+        help_heading = "Input",
+        long,
+        value_name = "FILE",
+        requires = "mesh",
+        conflicts_with = "poses"
+    )]
     albedo: Option<PathBuf>,
     /// Estimate the lens's vignetting along with the light, where the camera file does not say.
-    #[arg(long, conflicts_with = "albedo")]
+    #[arg(help_heading = "Light and albedo", long, conflicts_with = "albedo")]
     estimate_vignetting: bool,
     /// What the albedos of single frames become; default robust.
-    #[arg(long, value_enum, conflicts_with = "albedo")]
+    #[arg(help_heading = "Light and albedo", long, value_enum, conflicts_with = "albedo")]
     albedo_rule: Option<AlbedoRule>,
     /// Refine focal length, principal point and radial distortion along with the poses.
-    #[arg(long, conflicts_with_all = ["mesh", "poses"])]
+    #[arg(help_heading = "Scale and calibration", long, conflicts_with_all = ["mesh", "poses"])]
     self_calibrate: bool,
     #[command(flatten)]
     scale: ScaleArgs,
     /// Surface of the same organ in mm (PLY, OBJ, STL or glTF), in any place: the template takes its
     /// scale from the placement that fits best.
-    #[arg(long, value_name = "MESH", conflicts_with_all = ["mesh", "scale_reference", "camera_step"])]
+    #[arg(help_heading = "Scale and calibration", long, value_name = "MESH", conflicts_with_all = ["mesh", "scale_reference", "camera_step"])]
     scale_mesh: Option<PathBuf>,
     /// How charts are flattened; default bff.
-    #[arg(long, value_enum)]
+    #[arg(help_heading = "Surface", long, value_enum)]
     flatten: Option<Flatten>,
     /// Sizes and thresholds as TOML, as `dsfms options template` prints them; what it does not name
     /// keeps its default, and what the command line names counts.
-    #[arg(long, value_name = "FILE")]
+    #[arg(help_heading = "Method", long, value_name = "FILE")]
     options: Option<PathBuf>,
     /// Leave out TEMPLATE/report.html.
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     no_report: bool,
     /// Template folder to write.
-    #[arg(short, long, value_name = "TEMPLATE")]
+    #[arg(help_heading = "Output", short, long, value_name = "TEMPLATE")]
     output: PathBuf,
 }
 
@@ -167,6 +201,45 @@ impl From<Flatten> for FlattenMethod {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
+enum UnitName {
+    /// Millimetres.
+    Mm,
+    /// Centimetres.
+    Cm,
+    /// Metres.
+    M,
+}
+
+impl From<UnitName> for MeshUnit {
+    fn from(name: UnitName) -> Self {
+        match name {
+            UnitName::Mm => Self::Millimetre,
+            UnitName::Cm => Self::Centimetre,
+            UnitName::M => Self::Metre,
+        }
+    }
+}
+
+impl TemplateArgs {
+    fn reading(&self) -> Reading {
+        Reading { unit: self.mesh_unit.map(Into::into), repair: self.repair }
+    }
+}
+
+/// `--scale-mesh`: a mesh that tells lengths.
+fn metric_mesh(path: &Path, args: &TemplateArgs, reporter: &Reporter) -> anyhow::Result<MeshFile> {
+    let mesh = open_mesh(path, args.reading(), reporter)?;
+    if unit(&mesh) == LengthUnit::TemplateUnit {
+        let problem = format!(
+            "--scale-mesh {}: the file is in template units, which tell no scale; give a mesh in mm, cm or m",
+            path.display()
+        );
+        return Err(Usage(problem).into());
+    }
+    Ok(mesh)
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum AlbedoRule {
     /// Mean that leaves outliers out, weighted by how squarely each frame sees the place.
     Robust,
@@ -187,7 +260,8 @@ impl From<AlbedoRule> for Combine {
 pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
     check(args)?;
     let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty());
-    prepare_folder(parent.unwrap_or(Path::new(".")))?;
+    let parent = parent.unwrap_or(Path::new("."));
+    check_folder(parent)?;
     check_target(&args.output)?;
     let optional = [&args.masks, &args.organ_masks].into_iter().flatten();
     let inputs: Vec<&Path> = args.frames.iter().chain(optional).map(PathBuf::as_path).collect();
@@ -196,7 +270,7 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
     let pictures = args.output.join("pictures");
     let (template, precision, loaded, complete) = match (args.frames.is_empty(), &args.mesh) {
         (true, Some(mesh)) => {
-            let mesh = open_mesh(mesh, reporter)?;
+            let mesh = open_mesh(mesh, args.reading(), reporter)?;
             let albedo =
                 args.albedo.as_deref().map(|p| read_albedo(p, &mesh, global)).transpose()?;
             let unit = unit(&mesh);
@@ -207,6 +281,7 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
             (built.template, built.precision, Some(loaded), complete)
         }
     };
+    prepare_folder(parent)?;
     write_template(&args.output, &template)?;
     if let Some(precision) = &precision {
         write_json(&args.output.join("precision.json"), precision)?;
@@ -243,6 +318,12 @@ fn check(args: &TemplateArgs) -> anyhow::Result<()> {
         }
         (false, Some(_), None, _) => wrong("frames on a given --mesh need --poses"),
         (false, _, _, None) => wrong("frames need --camera"),
+        _ if (args.repair || args.mesh_unit.is_some())
+            && args.mesh.is_none()
+            && args.scale_mesh.is_none() =>
+        {
+            wrong("--mesh-unit and --repair belong to --mesh or --scale-mesh")
+        }
         _ if args.vertices.is_some_and(|n| !(100..=50_000).contains(&n)) => wrong(&format!(
             "--vertices {}: expected 100 to 50000",
             args.vertices.unwrap_or_default()
@@ -303,10 +384,15 @@ fn from_frames(
     options: &TemplateOptions,
     reporter: &Reporter,
 ) -> anyhow::Result<(BuiltTemplate, Loaded, bool)> {
+    let start = Instant::now();
     let Some(camera_path) = &args.camera else {
         return Err(Usage("frames need --camera".into()).into());
     };
     let cameras = Cameras::open(camera_path, args, global)?;
+    // The small files first: a mistake in them is told before frames are decoded.
+    let metric = args.scale_mesh.as_deref().map(|p| metric_mesh(p, args, reporter)).transpose()?;
+    let given = args.mesh.as_deref().map(|p| open_mesh(p, args.reading(), reporter)).transpose()?;
+    let listed = args.poses.as_deref().map(|p| read_poses(p, PoseList::Exploration)).transpose()?;
     let loaded = load(args, &cameras, camera_path, reporter)?;
     let camera = &cameras.common;
     let mut options = options.clone();
@@ -314,7 +400,6 @@ fn from_frames(
         options.light.vignetting = Vignetting::Known(a);
     }
     let options = &options;
-    let metric = args.scale_mesh.as_deref().map(|p| open_mesh(p, reporter)).transpose()?;
     let exploration = Exploration {
         frames: &loaded.frames,
         valid: &loaded.valid,
@@ -324,21 +409,18 @@ fn from_frames(
         light: camera.file.light.as_ref(),
         metric: metric.as_ref().map(|m| &m.mesh),
     };
-    let poses = |path: &Path| -> anyhow::Result<_> {
-        let poses = read_poses(path, PoseList::Exploration)?;
-        let names: Vec<&str> = loaded.frames.iter().map(|f| f.name.as_str()).collect();
-        Ok(match_poses(&poses, &names))
-    };
-    let built = match (&args.mesh, &args.poses) {
-        (Some(mesh), Some(path)) => {
-            let mesh = open_mesh(mesh, reporter)?;
-            let poses = poses(path)?;
+    let names: Vec<&str> = loaded.frames.iter().map(|f| f.name.as_str()).collect();
+    let poses = listed.map(|list| match_poses(&list, &names));
+    let built = match (given, poses) {
+        (Some(mesh), Some(poses)) => {
             let unit = unit(&mesh);
             template_from_posed_frames(&exploration, mesh.mesh, unit, &poses, options, reporter)?
         }
-        (None, Some(path)) => template_from_poses(&exploration, &poses(path)?, options, reporter)?,
+        (None, Some(poses)) => template_from_poses(&exploration, &poses, options, reporter)?,
         _ => template_from_frames(&exploration, options, reporter)?,
     };
+    let seconds = start.elapsed().as_secs_f64();
+    reporter.say(&summary_text(&built.template, exploration.frames.len(), seconds));
     if let Some(scale) = &built.scale {
         super::scale::report(scale, reporter);
     }

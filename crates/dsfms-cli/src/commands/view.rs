@@ -19,9 +19,9 @@ Examples:
   dsfms view organ.template
   dsfms view out/frame_003.ply --no-open
 
-Serves one page on 127.0.0.1 under an address that nobody can guess, until Ctrl-C. The page is made
-again when the files change, so a running `dsfms track` can be watched: who looks at its last frame
-goes on to the newest.";
+Serves one page on 127.0.0.1 under an address that nobody can guess, until
+Ctrl-C. The page is made again when the files change, so a running `dsfms
+track` can be watched: who looks at its last frame goes on to the newest.";
 
 /// Show an output folder, a template or a mesh in the browser.
 #[derive(Debug, Args)]

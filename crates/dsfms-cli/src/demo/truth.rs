@@ -1,8 +1,9 @@
 //! The true place of every template vertex in every frame.
 //!
-//! A template from frames has its own faces, unit and frame. One similarity, from its camera
-//! centres to the true ones, brings it into the true world; there every template vertex is tied
-//! to the closest point of the true surface at rest, whose place in every deformed frame is known.
+//! A template from frames has its own faces and frame, and its unit from the true way of the camera
+//! ([`steps`]). One similarity, from its camera centres to the true ones, brings it into the true world;
+//! there every template vertex is tied to the closest point of the true surface at rest, whose place in
+//! every deformed frame is known.
 
 use super::scene::{DeformedFrame, Scene};
 use anyhow::Context;
@@ -12,7 +13,8 @@ use dsfms::geometry::{Isometry, Point3, Similarity, align_similarity, point_at};
 use dsfms::mesh::Mesh;
 use dsfms::mesh::surface_points::{ClosestPoints, SurfacePoint};
 use dsfms::register::Match;
-use dsfms::template::Template;
+use dsfms::template::scale::ScaleReference;
+use dsfms::template::{LengthUnit, Template};
 
 /// Matches farther than this from the template's surface are on a part that it lacks, mm.
 const MATCH_REACH_MM: f64 = 2.0;
@@ -20,6 +22,8 @@ const MATCH_REACH_MM: f64 = 2.0;
 /// The template tied to the true surface.
 pub struct Tie {
     pub world_from_template: Similarity,
+    /// Length unit of the template, mm.
+    pub mm: f64,
     /// Per template vertex: the closest point of the true surface at rest.
     anchors: Vec<SurfacePoint>,
     /// Distance of camera centres from the truth after alignment, mm.
@@ -33,6 +37,8 @@ pub struct FrameTruth {
     /// True positions, camera axes, mm; the template's faces.
     pub mesh: Mesh,
     pub visible: Vec<bool>,
+    /// Distance from the place at rest, mm.
+    pub displacement: Vec<f64>,
     pub zone: Vec<bool>,
 }
 
@@ -47,8 +53,13 @@ impl Tie {
         let on_rest = |p: &Point3| rest.closest(&(world_from_template * p));
         let anchors: Option<Vec<_>> = template.mesh.positions.iter().map(on_rest).collect();
         let anchors = anchors.context("the true surface is empty")?;
+        let mm = match template.unit {
+            LengthUnit::Millimetre => 1.0,
+            LengthUnit::TemplateUnit => world_from_template.scaling(),
+        };
         Ok(Self {
             world_from_template,
+            mm,
             centres: ErrorStats::of(found.iter().zip(&truth).map(off)).unwrap_or_default(),
             surface: ErrorStats::of(anchors.iter().map(|a| a.distance)).unwrap_or_default(),
             anchors,
@@ -80,10 +91,11 @@ impl Tie {
         let displacement = mix(&|v| deformed.vertices.displacement[v]);
         let visible: Vec<bool> =
             mix(&|v| f64::from(deformed.vertices.visible[v])).iter().map(|&s| s >= 0.5).collect();
-        let size = extent(&deformed.mesh.positions);
+        let mesh = template.mesh.with_positions(positions.collect());
         FrameTruth {
-            zone: deformed_zone(&displacement, Some(&visible), size),
-            mesh: template.mesh.with_positions(positions.collect()),
+            zone: deformed_zone(&displacement, Some(&visible), extent(&mesh.positions)),
+            mesh,
+            displacement,
             visible,
         }
     }
@@ -106,9 +118,9 @@ impl Tie {
         Ok(evaluate(&found, &reference, &EvaluateOptions::default())?)
     }
 
-    /// Camera axes are the truth's: only the unit differs.
+    /// Camera axes are the truth's: only the unit may differ.
     pub fn in_mm(&self, vertices: &[Point3]) -> Vec<Point3> {
-        vertices.iter().map(|p| p * self.world_from_template.scaling()).collect()
+        vertices.iter().map(|p| p * self.mm).collect()
     }
 
     /// Matches on the true surface moved to the closest points of the template.
@@ -123,6 +135,19 @@ impl Tie {
         };
         given.iter().filter_map(convert).collect()
     }
+}
+
+/// How far the camera is, at every frame, from the frame where it is farthest from this one: what a
+/// tracked laparoscope would tell.
+pub fn steps(scene: &Scene) -> Vec<ScaleReference> {
+    let centres: Vec<Point3> = scene.poses.iter().map(|p| p.inverse() * Point3::origin()).collect();
+    let step = |(i, from): (usize, &Point3)| {
+        let far = centres.iter().map(|to| (to - from).norm()).enumerate();
+        let (j, millimetres) = far.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let frames = [i, j].map(|k| scene.exploration[k].name.clone());
+        Some(ScaleReference::CameraStep { frames, millimetres })
+    };
+    centres.iter().enumerate().filter_map(step).collect()
 }
 
 /// Camera centres of the registered frames: template frame, true world.

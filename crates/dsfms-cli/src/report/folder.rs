@@ -171,6 +171,12 @@ fn frame(columns: &[Column], file: &str, first: &MeshFile) -> anyhow::Result<Sho
 
 fn surface(path: &Path, first: &MeshFile) -> anyhow::Result<ShownSurface> {
     let file = read_mesh(path)?;
+    let file = match first.unit {
+        Some(unit) => file
+            .in_unit(unit)
+            .with_context(|| format!("{}: its unit and that of the first frame", path.display()))?,
+        None => file,
+    };
     if file.mesh.topology.faces != first.mesh.topology.faces {
         anyhow::bail!("{} has other faces than the first frame beside it", path.display());
     }

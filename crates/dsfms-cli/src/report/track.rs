@@ -57,7 +57,7 @@ pub struct TrackReport<'a> {
     base: PageData,
     rows: Vec<Row>,
     shown: Vec<Shown>,
-    /// Every so-manieth frame is shown.
+    /// Every Nth frame is shown.
     stride: usize,
     /// When the page may be written again.
     next: Instant,

@@ -41,8 +41,40 @@ pub(super) fn fit(
     match kind {
         Alignment::None => Some(Similarity::identity()),
         _ if same_connectivity => kind.of_pairs(&found.positions, &truth.positions),
-        _ => align_surfaces(&found.positions, truth, kind, Similarity::identity()),
+        _ => starts(found, truth, kind)
+            .into_iter()
+            .filter_map(|start| align_surfaces(&found.positions, truth, kind, start))
+            .map(|fit| (apart(found, truth, &fit), fit))
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .map(|(_, fit)| fit),
     }
+}
+
+/// Where to start from: as the surfaces lie; and, where the scale is free, scaled about the origin, which
+/// is the camera of both where both are in camera axes.
+fn starts(found: &Mesh, truth: &Mesh, kind: Alignment) -> Vec<Similarity> {
+    let mut starts = vec![Similarity::identity()];
+    let far = |mesh: &Mesh| {
+        mesh.positions.iter().map(|p| p.coords).sum::<Vector3>().norm()
+            / mesh.positions.len().max(1) as f64
+    };
+    let scale = far(truth) / far(found);
+    if kind == Alignment::Similarity && scale.is_finite() && scale > 0.0 {
+        starts.push(Similarity::from_scaling(scale));
+    }
+    starts
+}
+
+/// Mean distance between the surfaces, from both sides: a surface that shrinks onto a point is far from
+/// what it should cover.
+fn apart(found: &Mesh, truth: &Mesh, fit: &Similarity) -> f64 {
+    let moved = found.with_positions(found.positions.iter().map(|p| fit * p).collect());
+    let mean = |from: &Mesh, to: &Mesh| {
+        let surface = ClosestPoints::new(to);
+        let distances = from.positions.iter().filter_map(|p| Some(surface.closest(p)?.distance));
+        distances.sum::<f64>() / from.positions.len().max(1) as f64
+    };
+    mean(&moved, truth) + mean(truth, &moved)
 }
 
 /// Closest-point registration from `start`: `truth ≈ S · points`. Every round moves along the

@@ -287,6 +287,18 @@ mod tests {
     }
 
     #[test]
+    fn another_connectivity_in_another_unit_is_scaled_about_the_camera() {
+        let truth = patch();
+        let faces = truth.topology.faces[1..].to_vec();
+        let topology = Arc::new(Topology::new(25, faces).unwrap());
+        let positions = truth.positions.iter().map(|p| p * 0.04).collect();
+        let found = Mesh { topology, positions };
+        let options = EvaluateOptions { alignment: Alignment::Similarity };
+        let e = evaluate(&found, &Truth::new(&truth), &options).unwrap();
+        assert!((e.scale - 25.0).abs() < 0.01 && e.found_to_truth.max < 0.01, "{e:?}");
+    }
+
+    #[test]
     fn another_connectivity_is_measured_surface_to_surface() {
         let truth = patch();
         let faces = truth.topology.faces[1..].to_vec();

@@ -1,7 +1,7 @@
 //! The organ that the cases of a series are made on.
 
 use super::ExperimentError;
-use crate::io::mesh::{MeshFile, parse_mesh, read_mesh};
+use crate::io::mesh::{MeshFile, MeshUnit, parse_mesh, read_mesh};
 use crate::mesh::Mesh;
 use crate::mesh::components::largest_component;
 use crate::mesh::orientation::oriented_outward;
@@ -47,7 +47,9 @@ impl Organ {
             }
             None => read_mesh(path),
         };
-        let MeshFile { mesh, .. } = file.map_err(|error| bad(error.to_string()))?;
+        let file = file.map_err(|error| bad(error.to_string()))?;
+        let MeshFile { mesh, .. } =
+            file.in_unit(MeshUnit::Millimetre).map_err(|error| bad(error.to_string()))?;
         let (mesh, _) = largest_component(&mesh);
         let (mesh, _) = oriented_outward(&mesh).map_err(|error| bad(error.to_string()))?;
         Ok(Self::Surface { name: name.to_owned(), mesh })

@@ -5,6 +5,7 @@
 //! the node's transform does both.
 
 use super::atomic::{WriteError, write_atomic};
+use super::gltf_mesh::VERTEX;
 use super::template_glb::{Binary, Split, container, split, texture};
 use crate::geometry::{Point3, Vector3};
 use crate::mesh::normals::vertex_normals;
@@ -73,6 +74,7 @@ fn encode(template: &Template, moments: &[Moment]) -> io::Result<Vec<u8>> {
     let mut attributes = json!({
         "POSITION": binary.floats("VEC3", 3, &first.positions, true),
         "NORMAL": binary.floats("VEC3", 3, &first.normals, false),
+        VERTEX: binary.floats("SCALAR", 1, &split.names(), false),
     });
     if template.flattening.is_some() {
         let uv: Vec<f32> = split.uv.iter().flat_map(|p| [p.x as f32, 1.0 - p.y as f32]).collect();

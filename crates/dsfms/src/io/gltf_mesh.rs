@@ -1,4 +1,6 @@
-//! glTF 2.0 (`.glb`, `.gltf`): all triangle primitives of the default scene, node transforms applied.
+//! glTF 2.0 (`.glb`, `.gltf`): all triangle primitives of the default scene, node transforms applied,
+//! in metres as the standard says. A file of this program (its `asset.extras` names a unit, its vertices
+//! have `_VERTEX`) gives back what was written: vertices, their order and frame, faces, unit.
 //!
 //! An own reader of the little that a surface needs (positions, indices, one set of UV, nodes), since
 //! files of others must neither run for ever nor take all memory: every number of the file is checked
@@ -14,6 +16,9 @@ use document::{Node, Primitive};
 use nalgebra::{Matrix4, Quaternion, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
 
+/// Attribute of our own files: the template's vertex.
+pub(super) const VERTEX: &str = "_VERTEX";
+
 /// Most vertices and most faces of all primitives together, each as often as nodes place it.
 const MOST: usize = 5_000_000;
 
@@ -26,7 +31,15 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<RawMesh, FormatError> {
     let (document, chunk) = document::parse(bytes)?;
     let roots = document.roots()?;
     let arrays = Arrays::new(&document, chunk, path)?;
-    let mut collector = Collector { mesh: RawMesh::default(), uv: Vec::new(), arrays, skipped: 0 };
+    let own = document.own_unit();
+    let mut collector = Collector {
+        mesh: RawMesh::default(),
+        uv: Vec::new(),
+        names: Vec::new(),
+        arrays,
+        own: own.is_some(),
+        skipped: 0,
+    };
     let mut seen = vec![false; document.nodes.len()];
     // Depth first, children in their order; no recursion, so that depth costs no stack.
     let mut open: Vec<(usize, Matrix4<f64>)> =
@@ -46,7 +59,10 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<RawMesh, FormatError> {
         }
         open.extend(node.children.iter().rev().map(|&child| (child, world)));
     }
-    Ok(collector.finish())
+    match own {
+        Some(unit) => collector.finish_own(unit),
+        None => Ok(collector.finish()),
+    }
 }
 
 /// A node's own transform: a matrix, or translation, rotation and scale.
@@ -69,7 +85,11 @@ fn transform(node: &Node) -> Matrix4<f64> {
 struct Collector<'a> {
     mesh: RawMesh,
     uv: Vec<[Point2; 3]>,
+    /// `_VERTEX` of every vertex, in a file of our own.
+    names: Vec<f64>,
     arrays: Arrays<'a>,
+    /// Written by this program: coordinates are the template's, whatever the node shows viewers.
+    own: bool,
     skipped: usize,
 }
 
@@ -98,6 +118,11 @@ impl Collector<'_> {
             return Err(malformed(format!("it holds more than {MOST} vertices or faces")));
         }
         let positions = self.arrays.floats::<3>(accessor, "POSITION")?;
+        let world = if self.own { &Matrix4::identity() } else { world };
+        if let Some(&names) = primitive.attributes.get(VERTEX).filter(|_| self.own) {
+            let names = self.arrays.floats::<1>(names, VERTEX)?;
+            self.names.extend(names.into_iter().map(|[name]| name));
+        }
         let place = |p: [f64; 3]| world.transform_point(&Point3::from(p));
         self.mesh.positions.extend(positions.into_iter().map(place));
         let corners: Vec<u32> = match primitive.indices {
@@ -122,6 +147,30 @@ impl Collector<'_> {
         Ok(())
     }
 
+    /// The mesh that this program wrote: vertices are repeated along seams, and say which they are.
+    fn finish_own(mut self, unit: MeshUnit) -> Result<RawMesh, FormatError> {
+        let whole = |name: &f64| *name >= 0.0 && name.fract() == 0.0 && *name < MOST as f64;
+        if self.names.len() != self.mesh.positions.len() || !self.names.iter().all(whole) {
+            return Err(malformed(format!("{VERTEX} does not name the vertex of every POSITION")));
+        }
+        let names: Vec<u32> = self.names.iter().map(|&name| name as u32).collect();
+        let count = names.iter().max().map_or(0, |&last| last as usize + 1);
+        let mut places: Vec<Option<Point3>> = vec![None; count];
+        for (&name, position) in names.iter().zip(&self.mesh.positions) {
+            places[name as usize].get_or_insert(*position);
+        }
+        let places: Option<Vec<Point3>> = places.into_iter().collect();
+        self.mesh.positions =
+            places.ok_or_else(|| malformed(format!("{VERTEX} leaves out a vertex")))?;
+        for face in &mut self.mesh.faces {
+            *face = face.map(|v| names[v as usize]);
+        }
+        let faces = self.mesh.faces.len();
+        self.mesh.uv = Some(self.uv).filter(|uv| !uv.is_empty() && uv.len() == faces);
+        self.mesh.unit = Some(unit);
+        Ok(self.mesh)
+    }
+
     fn finish(mut self) -> RawMesh {
         if self.skipped > 0 {
             self.mesh.warnings.push(format!(
@@ -132,11 +181,6 @@ impl Collector<'_> {
         self.mesh.uv =
             Some(self.uv).filter(|uv| !uv.is_empty() && uv.len() == self.mesh.faces.len());
         self.mesh.unit = Some(MeshUnit::Metre);
-        self.mesh.warnings.push(
-            "glTF prescribes metres, which exporters often ignore; the numbers are kept as they are, \
-             check the size of the organ"
-                .into(),
-        );
         self.mesh
     }
 }

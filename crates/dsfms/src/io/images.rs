@@ -62,6 +62,25 @@ pub fn read_frame(path: &Path) -> Result<Frame, InputError> {
     Ok(Frame { name: stem_of(path), size, rgb: rgb.pixels().map(|p| p.0).collect() })
 }
 
+/// Width and height of an image, upright as its EXIF orientation says, without decoding its pixels.
+///
+/// # Errors
+/// A file that cannot be read, or whose head is not that of a PNG, JPEG or TIFF.
+pub fn read_size(path: &Path) -> Result<[usize; 2], InputError> {
+    let bytes = guard::read(path).map_err(|source| InputError::read(path, source))?;
+    let head = || -> image::ImageResult<[u32; 2]> {
+        let reader = image::ImageReader::new(Cursor::new(&bytes)).with_guessed_format()?;
+        let mut decoder = reader.into_decoder()?;
+        let upright = decoder.orientation()?.to_exif();
+        let (w, h) = decoder.dimensions();
+        // EXIF 5 to 8 lie on their side.
+        Ok(if upright > 4 { [h, w] } else { [w, h] })
+    };
+    let size = guard::caught(head).and_then(|size| size.map_err(|error| error.to_string()));
+    let size = size.map_err(|reason| InputError::Image { path: path.into(), reason })?;
+    Ok(size.map(|side| side as usize))
+}
+
 /// Frames of one size with different names, decoded in parallel; the first error in the order of
 /// `paths` is returned.
 pub fn read_frames(paths: &[PathBuf]) -> Result<Vec<Frame>, InputError> {

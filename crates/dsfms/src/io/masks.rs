@@ -67,8 +67,12 @@ impl MaskWarning {
 }
 
 /// One mask: `true` where the grey value is above 127.
+///
+/// # Errors
+/// A file that is no readable image, or one of many grey values: a photograph is no mask.
 pub fn read_mask(path: &Path) -> Result<Mask, InputError> {
     let grey = decode(path)?.to_luma8();
+    two_valued(grey.as_raw()).map_err(|reason| InputError::format(path, reason))?;
     let size = [grey.width() as usize, grey.height() as usize];
     Ok(Mask { size, data: grey.pixels().map(|p| p.0[0] > 127).collect() })
 }
@@ -99,6 +103,42 @@ pub fn read_masks(
         masks.push(mask);
     }
     Ok((masks, warnings))
+}
+
+/// How far a grey value may be from the usual one of its side: edges and JPEG blur them.
+const SIDE_WIDTH: usize = 24;
+/// Most pixels that may be farther.
+const MOST_BETWEEN: f64 = 0.1;
+
+/// Refuse what is no mask: pixels must have one value below and one above 127, but for few at edges.
+fn two_valued(grey: &[u8]) -> Result<(), String> {
+    let mut counts = [0usize; 256];
+    grey.iter().for_each(|&value| counts[usize::from(value)] += 1);
+    let between: usize = [0..128, 128..256]
+        .into_iter()
+        .map(|side| {
+            let usual = side.clone().max_by_key(|&value| counts[value]).unwrap_or_default();
+            side.filter(|value| value.abs_diff(usual) > SIDE_WIDTH)
+                .map(|v| counts[v])
+                .sum::<usize>()
+        })
+        .sum();
+    let share = between as f64 / grey.len().max(1) as f64;
+    let brightest = grey.iter().copied().max().unwrap_or_default();
+    if share > MOST_BETWEEN {
+        return Err(format!(
+            "not a mask: {:.0} % of its pixels are neither black nor white; expected two values, split at \
+             127 (is this a photograph, or a mask that must be thresholded first?)",
+            100.0 * share
+        ));
+    }
+    if (1..128).contains(&brightest) {
+        return Err(format!(
+            "the brightest pixel of this mask is {brightest} of 255, so all of it counts as black; are \
+             these labels? give 255 to what is meant"
+        ));
+    }
+    Ok(())
 }
 
 fn mask_files(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
@@ -208,6 +248,26 @@ mod tests {
     fn found(dir: &tempfile::TempDir, frame: &str, kind: MaskKind) -> Result<String, InputError> {
         let own = dir.path().join(format!("{frame}.png"));
         find_mask(frame, Some(&own), dir.path(), kind).map(|path| name_of(&path))
+    }
+
+    #[test]
+    fn a_photograph_or_labels_are_no_mask() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("mask.png");
+        let read = |value: &dyn Fn(u32, u32) -> u8| {
+            let pixel = |x, y| image::Luma([value(x, y)]);
+            image::GrayImage::from_fn(32, 32, pixel).save(&path).unwrap();
+            read_mask(&path).map(|mask| mask.coverage()).map_err(|error| error.to_string())
+        };
+        let photograph = read(&|x, y| (7 * x + y) as u8).unwrap_err();
+        assert!(photograph.contains("mask.png: not a mask") && photograph.contains("photograph"));
+        let labels = read(&|x, _| u8::from(x > 16)).unwrap_err();
+        assert!(labels.contains("brightest pixel of this mask is 1 of 255"), "{labels}");
+        // Blurred edges, other values than 0 and 255, and masks of one value are masks.
+        let edge = |x: u32, _| [0, 90, 180, 255][(x.clamp(14, 17) - 14) as usize];
+        assert_eq!(read(&edge), Ok(0.5));
+        assert_eq!(read(&|x, _| if x < 16 { 60 } else { 200 }), Ok(0.5));
+        assert_eq!((read(&|_, _| 0), read(&|_, _| 255)), (Ok(0.0), Ok(1.0)));
     }
 
     #[test]

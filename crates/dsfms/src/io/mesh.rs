@@ -1,10 +1,12 @@
-//! Reading a user's surface mesh: PLY, OBJ, STL, glTF. Vertex order and connectivity are kept.
+//! Reading a user's surface mesh: PLY, OBJ, STL, glTF, OFF, VTK. Vertex order and connectivity are kept.
 
 use crate::geometry::{Point2, Point3};
 use crate::guard;
-use crate::io::{gltf_mesh, obj, ply_read, stl};
+use crate::io::{gltf_mesh, obj, off, ply_read, stl, vtk_read};
 use crate::mesh::components::components;
+use crate::mesh::repair::repair;
 use crate::mesh::{Mesh, Topology, TopologyError};
+use crate::template::LengthUnit;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -33,6 +35,26 @@ impl MeshUnit {
         }
     }
 
+    /// As texts name it; [`MeshUnit::from_comment`] reads it back.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Millimetre => "mm",
+            Self::Centimetre => "cm",
+            Self::Metre => "m",
+            Self::TemplateUnit => "template_units",
+        }
+    }
+
+    /// What lengths in this unit are multiplied by to be in `other`; `None` where only one of the two
+    /// scales is known.
+    pub fn factor_to(self, other: Self) -> Option<f64> {
+        match (self.in_millimetres(), other.in_millimetres()) {
+            _ if self == other => Some(1.0),
+            (Some(own), Some(other)) => Some(own / other),
+            _ => None,
+        }
+    }
+
     /// The unit a header comment such as `units mm` names.
     pub(super) fn from_comment(comment: &str) -> Option<Self> {
         let mut words = comment.split([' ', '\t', ':', '=', ',', ';']).filter(|w| !w.is_empty());
@@ -48,6 +70,41 @@ impl MeshUnit {
             "template_unit" | "template_units" => Some(Self::TemplateUnit),
             _ => None,
         }
+    }
+}
+
+impl From<LengthUnit> for MeshUnit {
+    fn from(unit: LengthUnit) -> Self {
+        match unit {
+            LengthUnit::Millimetre => Self::Millimetre,
+            LengthUnit::TemplateUnit => Self::TemplateUnit,
+        }
+    }
+}
+
+/// Lengths of known and of unknown scale, which no factor brings together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("lengths in {} and in {} cannot be brought together: one of the scales is not known", found.label(), wanted.label())]
+pub struct UnitMismatch {
+    /// Unit of the mesh.
+    pub found: MeshUnit,
+    /// Unit that is wanted.
+    pub wanted: MeshUnit,
+}
+
+impl MeshFile {
+    /// The mesh with its lengths in `unit`; one that states no unit is taken to be in it.
+    ///
+    /// # Errors
+    /// [`UnitMismatch`] where the scale of one of the two units is not known.
+    pub fn in_unit(mut self, unit: MeshUnit) -> Result<Self, UnitMismatch> {
+        let found = self.unit.unwrap_or(unit);
+        let factor = found.factor_to(unit).ok_or(UnitMismatch { found, wanted: unit })?;
+        if factor != 1.0 {
+            self.mesh.positions.iter_mut().for_each(|p| *p *= factor);
+        }
+        self.unit = Some(unit);
+        Ok(self)
     }
 }
 
@@ -97,7 +154,7 @@ pub enum MeshFileError {
         path: PathBuf,
     },
     /// An extension that no reader knows.
-    #[error("mesh {} has the unknown extension '{extension}'; use .ply, .obj, .stl, .glb or .gltf", path.display())]
+    #[error("mesh {} has the unknown extension '{extension}'; use .ply, .obj, .stl, .glb, .gltf, .off, .vtk or .vtp", path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,
@@ -161,13 +218,51 @@ pub(super) enum FormatError {
 /// Read a surface mesh. Vertex order, face order and connectivity are the file's; nothing is
 /// welded, oriented or rescaled. The format is chosen by the extension.
 pub fn read_mesh(path: &Path) -> Result<MeshFile, MeshFileError> {
-    let bytes =
-        guard::read(path).map_err(|source| MeshFileError::Io { path: path.into(), source })?;
-    parse_mesh(&bytes, path)
+    parse_mesh(&bytes_of(path)?, path)
+}
+
+/// Read a surface mesh and mend what can be mended in one way only ([`repair`]); its warnings say what
+/// was done.
+pub fn read_repaired(path: &Path) -> Result<MeshFile, MeshFileError> {
+    let bytes = bytes_of(path)?;
+    check(repaired(parse_raw(&bytes, path)?), path)
+}
+
+fn bytes_of(path: &Path) -> Result<Vec<u8>, MeshFileError> {
+    guard::read(path).map_err(|source| MeshFileError::Io { path: path.into(), source })
+}
+
+fn repaired(raw: RawMesh) -> RawMesh {
+    let found = repair(&raw.positions, &raw.faces);
+    let of_face = |&(f, turned): &(u32, bool)| {
+        let [a, b, c] = raw.uv.as_ref()?[f as usize];
+        Some(if turned { [a, c, b] } else { [a, b, c] })
+    };
+    let uv =
+        found.face_of.iter().map(of_face).collect::<Option<Vec<_>>>().filter(|uv| !uv.is_empty());
+    let of_vertex = |values: Vec<f64>| -> Vec<f64> {
+        found.vertex_of.iter().filter_map(|&v| values.get(v as usize).copied()).collect()
+    };
+    RawMesh {
+        uv,
+        unit: raw.unit,
+        attributes: raw.attributes.into_iter().map(|(name, v)| (name, of_vertex(v))).collect(),
+        warnings: raw
+            .warnings
+            .into_iter()
+            .chain(found.report.iter().map(|done| format!("repaired: {done}")))
+            .collect(),
+        positions: found.positions,
+        faces: found.faces,
+    }
 }
 
 /// A surface mesh from the content of a file; `path` tells the format and names it in errors.
 pub fn parse_mesh(bytes: &[u8], path: &Path) -> Result<MeshFile, MeshFileError> {
+    check(parse_raw(bytes, path)?, path)
+}
+
+fn parse_raw(bytes: &[u8], path: &Path) -> Result<RawMesh, MeshFileError> {
     let owned = || path.to_path_buf();
     if bytes.is_empty() {
         return Err(MeshFileError::Empty { path: owned() });
@@ -179,14 +274,16 @@ pub fn parse_mesh(bytes: &[u8], path: &Path) -> Result<MeshFile, MeshFileError> 
         "obj" => obj::read(bytes),
         "stl" => guard::caught(|| stl::read(bytes))
             .unwrap_or_else(|reason| Err(FormatError::Malformed(reason))),
+        "off" => off::read(bytes),
+        "vtk" => vtk_read::read_legacy(bytes),
+        "vtp" => vtk_read::read_xml(bytes),
         "glb" | "gltf" => gltf_mesh::read(bytes, path),
         _ => return Err(MeshFileError::UnknownFormat { path: owned(), extension }),
     };
-    let raw = raw.map_err(|error| match error {
+    raw.map_err(|error| match error {
         FormatError::Truncated(what) => MeshFileError::Truncated { path: owned(), what },
         FormatError::Malformed(reason) => MeshFileError::Malformed { path: owned(), reason },
-    })?;
-    check(raw, path)
+    })
 }
 
 fn check(raw: RawMesh, path: &Path) -> Result<MeshFile, MeshFileError> {
@@ -229,7 +326,7 @@ fn remarks(mesh: &Mesh) -> Vec<String> {
     if repeated > 0 {
         warnings.push(format!(
             "{repeated} vertices repeat the position of another one: the surface may be torn along a \
-             seam there; merge by distance in the program that made the file if it should be whole"
+             seam there; --repair (`read_repaired`) merges them if it should be whole"
         ));
     }
     warnings

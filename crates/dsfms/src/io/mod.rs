@@ -18,6 +18,7 @@ pub mod mesh;
 pub mod names;
 pub(crate) mod npz;
 pub mod obj;
+mod off;
 pub mod ply;
 mod ply_read;
 pub mod poses;
@@ -29,6 +30,7 @@ mod template_manifest;
 pub mod template_sparse;
 pub mod vertex_truth;
 pub mod vtk;
+mod vtk_read;
 mod yaml;
 
 pub use error::InputError;

@@ -5,6 +5,7 @@ use super::atomic::{WriteError, write_atomic};
 use super::mesh::{FormatError, MeshUnit, RawMesh, fan, polygon_warning};
 use crate::geometry::{Point2, Point3};
 use crate::mesh::Mesh;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Lines of an OBJ file that are understood, gathered.
@@ -140,36 +141,83 @@ fn index(word: &str, count: usize, what: &str) -> Result<u32, String> {
         .map_err(|_| format!("{what} {n} does not exist (OBJ counts from 1; {count} read so far)"))
 }
 
-/// Write an OBJ with the mesh's vertex and face order; `uv` per corner (v upwards) where given.
-/// `unit` goes into a `# units …` comment.
+/// What goes into an OBJ besides the surface; everything optional.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ObjExtras<'a> {
+    /// UV per face corner, v upwards.
+    pub uv: Option<&'a [[Point2; 3]]>,
+    /// Name of a `.mtl` file beside this one, as [`write_mtl`] writes it.
+    pub material: Option<&'a str>,
+}
+
+/// Name of the one material of a `.mtl`.
+const MATERIAL: &str = "organ";
+
+/// Write an OBJ with the mesh's vertex and face order, `# units …` in its first line. Texture coordinate
+/// `i` is that of vertex `i`, so that programs that number vertices by pairs keep their order; those that a
+/// vertex has besides, at a seam, stand behind.
 pub fn write_obj(
     path: &Path,
     mesh: &Mesh,
-    uv: Option<&[[Point2; 3]]>,
     unit: crate::template::LengthUnit,
-    comments: &[String],
+    extras: &ObjExtras,
 ) -> Result<(), WriteError> {
+    let texture = extras.uv.map(|uv| distinct(mesh, uv));
     write_atomic(path, |w| {
         writeln!(w, "# units {}", unit.label())?;
-        for line in comments.iter().flat_map(|c| c.lines()) {
-            writeln!(w, "# {line}")?;
+        if let Some(material) = extras.material {
+            writeln!(w, "mtllib {material}\nusemtl {MATERIAL}")?;
         }
         for p in &mesh.positions {
             writeln!(w, "v {} {} {}", p.x as f32, p.y as f32, p.z as f32)?;
         }
-        for t in uv.iter().flat_map(|uv| uv.iter().flatten()) {
-            writeln!(w, "vt {} {}", t.x as f32, t.y as f32)?;
+        for [u, v] in texture.iter().flat_map(|(list, _)| list) {
+            writeln!(w, "vt {u} {v}")?;
         }
         for (f, face) in mesh.topology.faces.iter().enumerate() {
             let [a, b, c] = face.map(|v| v + 1);
-            match uv {
-                Some(_) => {
-                    let t = 3 * f + 1;
-                    writeln!(w, "f {a}/{t} {b}/{} {c}/{}", t + 1, t + 2)?;
+            match &texture {
+                Some((_, corners)) => {
+                    let [r, s, t] = corners[f].map(|k| k + 1);
+                    writeln!(w, "f {a}/{r} {b}/{s} {c}/{t}")?;
                 }
                 None => writeln!(w, "f {a} {b} {c}")?,
             }
         }
         Ok(())
+    })
+}
+
+/// Texture coordinates, those of the vertices first, and which of them every face corner has.
+fn distinct(mesh: &Mesh, uv: &[[Point2; 3]]) -> (Vec<[f32; 2]>, Vec<[usize; 3]>) {
+    let single = |p: &Point2| [p.x as f32, p.y as f32];
+    let mut own: Vec<Option<[f32; 2]>> = vec![None; mesh.positions.len()];
+    let mut further = Vec::new();
+    let mut known = BTreeMap::new();
+    let mut corner = |v: u32, p: &Point2| {
+        let place = single(p);
+        if *own[v as usize].get_or_insert(place) == place {
+            return v as usize;
+        }
+        *known.entry((v, place.map(f32::to_bits))).or_insert_with(|| {
+            further.push(place);
+            mesh.positions.len() + further.len() - 1
+        })
+    };
+    let faces = mesh.topology.faces.iter().zip(uv);
+    let corners =
+        faces.map(|(face, uv)| std::array::from_fn(|k| corner(face[k], &uv[k]))).collect();
+    let mut list: Vec<[f32; 2]> = own.into_iter().map(Option::unwrap_or_default).collect();
+    list.extend(further);
+    (list, corners)
+}
+
+/// Write the material of an OBJ: a diffuse picture, `picture` beside the file.
+pub fn write_mtl(path: &Path, picture: &str) -> Result<(), WriteError> {
+    write_atomic(path, |w| {
+        write!(
+            w,
+            "newmtl {MATERIAL}\nKa 0 0 0\nKd 1 1 1\nKs 0.1 0.1 0.1\nNs 30\nillum 2\nmap_Kd {picture}\n"
+        )
     })
 }

@@ -1,7 +1,7 @@
 //! Writing PLY: binary little endian, the unit in a header comment, optional vertex attributes.
 
 use super::atomic::{WriteError, write_atomic};
-use crate::geometry::Point3;
+use crate::geometry::{Point3, Vector3};
 use crate::mesh::Topology;
 use crate::template::LengthUnit;
 use crate::verdict::Region;
@@ -33,6 +33,8 @@ pub struct PlyExtras<'a> {
     pub observed: Option<&'a [bool]>,
     /// Per vertex `region` (uchar), numbered as [`Region`].
     pub region: Option<&'a [Region]>,
+    /// Per vertex `nx ny nz` (float), unit length.
+    pub normals: Option<&'a [Vector3]>,
     /// Per vertex `red green blue` (uchar).
     pub color: Option<&'a [[u8; 3]]>,
 }
@@ -56,6 +58,7 @@ pub fn write_ply(
         extras.confidence.map(<[_]>::len),
         extras.observed.map(<[_]>::len),
         extras.region.map(<[_]>::len),
+        extras.normals.map(<[_]>::len),
         extras.color.map(<[_]>::len),
     ];
     if let Some(found) = lengths.into_iter().flatten().find(|&length| length != n) {
@@ -88,6 +91,9 @@ fn header(
     for axis in ["x", "y", "z"] {
         writeln!(w, "property {real} {axis}")?;
     }
+    if extras.normals.is_some() {
+        write!(w, "property float nx\nproperty float ny\nproperty float nz\n")?;
+    }
     if extras.color.is_some() {
         write!(w, "property uchar red\nproperty uchar green\nproperty uchar blue\n")?;
     }
@@ -113,6 +119,9 @@ fn vertex(w: &mut dyn Write, i: usize, p: &Point3, extras: &PlyExtras) -> io::Re
             Precision::Single => w.write_all(&(x as f32).to_le_bytes())?,
             Precision::Double => w.write_all(&x.to_le_bytes())?,
         }
+    }
+    for &x in extras.normals.iter().flat_map(|normals| normals[i].iter()) {
+        w.write_all(&(x as f32).to_le_bytes())?;
     }
     if let Some(color) = extras.color {
         w.write_all(&color[i])?;

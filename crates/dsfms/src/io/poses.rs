@@ -2,13 +2,14 @@
 //!
 //! The JSON is a list of `{"image": "frame_000.png", "R": [[…]×3], "t": [x, y, z]}` (also `name`,
 //! or a number `frame`), with `X_camera = R X_world + t`, alone or in an object under
-//! `exploration` or `deformed`.
+//! `exploration` or `deformed`. nerfstudio's `transforms.json` (`frames` with `file_path` and
+//! `transform_matrix`) is read too.
 
 use super::colmap::{ColmapImage, file_in, is_binary, read_images};
 use super::error::{InputError, parse_json, read_text};
 use super::names::frame_number;
 use crate::geometry::{Isometry, Vector3};
-use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{Matrix3, Matrix4, Rotation3, Translation3, UnitQuaternion};
 use serde_json::Value;
 use std::path::Path;
 
@@ -107,6 +108,21 @@ fn stem(name: &str) -> &str {
     }
 }
 
+/// Whether a document is a list of poses, or has one.
+pub(super) fn holds_poses(value: &Value) -> bool {
+    let list = |value: &Value| {
+        let posed = |entry: &Value| {
+            (entry.get("R").is_some() && entry.get("t").is_some())
+                || entry.get("transform_matrix").is_some()
+        };
+        value.as_array().and_then(|list| list.first()).is_some_and(posed)
+    };
+    list(value) || LISTS.iter().filter_map(|key| value.get(key)).any(list)
+}
+
+/// Names that a list of poses may have.
+const LISTS: [&str; 5] = ["exploration", "deformed", "poses", "images", "frames"];
+
 fn from_json(path: &Path, value: &Value, list: PoseList) -> Result<Vec<NamedPose>, InputError> {
     let entries = match value {
         Value::Array(entries) => entries,
@@ -114,6 +130,11 @@ fn from_json(path: &Path, value: &Value, list: PoseList) -> Result<Vec<NamedPose
             .iter()
             .find_map(|key| value.get(key)?.as_array())
             .ok_or_else(|| {
+                if value.get("fx").is_some() || value.get("camera_matrix").is_some() {
+                    let reason = "holds intrinsics of a camera, no poses: it belongs to --camera; --poses \
+                                  takes a list of {image, R, t}";
+                    return InputError::format(path, reason);
+                }
                 let problem = "is missing; expected a list of {image, R, t}";
                 InputError::field(path, list.key(), problem)
             })?,
@@ -122,7 +143,8 @@ fn from_json(path: &Path, value: &Value, list: PoseList) -> Result<Vec<NamedPose
 }
 
 fn pose_from_json(path: &Path, index: usize, entry: &Value) -> Result<NamedPose, InputError> {
-    let name = ["image", "name", "file"].iter().find_map(|key| entry.get(key)?.as_str());
+    let name =
+        ["image", "name", "file", "file_path"].iter().find_map(|key| entry.get(key)?.as_str());
     let numbered = || entry.get("frame")?.as_u64().map(|n| format!("frame_{n:03}"));
     let texted = || entry.get("frame")?.as_str().map(str::to_owned);
     let name = name.map(str::to_owned).or_else(numbered).or_else(texted);
@@ -143,11 +165,26 @@ fn pose_from_json(path: &Path, index: usize, entry: &Value) -> Result<NamedPose,
         }
         Ok(list)
     };
+    if entry.get("transform_matrix").is_some() {
+        let list = numbers("transform_matrix", 16)?;
+        let pose = from_opengl(&Matrix4::from_row_slice(&list)).map_err(|problem| {
+            InputError::field(path, format!("transform_matrix of {name:?}"), problem)
+        })?;
+        return Ok(NamedPose { name, camera_from_world: pose });
+    }
     let rotation = Matrix3::from_row_slice(&numbers("R", 9)?);
     let translation = Vector3::from_row_slice(&numbers("t", 3)?);
     let pose = isometry(&rotation, &translation)
         .map_err(|problem| InputError::field(path, format!("R of {name:?}"), problem))?;
     Ok(NamedPose { name, camera_from_world: pose })
+}
+
+/// nerfstudio's `transform_matrix`: `world_from_camera` with OpenGL's camera axes (y up, z backwards).
+fn from_opengl(matrix: &Matrix4<f64>) -> Result<Isometry, String> {
+    let axes = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
+    let rotation = matrix.fixed_view::<3, 3>(0, 0) * axes;
+    let translation = matrix.fixed_view::<3, 1>(0, 3).into_owned();
+    Ok(isometry(&rotation, &translation)?.inverse())
 }
 
 fn flat_numbers(value: &Value) -> Result<Vec<f64>, String> {
@@ -208,6 +245,23 @@ mod tests {
         let plain = format!("[{{\"name\": \"a.b.png\", {QUARTER}}}]");
         let poses = read(&plain, PoseList::Deformed).unwrap();
         assert!(match_poses(&poses, &["a.b"])[0].is_some());
+    }
+
+    /// A camera at (0, 0, 5) that looks down −z, as OpenGL has it: world y is up in the image.
+    #[test]
+    fn transforms_of_nerfstudio() {
+        let text = r#"{"fl_x": 1, "frames": [{"file_path": "images/f_1.png",
+            "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,5],[0,0,0,1]]}]}"#;
+        let poses = read(text, PoseList::Exploration).unwrap();
+        assert_eq!(poses[0].name, "images/f_1.png");
+        let found = poses[0].camera_from_world * Point3::new(1.0, 2.0, 0.0);
+        assert!((found - Point3::new(1.0, -2.0, 5.0)).norm() < 1e-12, "{found}");
+    }
+
+    #[test]
+    fn intrinsics_are_no_poses() {
+        let found = read(r#"{"fx": 1, "fy": 1}"#, PoseList::Exploration).unwrap_err();
+        assert!(found.contains("it belongs to --camera"), "{found}");
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! STL: a soup of triangles whose equal corners are merged exactly, in order of first appearance.
 
 use super::atomic::{WriteError, write_atomic};
-use super::mesh::{FormatError, RawMesh};
+use super::mesh::{FormatError, MeshUnit, RawMesh};
 use crate::geometry::{Point3, normal};
 use crate::mesh::Mesh;
+use crate::template::LengthUnit;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -34,6 +35,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, FormatError> {
         });
         mesh.faces.push(corners);
     }
+    let head = bytes.get(..HEADER - 4).unwrap_or_default();
+    let text = String::from_utf8_lossy(head);
+    mesh.unit = MeshUnit::from_comment(text.trim_end_matches('\0'));
     Ok(mesh)
 }
 
@@ -60,10 +64,15 @@ fn check_length(bytes: &[u8]) -> Result<(), FormatError> {
     }
 }
 
-/// Write a binary STL (single precision; STL knows no shared vertices, so their order is lost).
-pub fn write_stl(path: &Path, mesh: &Mesh) -> Result<(), WriteError> {
+/// Write a binary STL (single precision; STL knows no shared vertices, so their order is lost), with
+/// `dsfms units …` in its header.
+pub fn write_stl(path: &Path, mesh: &Mesh, unit: LengthUnit) -> Result<(), WriteError> {
     write_atomic(path, |w| {
-        w.write_all(&[0; 80])?;
+        // Not "solid", which would be text; the unit where a reader of ours looks for it.
+        let mut head = [0; HEADER - 4];
+        let text = format!("dsfms units {}", unit.label());
+        head[..text.len()].copy_from_slice(text.as_bytes());
+        w.write_all(&head)?;
         w.write_all(&(mesh.topology.faces.len() as u32).to_le_bytes())?;
         for f in 0..mesh.topology.faces.len() {
             let corners = mesh.corners(f);

@@ -9,8 +9,10 @@
 use super::atomic::{WriteError, old_prefix, parent, partial_prefix, share};
 use super::mesh::{MeshFileError, read_mesh};
 use super::ply::{PlyExtras, Precision, write_ply};
+pub use super::template_glb::{texture, vertex_colours};
 use super::template_manifest::{Counts, FileNote, Manifest, VERSION, VersionOnly};
 use super::{template_arrays as arrays, template_glb, template_sparse};
+use crate::mesh::normals::vertex_normals;
 use crate::template::Template;
 use crate::template::usual::Usual;
 use std::fs;
@@ -186,9 +188,17 @@ fn write_files(folder: &Path, template: &Template) -> Result<(), TemplateFileErr
         files.push(FileNote { name: name.into(), content: content.into() });
         folder.join(name)
     };
-    let extras = PlyExtras { precision: Precision::Double, ..PlyExtras::default() };
     let mesh = &template.mesh;
-    let surface = note(SURFACE, "rest surface, double precision");
+    let (colours, normals) =
+        (vertex_colours(template), vertex_normals(&mesh.topology, &mesh.positions));
+    let extras = PlyExtras {
+        precision: Precision::Double,
+        normals: Some(&normals),
+        color: colours.as_deref(),
+        ..PlyExtras::default()
+    };
+    let surface =
+        note(SURFACE, "rest surface, double precision, with normals and albedo as colour");
     write_ply(&surface, &mesh.topology, &mesh.positions, template.unit, &extras)?;
     if !template.seen.is_empty() {
         arrays::write_seen(&note(SEEN, "exploration frames that saw each vertex"), &template.seen)?;

@@ -4,6 +4,7 @@
 //! template's vertex of each. glTF lengths are metres: the node scales mm to m.
 
 use super::atomic::{WriteError, write_atomic};
+use super::gltf_mesh::VERTEX;
 use crate::geometry::Point2;
 use crate::mesh::normals::vertex_normals;
 use crate::template::bake::bake;
@@ -93,9 +94,16 @@ pub(super) struct Split {
     /// Template vertex of each.
     pub(super) vertex: Vec<u32>,
     pub(super) uv: Vec<Point2>,
-    /// A face corner that uses it: face and place.
-    corner: Vec<(usize, usize)>,
+    /// A face corner that uses it: face and place; `None` where no face does.
+    corner: Vec<Option<(usize, usize)>>,
     pub(super) indices: Vec<u32>,
+}
+
+impl Split {
+    /// The numbers of `_VERTEX`: exact up to 2²⁴ vertices.
+    pub(super) fn names(&self) -> Vec<f32> {
+        self.vertex.iter().map(|&v| v as f32).collect()
+    }
 }
 
 pub(super) fn split(template: &Template) -> Split {
@@ -108,11 +116,18 @@ pub(super) fn split(template: &Template) -> Split {
             let index = *known.entry((v, uv.x.to_bits(), uv.y.to_bits())).or_insert_with(|| {
                 out.vertex.push(v);
                 out.uv.push(uv);
-                out.corner.push((f, k));
+                out.corner.push(Some((f, k)));
                 out.vertex.len() as u32 - 1
             });
             out.indices.push(index);
         }
+    }
+    // Vertices of no face stay, so that the file gives back every one.
+    let used = &template.mesh.topology.vertex_faces;
+    for unused in (0..used.len()).filter(|&v| used[v].is_empty()) {
+        out.vertex.push(unused as u32);
+        out.uv.push(Point2::origin());
+        out.corner.push(None);
     }
     out
 }
@@ -167,20 +182,20 @@ fn attributes(template: &Template, split: &Split, binary: &mut Binary) -> Value 
     let positions = of(&|v| [0, 1, 2].map(|c| mesh.positions[v][c] as f32));
     let unit = |v: usize| normals[v].try_normalize(0.0).unwrap_or(crate::geometry::Vector3::z());
     let normals = of(&|v| unit(v).map(|x| x as f32).into());
-    let names: Vec<f32> = split.vertex.iter().map(|&v| v as f32).collect();
     let mut attributes = json!({
         "POSITION": binary.floats("VEC3", 3, &positions, true),
         "NORMAL": binary.floats("VEC3", 3, &normals, false),
-        "_VERTEX": binary.floats("SCALAR", 1, &names, false),
+        VERTEX: binary.floats("SCALAR", 1, &split.names(), false),
     });
     if template.flattening.is_some() {
         let uv: Vec<f32> = split.uv.iter().flat_map(|p| [p.x as f32, 1.0 - p.y as f32]).collect();
         attributes["TEXCOORD_0"] = binary.floats("VEC2", 2, &uv, false).into();
     }
     if let Some(albedo) = &template.albedo {
-        let at = |&(f, k): &(usize, usize)| {
+        let at = |corner: &Option<(usize, usize)>| {
             // Just inside the corner, so that the corner's own texel answers.
             let mut b = [0.001; 3];
+            let Some((f, k)) = *corner else { return [0.0; 3] };
             b[k] = 0.998;
             albedo.at(f, b)
         };
@@ -193,8 +208,28 @@ fn attributes(template: &Template, split: &Split, binary: &mut Binary) -> Value 
     attributes
 }
 
+/// Colour of every vertex for programs that know no texture: the albedo where its faces meet it, as 8-bit
+/// sRGB; `None` without albedo. Black where no face has the vertex.
+pub fn vertex_colours(template: &Template) -> Option<Vec<[u8; 3]>> {
+    let albedo = template.albedo.as_ref()?;
+    let mut sums = vec![([0.0f32; 3], 0.0f32); template.mesh.positions.len()];
+    for (f, face) in template.mesh.topology.faces.iter().enumerate() {
+        for (k, &v) in face.iter().enumerate() {
+            let mut b = [0.02; 3];
+            b[k] = 0.96;
+            let (sum, count) = &mut sums[v as usize];
+            sum.iter_mut().zip(albedo.at(f, b)).for_each(|(s, c)| *s += c);
+            *count += 1.0;
+        }
+    }
+    Some(sums.into_iter().map(|(sum, n)| sum.map(|s| srgb(s / n.max(1.0)))).collect())
+}
+
 /// The albedo as an sRGB PNG laid out by the flattening.
-pub(super) fn texture(template: &Template) -> io::Result<Option<Vec<u8>>> {
+///
+/// # Errors
+/// A flattening that cannot be baked; `None` without albedo or flattening.
+pub fn texture(template: &Template) -> io::Result<Option<Vec<u8>>> {
     let (Some(albedo), Some(map)) = (&template.albedo, &template.flattening) else {
         return Ok(None);
     };

@@ -8,6 +8,7 @@ pub mod normals;
 pub mod orientation;
 pub mod paths;
 pub mod remesh;
+pub mod repair;
 #[cfg(test)]
 pub(crate) mod shapes;
 pub mod strain;
@@ -45,10 +46,7 @@ impl Mesh {
 
     /// Whether the corners of a face lie on one line (sine of its largest angle below 1e-12).
     pub fn is_degenerate(&self, face: usize) -> bool {
-        let [a, b, c] = self.corners(face);
-        let longest =
-            (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
-        area(a, b, c) <= 0.5e-12 * longest
+        is_flat(self.corners(face))
     }
 
     /// Length of every edge of [`Topology::edges`], length units.
@@ -103,4 +101,10 @@ impl Mesh {
         assert_eq!(positions.len(), self.positions.len(), "one position per vertex");
         Self { topology: Arc::clone(&self.topology), positions }
     }
+}
+
+/// Whether three corners lie on one line (sine of the largest angle below 1e-12).
+fn is_flat([a, b, c]: [&Point3; 3]) -> bool {
+    let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
+    area(a, b, c) <= 0.5e-12 * longest
 }

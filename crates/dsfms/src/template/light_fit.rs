@@ -119,7 +119,8 @@ const VIGNETTING_SIGMA: f64 = 0.5;
 /// Estimate the light. `mesh` in the template frame; `initial` (from a camera file) serves as one
 /// candidate, as starting point and as centre of the prior on the offset.
 ///
-/// The reference distance is that of `initial`, or else the median distance of the observations.
+/// A single view leaves light and albedo apart: the light is then `initial`, or one at the camera, without
+/// candidates. The reference distance is that of `initial`, or else the median distance of the observations.
 pub fn fit_light(
     mesh: &Mesh,
     views: &[AlbedoView],
@@ -132,8 +133,13 @@ pub fn fit_light(
     let at_camera = point_light(Point3::origin(), 1.0, Spot::Isotropic);
     let gate = initial.unwrap_or(&at_camera);
     let count = options.spots.max(100);
-    let spots = repeated(&observe_spots(mesh, &normals, &prepared, gate, &options.bounds, count));
+    let seen = observe_spots(mesh, &normals, &prepared, gate, &options.bounds, count);
+    let spots = repeated(&seen);
     if spots.len() < MIN_SPOTS {
+        let once: Vec<_> = seen.into_iter().map(|s| s.seen).filter(|s| !s.is_empty()).collect();
+        if views.len() == 1 && once.len() >= MIN_SPOTS {
+            return Ok(assumed(initial, &once, options));
+        }
         return Err(AlbedoError::NothingObserved { views: views.len() });
     }
     let gain_priors: Vec<_> =
@@ -148,6 +154,28 @@ pub fn fit_light(
         })
         .collect();
     Ok(choose(&fits, &spots))
+}
+
+/// The light of a single view: nothing is seen twice, so it cannot be told from the albedo. That of the
+/// camera file, else one at the camera.
+fn assumed(
+    initial: Option<&LightModel>,
+    spots: &[Vec<Observation>],
+    options: &LightFitOptions,
+) -> LightFit {
+    let at_camera = || point_light(Point3::origin(), median_distance(spots), Spot::Isotropic);
+    LightFit {
+        light: initial.cloned().unwrap_or_else(at_camera),
+        ambient: 0.0,
+        vignetting: match options.vignetting {
+            Vignetting::Known(a) => a,
+            _ => 0.0,
+        },
+        relative_residual: 0.0,
+        gains: vec![1.0],
+        observations: [spots.len(), spots.iter().map(Vec::len).sum()],
+        candidates: Vec::new(),
+    }
 }
 
 fn choose(fits: &[(ParametricLight, LogFit)], spots: &[Vec<Observation>]) -> LightFit {

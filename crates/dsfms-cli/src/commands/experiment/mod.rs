@@ -23,19 +23,22 @@ use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
 Examples:
-  # Error against extension (Fig. 5): 100 cases for each of five extensions, all methods
+  # Error against extension (Fig. 5): 100 cases for each of five extensions,
+  # all methods
   dsfms experiment ext --count 100 --seed 1 -o results
   # Under a near light, with noisier matches
-  dsfms experiment ext --light near --noise 1,4 --methods rigid,dsfm,joint -o near
+  dsfms experiment ext --light near --noise 1,4 --methods rigid,dsfm,joint \\
+      -o near
   # The methods side by side, on a part of the liver
   dsfms experiment table1 --organ liver -o table1
   # What each ingredient is worth
   dsfms experiment ablation --count 40 -o ablation
 
-Every finished case is appended to OUT/cases.csv. A run that was stopped goes on where it was; the
-same folder is refused for other parameters or another build of dsfms, unless --restart drops it.
-Errors are absolute, in mm and px; nothing is aligned. OUT/report.html shows the plots, and one case of
-every extension in 3D.";
+Every finished case is appended to OUT/cases.csv. A run that was stopped goes
+on where it was; the same folder is refused for other parameters or another
+build of dsfms, unless --restart drops it. Errors are absolute, in mm and px;
+nothing is aligned. OUT/report.html shows the plots, and one case of every
+extension in 3D.";
 
 /// Run the methods on synthetic deformations of known truth.
 #[derive(Debug, Args)]
@@ -158,8 +161,8 @@ fn work(
     global: &Global,
     reporter: &Reporter,
 ) -> anyhow::Result<(Plan, Vec<Row>)> {
-    prepare_folder(&place.output)?;
     let organ = series.organ()?;
+    prepare_folder(&place.output)?;
     let plan = Plan {
         organ: organ.name().to_owned(),
         protocol: series.protocol(global.seed),

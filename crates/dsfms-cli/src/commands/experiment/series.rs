@@ -1,8 +1,10 @@
 //! The options that every series of cases has.
 
+use crate::exit::Usage;
 use clap::{Args, ValueEnum};
 use dsfms::experiment::Organ;
 use dsfms::synth::{ExtensionOf, LightKind, Protocol};
+use std::path::Path;
 
 #[derive(Debug, Args)]
 pub struct SeriesArgs {
@@ -103,7 +105,10 @@ impl SeriesArgs {
 
     /// The organ.
     pub fn organ(&self) -> anyhow::Result<Organ> {
-        Ok(Organ::named(&self.organ)?)
+        Organ::named(&self.organ).map_err(|error| match Path::new(&self.organ).exists() {
+            true => error.into(),
+            false => Usage(format!("--organ: {error}")).into(),
+        })
     }
 }
 

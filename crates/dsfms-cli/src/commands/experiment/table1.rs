@@ -45,10 +45,10 @@ const PAPER: [u8; 3] = [246, 247, 249];
 
 /// Two cases, a pull and a push, one PNG and one page in 3D each.
 pub fn run(args: &Table1Args, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
-    prepare_folder(&args.place.output)?;
     let organ = args.series.organ()?;
     let protocol = args.series.protocol(global.seed);
     let options = args.place.options()?;
+    prepare_folder(&args.place.output)?;
     let cell = Cell { extension: args.ext, noise: args.series.noise[0] };
     let mut text = String::from(
         "| case | error | SfS | DSfM | DSfMS | joint |\n| --- | --- | --- | --- | --- | --- |\n",

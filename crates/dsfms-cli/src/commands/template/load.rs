@@ -118,6 +118,9 @@ pub fn load(
         inputs::must_exist(path, option)?;
     }
     let sources = inputs::sources(&args.frames, inputs::Purpose::Template, reporter)?;
+    if cameras.own.is_none() {
+        inputs::check_sizes(&sources, &cameras.common.file.camera, camera_path)?;
+    }
     let mut loaded =
         Loaded { frames: Vec::new(), valid: Vec::new(), organ: Vec::new(), complete: true };
     let mut outlines = args.organ_polygon.clone();

@@ -3,30 +3,56 @@
 use crate::args::Global;
 use crate::progress::Reporter;
 use anyhow::Context;
+use dsfms::eval::zone::extent;
 use dsfms::io::InputError;
 use dsfms::io::images::read_frame;
-use dsfms::io::mesh::{MeshFile, MeshUnit, read_mesh};
+use dsfms::io::mesh::{MeshFile, MeshUnit, read_mesh, read_repaired};
 use dsfms::pipeline::Progress;
 use dsfms::template::bake::choose_resolution;
 use dsfms::template::{LengthUnit, SurfaceTexels};
 use std::path::Path;
 
-/// Read a mesh; what a user should know of it is said.
-pub fn open_mesh(path: &Path, reporter: &Reporter) -> anyhow::Result<MeshFile> {
-    let mesh = read_mesh(path)?;
+/// How meshes of the user are read.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Reading {
+    /// Unit of the numbers, whatever the file says.
+    pub unit: Option<MeshUnit>,
+    /// Mend what can be mended.
+    pub repair: bool,
+}
+
+/// A mesh in mm, or in template units where its file says so; what a user should know of it is said.
+pub fn open_mesh(path: &Path, how: Reading, reporter: &Reporter) -> anyhow::Result<MeshFile> {
+    let mut mesh = if how.repair { read_repaired(path)? } else { read_mesh(path)? };
     for warning in &mesh.warnings {
         reporter.warn(&format!("{}: {warning}", path.display()));
     }
-    if let Some(unit @ (MeshUnit::Centimetre | MeshUnit::Metre)) = mesh.unit {
+    mesh.unit = how.unit.or(mesh.unit);
+    if mesh.unit == Some(MeshUnit::TemplateUnit) {
+        return Ok(mesh);
+    }
+    let stated = mesh.unit;
+    let mesh = mesh.in_unit(MeshUnit::Millimetre)?;
+    let size = extent(&mesh.mesh.positions);
+    let said = match stated {
+        None => "states no unit, and is taken to be in mm".to_string(),
+        Some(unit) => format!("is in {}", unit.label()),
+    };
+    if !ORGAN_MM.contains(&size) {
         reporter.warn(&format!(
-            "{}: the file is in {unit:?}; its numbers are taken for mm, rescale it if that is wrong",
+            "{} {said}: {size:.3} mm across, which no organ is; give its unit with --mesh-unit",
             path.display()
         ));
+    } else if stated.is_none() || matches!(stated, Some(MeshUnit::Metre | MeshUnit::Centimetre)) {
+        reporter.say(&format!("{} {said}: {size:.1} mm across", path.display()));
     }
     Ok(mesh)
 }
 
-/// The unit of a mesh file's numbers.
+/// Diagonals that an organ may have, mm.
+const ORGAN_MM: std::ops::RangeInclusive<f64> = 2.0..=800.0;
+
+/// The unit of a mesh's numbers once it is opened.
 pub fn unit(mesh: &MeshFile) -> LengthUnit {
     match mesh.unit {
         Some(MeshUnit::TemplateUnit) => LengthUnit::TemplateUnit,

@@ -11,34 +11,42 @@ use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
 Examples:
-  # A video, motion only
-  dsfms track organ.template clip.mp4 --camera camera.json -o out
-  # Motion and shading, pictures of every frame
-  dsfms track organ.template frames/ --camera camera.json --method joint --overlay -o out
+  # A video, with pictures of every frame
+  dsfms track organ.template clip.mp4 --camera camera.json --overlay -o out
+  # Motion alone: faster
+  dsfms track organ.template frames/ --camera camera.json --method dsfm -o out
   # A live source: raw RGB frames in, one line of JSON a frame out
-  capture | dsfms track organ.template - --size 1280x720 --camera camera.json -o out
+  capture | dsfms track organ.template - --size 1280x720 --camera camera.json \\
+      -o out
   # A camera's JPEG stream; frames that come too fast are dropped
   ffmpeg -f v4l2 -i /dev/video0 -c:v copy -f mjpeg - | \\
-      dsfms track organ.template - --input-format mjpeg --realtime --camera camera.json -o out
+      dsfms track organ.template - --input-format mjpeg --realtime \\
+      --camera camera.json -o out
 
-Every frame ends ok, degraded (a surface with reservations, in the column reasons) or lost (no
-surface). A frame that cannot be decoded is lost too.
+Every frame ends ok, degraded (a surface with reservations, in the column
+reasons) or lost (no surface). A frame that cannot be decoded is lost too.
 
-Written to OUT: vertices.npz (vertices: frames x vertices x 3 in camera axes, NaN where lost; status: 0
-ok, 1 degraded, 2 lost); summary.csv (a row a frame; residual_px: median distance of the kept matches from the surface,
-reprojection_px: the mean one, photometric: mean relative difference of brightness, of joint; dropped:
-frames left out before it); report.html, one page with plots and up to 96 frames in 3D, written anew every few seconds, so that `dsfms view OUT`
-shows a running video; with --ply frame_NNN.ply; with --formats frame_NNN.vtp, .obj, .stl, and
-frames.glb, an animation; with --overlay overlay/frame_NNN.png and, where ffmpeg is installed,
-overlay.mp4. NNN is the place in the sequence.
+Written to OUT: vertices.npz (vertices: frames x vertices x 3 in camera axes,
+NaN where lost; status: 0 ok, 1 degraded, 2 lost); summary.csv (a row a frame;
+residual_px: median distance of the kept matches from the surface,
+reprojection_px: the mean one, photometric: mean relative difference of
+brightness, of joint; dropped: frames left out before it); report.html, one
+page with plots and up to 96 frames in 3D, written anew every few seconds, so
+that `dsfms view OUT` shows a running video; with --ply frame_NNN.ply; with
+--formats frame_NNN.vtp, .obj, .stl, and frames.glb, an animation; with
+--overlay overlay/frame_NNN.png and, where ffmpeg is installed, overlay.mp4.
+NNN is the place in the sequence.
 
-Frames on standard input also give a line of JSON each on standard output: frame, status, reasons,
-dropped, ms and, with a surface, pose (camera_from_template, 4 x 4), residual_px and agreement. With
---live-vertices every line says \"vertices_bytes\": N and N bytes follow its line end: x, y, z of every
-vertex in camera axes, 32-bit little-endian floats; none where there is no surface. In Python:
+Frames on standard input also give a line of JSON each on standard output:
+frame, status, reasons, dropped, ms and, with a surface, pose
+(camera_from_template, 4 x 4), residual_px and agreement. With --live-vertices
+every line says \"vertices_bytes\": N and N bytes follow its line end: x, y, z of
+every vertex in camera axes, 32-bit little-endian floats; none where there is
+no surface. In Python:
   while line := pipe.readline():
       result = json.loads(line)
-      xyz = numpy.frombuffer(pipe.read(result[\"vertices_bytes\"]), \"<f4\").reshape(-1, 3)";
+      xyz = pipe.read(result[\"vertices_bytes\"])
+      xyz = numpy.frombuffer(xyz, \"<f4\").reshape(-1, 3)";
 
 /// Follow the template through a video.
 #[derive(Debug, Args)]
@@ -54,72 +62,79 @@ pub struct TrackArgs {
     pub input: Vec<PathBuf>,
     /// A capture device in place of VIDEO, read by an installed ffmpeg: a format of ffmpeg and its
     /// name there, as v4l2:/dev/video0 or decklink:NAME; --size and --rate are asked of it.
-    #[arg(long, value_name = "KIND:NAME")]
+    #[arg(help_heading = "Input", long, value_name = "KIND:NAME")]
     pub device: Option<String>,
     /// Keep every frame that is taken, lossless and with its time, in a new folder; track plays it
     /// again at its times (with --realtime) or as fast as it can.
-    #[arg(long, value_name = "DIR")]
+    #[arg(help_heading = "Input", long, value_name = "DIR")]
     pub record: Option<PathBuf>,
     /// Intrinsics of these frames; default the template's own camera.
-    #[arg(long, value_name = "FILE")]
+    #[arg(help_heading = "Input", long, value_name = "FILE")]
     pub camera: Option<PathBuf>,
-    /// What to do.
-    #[arg(long, value_enum, default_value_t = TrackMethod::Dsfm)]
+    /// What is solved in every frame. joint has the smaller errors; dsfm is faster, and right where the
+    /// template's albedo or light is not to be trusted (smoke, blood, another lens).
+    #[arg(help_heading = "Method", long, value_enum, default_value_t = TrackMethod::Joint)]
     pub method: TrackMethod,
     /// Masks of the instruments, white = instrument.
-    #[arg(long, value_name = "DIR")]
+    #[arg(help_heading = "Input", long, value_name = "DIR")]
     pub instrument_masks: Option<PathBuf>,
     /// Outlines of the organ, white = organ.
-    #[arg(long, value_name = "DIR")]
+    #[arg(help_heading = "Input", long, value_name = "DIR")]
     pub organ_masks: Option<PathBuf>,
     /// What of the picture is valid (the endoscope's viewport), white = valid: a folder, or one file for
     /// all frames; without it a round viewport is found by itself.
-    #[arg(long, value_name = "FILE_OR_DIR")]
+    #[arg(help_heading = "Input", long, value_name = "FILE_OR_DIR")]
     pub masks: Option<PathBuf>,
     /// What the surface keeps of its rest shape; without it that of the options file, or conformal.
-    #[arg(long, value_enum)]
+    #[arg(help_heading = "Method", long, value_enum)]
     pub prior: Option<PriorName>,
-    /// Take every so-manieth frame.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    /// Take every Nth frame.
+    #[arg(help_heading = "Input", long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub stride: u32,
     /// Write the last good surface for lost frames too; their status stays lost.
-    #[arg(long)]
+    #[arg(help_heading = "Method", long)]
     pub keep_lost: bool,
     /// What standard input holds: RGB of 8 bits a channel (with --size), or JPEG pictures.
-    #[arg(long, value_enum, default_value_t = InputFormat::Raw)]
+    #[arg(help_heading = "Input", long, value_enum, default_value_t = InputFormat::Raw)]
     pub input_format: InputFormat,
     /// Size of the raw frames on standard input, px.
-    #[arg(long, value_name = "WxH", value_parser = size)]
+    #[arg(help_heading = "Input", long, value_name = "WxH", value_parser = size)]
     pub size: Option<[usize; 2]>,
     /// Keep up with the source: a frame that comes before the last is solved takes the place of the
     /// one that waits, and shading is read more coarsely. Files play at their own rate, or at --rate.
-    #[arg(long)]
+    #[arg(help_heading = "Method", long)]
     pub realtime: bool,
     /// Frames a second of the input; default what the video says, else 25.
-    #[arg(long, value_name = "FPS", value_parser = rate)]
+    #[arg(help_heading = "Input", long, value_name = "FPS", value_parser = rate)]
     pub rate: Option<f64>,
     /// The vertices too on standard output, behind the line of every frame.
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub live_vertices: bool,
     #[command(flatten)]
     pub link: LinkArgs,
     /// A PLY for every frame.
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub ply: bool,
     /// A picture of every frame with the surface, and a video of them where ffmpeg is installed.
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub overlay: bool,
     /// Further files, for other programs.
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "FORMATS")]
+    #[arg(
+        help_heading = "Output",
+        long,
+        value_enum,
+        value_delimiter = ',',
+        value_name = "FORMATS"
+    )]
     pub formats: Vec<Format>,
     /// Leave out OUT/report.html.
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     pub no_report: bool,
     /// Thresholds and weights, as TOML.
-    #[arg(long, value_name = "FILE")]
+    #[arg(help_heading = "Method", long, value_name = "FILE")]
     pub options: Option<PathBuf>,
     /// Folder for the results.
-    #[arg(short, long, value_name = "OUT")]
+    #[arg(help_heading = "Output", short, long, value_name = "OUT")]
     pub output: PathBuf,
 }
 

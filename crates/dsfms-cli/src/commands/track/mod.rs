@@ -24,6 +24,7 @@ use args::{TrackMethod, check};
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
 use dsfms::image::Frame;
+use dsfms::io::masks::MaskKind;
 use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::io::template::read_template;
 use dsfms::pipeline::{Method, Progress};
@@ -47,6 +48,16 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     place::check(&args.output, &places(args))?;
     let mut template = read_template(&args.template)?;
     let (camera, tone) = inputs::frame_camera(args.camera.as_deref(), global, &mut template)?;
+    if !live {
+        let sources = inputs::look(&args.input)?;
+        let file = args.camera.as_deref().unwrap_or(&args.template);
+        inputs::check_sizes(&sources, &camera, file)?;
+        let masks = [&args.instrument_masks, &args.organ_masks, &args.masks].map(|m| m.as_deref());
+        let kinds = [MaskKind::Instrument, MaskKind::Organ, MaskKind::Valid];
+        for (masks, kind) in masks.into_iter().zip(kinds) {
+            inputs::check_masks(&sources, masks, kind)?;
+        }
+    }
     let base = if args.realtime { TrackOptions::realtime() } else { TrackOptions::default() };
     let mut options = match &args.options {
         Some(path) => inputs::options(path, |text| base.with_toml(text))?,

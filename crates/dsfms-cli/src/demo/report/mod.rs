@@ -117,7 +117,7 @@ pub fn page(report: &Report) -> anyhow::Result<Page> {
 /// Everything in mm, the truth beside the methods.
 fn data(report: &Report) -> anyhow::Result<PageData> {
     let camera = &report.scene.camera.file.camera;
-    let scale = report.tie.world_from_template.scaling();
+    let scale = report.tie.mm;
     let mut data = PageData::of_template(&report.built.template, scale, "mm")?;
     data.methods = METHODS.into_iter().map(|m| method_name(m).to_string()).collect();
     data.truth = Some(data.methods.len());
@@ -156,8 +156,9 @@ fn overview(report: &Report) -> String {
          deformed frame was then reconstructed by rigid pose, shape from shading (sfs), motion \
          (dsfm, eq. 3), motion with shading (dsfms, eq. 4) and both in one problem (joint), and \
          compared with the truth of this path-traced scene. Errors are distances between every template vertex and its true place, \
-         in mm, without any alignment of the deformed shapes: one similarity, from the camera \
-         centres of the exploration to the true ones, gives the template its scale and frame.</p>\
+         in mm, without any alignment of the deformed shapes: the way of the camera, as a tracked \
+         laparoscope would tell it, gives the template its scale. <code>dsfms evaluate</code> on the \
+         files of a method and of <code>truth</code> gives the same figures.</p>\
          <nav aria-label=\"Sections\"><a href=\"#viewer\">viewer</a><a href=\"#methods\">methods</a>\
          <a href=\"#template\">template</a>{links}</nav>",
         report.scene.exploration.len()

@@ -115,9 +115,10 @@ fn one_slip(a: &str, b: &str) -> bool {
         || a.is_empty() && b.is_empty()
 }
 
-/// A finite number, or what is wrong.
+/// A finite number, also one that is written as a text (P2ILF), or what is wrong.
 pub(super) fn number(value: &Value) -> Result<f64, String> {
-    match value.as_f64() {
+    let texted = || value.as_str()?.trim().parse().ok();
+    match value.as_f64().or_else(texted) {
         Some(number) if number.is_finite() => Ok(number),
         Some(number) => Err(format!("is {number}; expected a finite number")),
         None => Err(format!("is {value}; expected a finite number")),

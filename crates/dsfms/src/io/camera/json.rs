@@ -8,13 +8,14 @@ use serde_json::{Map, Value, json};
 use std::path::Path;
 
 /// Every field that is read.
-const KNOWN: [&str; 22] = [
+const KNOWN: [&str; 23] = [
     "width",
     "height",
     "fx",
     "fy",
     "cx",
     "cy",
+    "skew",
     "distortion_model",
     "camera_model",
     "distortion",
@@ -45,6 +46,9 @@ pub(super) fn read(path: &Path, value: &Value) -> Result<CameraFile, InputError>
         centre: [fields.number("cx")? - shift, fields.number("cy")? - shift],
         lens: lens(&fields)?,
     };
+    if fields.get("skew").is_some() && fields.number("skew")? != 0.0 {
+        return Err(fields.error("skew", "is not 0, which no camera model here has"));
+    }
     // A missing field is named first, with what was found in its place.
     fields.check_names(&KNOWN, true)?;
     let tone = fields.get("tone_curve").or(fields.get("tone"));

@@ -1,4 +1,5 @@
-//! Camera files: our JSON, OpenCV's YAML or JSON, COLMAP's `cameras.txt` or `cameras.bin`.
+//! Camera files: our JSON, OpenCV's YAML, XML or JSON, COLMAP's `cameras.txt` or `cameras.bin`, nerfstudio's
+//! `transforms.json`, the strings of P2ILF's metadata.
 //!
 //! The JSON holds `width`, `height`, `fx`, `fy`, `cx`, `cy` (a complete file), and optionally
 //! `distortion` (`k1 k2 p1 p2 k3`, or `k1` to `k4` with a `distortion_model` that says fisheye),
@@ -10,8 +11,10 @@ mod colmap;
 mod fields;
 mod json;
 mod light;
+mod nerfstudio;
 mod opencv;
 mod tone;
+mod xml;
 
 use super::colmap::{file_in, is_binary};
 use super::error::{InputError, parse_json, read_text, write_text};
@@ -61,7 +64,13 @@ pub fn read_camera(path: &Path) -> Result<CameraFile, InputError> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let file = if text.trim_start().starts_with('{') || extension == "json" {
         let value = parse_json(path, &text)?;
-        if opencv::is_opencv(&value) {
+        if nerfstudio::is_nerfstudio(&value) {
+            nerfstudio::read(path, &value)?
+        } else if is_of_poses(&value) {
+            let reason = "holds camera poses (R and t), no intrinsics: it belongs to --poses; --camera takes \
+                          width, height, fx, fy, cx, cy";
+            return Err(InputError::format(path, reason));
+        } else if opencv::is_opencv(&value) {
             opencv::read(path, &value)?
         } else {
             json::read(path, &value)?
@@ -74,10 +83,20 @@ pub fn read_camera(path: &Path) -> Result<CameraFile, InputError> {
         } else {
             json::read(path, &value)?
         }
+    } else if text.trim_start().starts_with('<') {
+        let value =
+            xml::parse(&text).map_err(|(line, problem)| InputError::line(path, line, problem))?;
+        opencv::read(path, &value)?
     } else {
         colmap::read(path)?
     };
     checked(path, file)
+}
+
+/// Whether a document holds poses and says nothing of a camera's images.
+fn is_of_poses(value: &Value) -> bool {
+    let size = ["width", "image_width", "image_Width", "image_size"];
+    super::poses::holds_poses(value) && size.iter().all(|key| value.get(key).is_none())
 }
 
 fn checked(path: &Path, file: CameraFile) -> Result<CameraFile, InputError> {

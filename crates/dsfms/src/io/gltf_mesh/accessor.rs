@@ -85,9 +85,10 @@ impl<'a> Arrays<'a> {
         let accessor = self.accessor(index)?;
         let kind = accessor.component_type;
         let fraction = accessor.normalized && [UNSIGNED_BYTE, UNSIGNED_SHORT].contains(&kind);
-        if accessor.kind != format!("VEC{N}") || !(kind == FLOAT || fraction) {
+        let wanted = if N == 1 { "SCALAR".into() } else { format!("VEC{N}") };
+        if accessor.kind != wanted || !(kind == FLOAT || fraction) {
             return Err(malformed(format!(
-                "{name} is {} of component type {kind}; expected VEC{N} of floats",
+                "{name} is {} of component type {kind}; expected {wanted} of floats",
                 accessor.kind
             )));
         }

@@ -1,7 +1,7 @@
 //! The JSON of a glTF file, and the container of a `.glb`.
 
-use super::super::mesh::FormatError;
-use super::malformed;
+use super::super::mesh::{FormatError, MeshUnit};
+use super::{VERTEX, malformed};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -26,6 +26,9 @@ pub(super) struct Document {
 #[derive(Deserialize)]
 struct Asset {
     version: String,
+    /// Anything at all in files of others.
+    #[serde(default)]
+    extras: serde_json::Value,
 }
 
 #[derive(Deserialize, Default)]
@@ -165,6 +168,17 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), FormatError> {
 }
 
 impl Document {
+    /// Unit of the coordinates in a file that this program wrote.
+    pub(super) fn own_unit(&self) -> Option<MeshUnit> {
+        let unit = match self.asset.as_ref()?.extras.get("units")?.as_str()? {
+            "mm" => MeshUnit::Millimetre,
+            "template_units" => MeshUnit::TemplateUnit,
+            _ => return None,
+        };
+        let mut primitives = self.meshes.iter().flat_map(|mesh| &mesh.primitives);
+        primitives.all(|p| p.attributes.contains_key(VERTEX)).then_some(unit)
+    }
+
     /// Nodes at the top of the default scene, or of the first.
     pub(super) fn roots(&self) -> Result<&[usize], FormatError> {
         let scene = self.scenes.get(self.scene.unwrap_or(0));

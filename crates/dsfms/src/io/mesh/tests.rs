@@ -1,5 +1,6 @@
 use super::*;
-use crate::io::obj::write_obj;
+use crate::geometry::Vector3;
+use crate::io::obj::{ObjExtras, write_obj};
 use crate::io::ply::{PlyExtras, Precision, write_ply};
 use crate::io::stl::write_stl;
 use crate::template::LengthUnit;
@@ -64,7 +65,8 @@ fn written_ply_reads_back_exactly_in_double() {
         confidence: Some(&confidence),
         observed: Some(&visible),
         region: Some(&[Region::Observed, Region::Hidden, Region::Contradicted, Region::Folded]),
-        color: None,
+        color: Some(&[[9, 8, 7]; 4]),
+        normals: Some(&[Vector3::z(); 4]),
     };
     write_ply(&path, &mesh.topology, &mesh.positions, LengthUnit::TemplateUnit, &extras).unwrap();
     let back = read_mesh(&path).unwrap();
@@ -72,6 +74,7 @@ fn written_ply_reads_back_exactly_in_double() {
     assert_eq!(back.mesh.topology, mesh.topology);
     assert_eq!(back.unit, Some(MeshUnit::TemplateUnit));
     assert_eq!(back.attributes["confidence"], confidence);
+    assert_eq!((back.attributes["nz"][3], back.attributes["green"][0]), (1.0, 8.0));
     assert_eq!(back.attributes["observed"], [1.0, 0.0, 1.0, 1.0]);
     let short = PlyExtras { visible: Some(&visible[..2]), ..PlyExtras::default() };
     let error = write_ply(&path, &mesh.topology, &mesh.positions, LengthUnit::Millimetre, &short);
@@ -91,7 +94,8 @@ fn obj_keeps_vertex_order_and_corner_uv() {
     assert_eq!(file.unit, Some(MeshUnit::Centimetre));
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.obj");
-    write_obj(&path, &file.mesh, Some(&uv), LengthUnit::Millimetre, &[]).unwrap();
+    let extras = ObjExtras { uv: Some(&uv), material: None };
+    write_obj(&path, &file.mesh, LengthUnit::Millimetre, &extras).unwrap();
     let back = read_mesh(&path).unwrap();
     assert_eq!(back.mesh.topology, file.mesh.topology);
     assert_eq!(back.uv, Some(uv));
@@ -102,7 +106,7 @@ fn stl_merges_equal_corners_in_order_of_appearance() {
     let mesh = read_text("a.ply", SQUARE_PLY).unwrap().mesh;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.stl");
-    write_stl(&path, &mesh).unwrap();
+    write_stl(&path, &mesh, LengthUnit::Millimetre).unwrap();
     let back = read_mesh(&path).unwrap();
     assert_eq!(back.mesh.topology, mesh.topology);
     assert_eq!(back.mesh.positions, mesh.positions);
@@ -163,4 +167,18 @@ fn oddities_are_remarked_upon() {
     assert!(warnings.contains("1 vertices belong to no face"), "{warnings}");
     assert!(warnings.contains("2 separate components"), "{warnings}");
     assert!(warnings.contains("1 vertices repeat"), "{warnings}");
+}
+
+#[test]
+fn lengths_are_brought_to_another_unit_where_both_scales_are_known() {
+    let file = |unit| MeshFile { unit, ..read_text("a.ply", SQUARE_PLY).unwrap() };
+    let width = |file: MeshFile| file.mesh.positions[1].x;
+    let mm = MeshUnit::Millimetre;
+    assert_eq!(width(file(Some(MeshUnit::Metre)).in_unit(mm).unwrap()), 1000.0);
+    assert_eq!(width(file(Some(mm)).in_unit(MeshUnit::Centimetre).unwrap()), 0.1);
+    assert_eq!(width(file(None).in_unit(mm).unwrap()), 1.0);
+    assert_eq!(file(None).in_unit(mm).unwrap().unit, Some(mm));
+    let refused = file(Some(MeshUnit::TemplateUnit)).in_unit(mm).unwrap_err();
+    assert!(refused.to_string().contains("template_units and in mm"), "{refused}");
+    assert!(file(Some(mm)).in_unit(MeshUnit::TemplateUnit).is_err());
 }

@@ -47,6 +47,12 @@ impl Views<'_> {
         let views: Vec<AlbedoView> =
             registered.iter().map(|r| self.albedo_view(r, &tone)).collect();
         let light = fit_light(&mesh, &views, self.exploration.light, &options.light)?;
+        if light.candidates.is_empty() {
+            progress.warn(
+                "one frame has a pose: its light cannot be told from the albedo, and is taken from the \
+                 camera file, or to be at the camera",
+            );
+        }
         progress.step("light and albedo", 1, 2);
         let (ambient, vignetting) = (light.ambient, light.vignetting);
         let shading = AlbedoOptions { ambient, vignetting, ..options.albedo.clone() };

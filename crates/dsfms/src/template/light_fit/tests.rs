@@ -92,3 +92,21 @@ fn a_distant_light_is_recognised() {
     let fit = fit_light(&mesh, &views, None, &options).unwrap();
     assert_eq!(fit.light, LightModel::Collinear, "{:?}", fit.candidates);
 }
+
+#[test]
+fn one_view_takes_the_light_that_is_given() {
+    let coat = AlbedoOptions::default().coat();
+    let pictures = pictures_of(&patch(), &known_light(), coat, [1.0; 5]);
+    let mesh = patch();
+    let views: Vec<_> = pictures.iter().take(1).map(|p| p.view()).collect();
+    let options =
+        LightFitOptions { bounds: bounds(), normal_smoothing: 0, spots: 300, ..Default::default() };
+    let fit = |initial| fit_light(&mesh, &views, initial, &options).unwrap();
+    let known = known_light();
+    assert_eq!(fit(Some(&known)).light, known);
+    assert!(fit(None).candidates.is_empty() && fit(None).observations[0] >= MIN_SPOTS);
+    let options = AlbedoOptions { bounds: bounds(), normal_smoothing: 0, ..Default::default() };
+    let light = fit(None).light;
+    let albedo = estimate_albedo(&mesh, &views, &light, &options).unwrap();
+    assert_eq!(albedo.gains.len(), 1);
+}

@@ -1,0 +1,130 @@
+//! Mistakes: each is named for what it is, and a refused command leaves nothing behind.
+
+mod common;
+
+use common::{Case, save};
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const NOTHING: i32 = 1;
+const USAGE: i32 = 64;
+
+/// Every file and folder below.
+fn listing(folder: &Path) -> BTreeSet<PathBuf> {
+    let mut found = BTreeSet::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.append(&mut listing(&path));
+        }
+        found.insert(path);
+    }
+    found
+}
+
+/// The command is refused with this code; its message holds every word, once; nothing new lies around.
+fn refused(case: &Case, arguments: &[&str], code: i32, words: &[&str]) {
+    let before = listing(case.folder.path());
+    let done = case.dsfms(arguments).write_stdin("").output().unwrap();
+    let text = String::from_utf8_lossy(&done.stderr).into_owned();
+    assert_eq!(done.status.code(), Some(code), "{arguments:?}: {text}");
+    assert!(!text.contains("panicked"), "{text}");
+    for word in words {
+        assert!(text.contains(word), "{arguments:?}: expected {word:?} in: {text}");
+    }
+    assert_eq!(text.matches("error:").count(), 1, "{arguments:?}: {text}");
+    let left: Vec<_> = listing(case.folder.path()).difference(&before).cloned().collect();
+    assert!(left.is_empty(), "{arguments:?} left {left:?}");
+}
+
+/// A case with a template, a photograph for a mask and a few wrong files.
+fn prepared() -> Case {
+    let case = Case::new();
+    case.template();
+    fs::write(case.path("notes.txt"), "no video, no frame, no camera").unwrap();
+    fs::create_dir(case.path("photographs")).unwrap();
+    for name in ["organ_003", "tool_003"] {
+        let path = case.path(&format!("photographs/{name}.png"));
+        save(&path, [160, 120], |i| [(i % 251) as u8; 3]);
+    }
+    fs::create_dir(case.path("small")).unwrap();
+    for i in 0..4 {
+        save(&case.path(&format!("small/f_{i}.png")), [80, 60], |_| [120; 3]);
+    }
+    case
+}
+
+const CAMERA: [&str; 2] = ["--camera", "camera.json"];
+
+#[test]
+fn reconstruct() {
+    let case = prepared();
+    let run = |images: &[&str], more: &[&str], code: i32, words: &[&str]| {
+        let arguments =
+            [&["reconstruct", "organ.template"], images, &CAMERA, more, &["-o", "out"]].concat();
+        refused(&case, &arguments, code, words);
+    };
+    let matches = ["--matches", "matches.csv"];
+    run(&["nowhere"], &matches, NOTHING, &["nowhere", "no such file"]);
+    run(&["truth"], &matches, NOTHING, &["truth", "none was found"]);
+    run(&["frames"], &["--matches", "none.csv"], NOTHING, &["--matches", "none.csv"]);
+    run(&["frames"], &["--options", "none.toml"], NOTHING, &["none.toml"]);
+    run(&["frames"], &["--instrument-masks", "none"], NOTHING, &["--instrument-masks", "none"]);
+    run(&["frames"], &["--structures", "none.ply"], NOTHING, &["none.ply"]);
+    run(&["frames"], &["--method", "best"], USAGE, &["best", "joint"]);
+    run(&["frames"], &["--formats", "vtk"], USAGE, &["vtk", "vtp"]);
+    let size = ["f_0.png", "80x60", "160x120", "camera.json"];
+    run(&["small"], &matches, NOTHING, &size);
+    let masks = ["--instrument-masks", "photographs", "--matches", "matches.csv"];
+    run(&["frames"], &masks, NOTHING, &["photographs", "not a mask", "photograph"]);
+    let other = ["reconstruct", "frames", "frames", "-o", "out"];
+    refused(&case, &other, NOTHING, &["frames", "template"]);
+}
+
+#[test]
+fn template() {
+    let case = prepared();
+    let run = |more: &[&str], code: i32, words: &[&str]| {
+        refused(&case, &[&["template"], more, &["-o", "deep/new.template"]].concat(), code, words);
+    };
+    run(&["nowhere", "--camera", "camera.json"], NOTHING, &["nowhere"]);
+    run(&["frames"], USAGE, &["--camera"]);
+    run(&["small", "--camera", "camera.json"], NOTHING, &["f_0.png", "80x60", "160x120"]);
+    run(&["frames", "--camera", "none.json"], NOTHING, &["none.json"]);
+    run(&["--mesh", "none.ply"], NOTHING, &["none.ply"]);
+    run(&["--mesh", "camera.json"], NOTHING, &["camera.json", ".ply"]);
+    run(&["--mesh", "organ.ply", "--albedo", "none.png"], NOTHING, &["none.png"]);
+    run(&["frames", "--mesh", "organ.ply", "--camera", "camera.json"], USAGE, &["--poses"]);
+    run(&["frames", "--camera", "camera.json", "--vertices", "5"], USAGE, &["100 to 50000"]);
+    run(&["frames", "--camera", "camera.json", "--masks", "none"], NOTHING, &["--masks"]);
+    let masks = ["--organ-masks", "photographs"];
+    run(&[&["frames", "--camera", "camera.json"], &masks[..]].concat(), NOTHING, &["not a mask"]);
+}
+
+#[test]
+fn other_commands() {
+    let case = prepared();
+    let calibrate = ["calibrate", "frames", "--square", "3mm", "-o", "new/cal.json", "--board"];
+    let board = |b| [&calibrate[..], &[b]].concat();
+    refused(&case, &board("7x5"), NOTHING, &["board"]);
+    refused(&case, &board("seven"), USAGE, &["10x7"]);
+    let gone = ["calibrate", "none", "--board", "7x5", "--square", "3mm", "-o", "new.json"];
+    refused(&case, &gone, NOTHING, &["none"]);
+    let organ = ["synth", "--organ", "spleen", "--count", "1", "-o", "out"];
+    refused(&case, &organ, USAGE, &["spleen", "uterus"]);
+    let series = ["experiment", "ext", "--organ", "spleen", "--count", "1", "-o", "out"];
+    refused(&case, &series, USAGE, &["spleen", "uterus"]);
+    let track = ["track", "organ.template", "notes.txt", "--camera", "camera.json", "-o", "out"];
+    refused(&case, &track, NOTHING, &["notes.txt"]);
+    let track = ["track", "organ.template", "-", "--camera", "camera.json", "-o", "out"];
+    refused(&case, &track, USAGE, &["--size"]);
+    refused(&case, &["inspect", "frames"], NOTHING, &["frames"]);
+    refused(&case, &["view", "none", "--no-open"], NOTHING, &["none"]);
+    refused(&case, &["export", "organ.template"], USAGE, &["--mesh"]);
+    refused(&case, &["export", "organ.template", "--mesh", "a.fbx"], USAGE, &["a.fbx", ".glb"]);
+    let figure = ["figure", "truth", "--frame", "77", "-o", "plate.svg"];
+    refused(&case, &figure, NOTHING, &["no frame 77", "holds 3"]);
+    refused(&case, &["figure", "truth", "-o", "plate.gif"], USAGE, &["plate.gif", ".svg"]);
+    refused(&case, &["evaluate", "truth", "organ.ply"], USAGE, &["both be files"]);
+}
