@@ -291,14 +291,13 @@ fn prepare<'a>(
 
 /// The method asked for, or the best that the template allows.
 fn method(args: &ReconstructArgs, template: &Template, reporter: &Reporter) -> Method {
-    match args.method {
-        Some(name) => name.into(),
-        None if template.albedo.is_some() => Method::Joint,
-        None => {
-            reporter.warn("the template holds no albedo: motion alone is solved (--method dsfm)");
-            Method::Dsfm
-        }
+    if let Some(name) = args.method {
+        return name.into();
     }
+    if template.albedo.is_none() {
+        reporter.warn("the template holds no albedo: motion alone is solved (--method dsfm)");
+    }
+    Method::best_for(template)
 }
 
 impl Job<'_> {

@@ -396,9 +396,7 @@ fn from_frames(
     let loaded = load(args, &cameras, camera_path, reporter)?;
     let camera = &cameras.common;
     let mut options = options.clone();
-    if let Some(a) = camera.file.vignetting {
-        options.light.vignetting = Vignetting::Known(a);
-    }
+    camera.tell_options(&mut options);
     let options = &options;
     let exploration = Exploration {
         frames: &loaded.frames,

@@ -1,5 +1,6 @@
 //! Connectivity: faces, edges, one-rings, boundary. Never mentions a position.
 
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Connectivity of an oriented, edge-manifold triangle mesh; vertex and face order are the file's.
@@ -203,7 +204,8 @@ fn faces_by_edge(faces: &[[u32; 3]]) -> Vec<EdgeUse> {
             })
         })
         .collect();
-    uses.sort_unstable();
+    // No two are equal: the order does not depend on the threads.
+    uses.par_sort_unstable();
     uses
 }
 

@@ -1,5 +1,6 @@
 //! One deformed frame through all stages of a method.
 
+pub mod inputs;
 pub mod progress;
 pub mod reconstruct;
 pub mod template;
@@ -20,6 +21,7 @@ use crate::options::OptionError;
 use crate::register::{Match, RegisterError};
 use crate::sfs::SfsError;
 use crate::solver::Summary;
+use crate::template::Template;
 use crate::verdict::{Evidence, Region, Verdict};
 use serde::{Deserialize, Serialize};
 
@@ -37,6 +39,13 @@ pub enum Method {
     Dsfms,
     /// Motion, prior and shading in one problem (beyond the paper).
     Joint,
+}
+
+impl Method {
+    /// Where none is asked for: the best that the template allows.
+    pub fn best_for(template: &Template) -> Self {
+        if template.albedo.is_some() { Self::Joint } else { Self::Dsfm }
+    }
 }
 
 /// What is known of one deformed frame.

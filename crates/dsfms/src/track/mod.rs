@@ -218,6 +218,22 @@ pub struct Tracked {
     pub stages: Vec<(&'static str, f64)>,
 }
 
+impl Tracked {
+    /// A frame that could not be read, so that nothing was solved.
+    pub fn unread(why: String) -> Self {
+        let reasons = vec![Reason::Input { why }];
+        Self { status: TrackStatus::Lost, reasons, surface: None, stages: Vec::new() }
+    }
+
+    /// Say of a surface that its frame is not as it was taken.
+    pub fn reserve(&mut self, why: String) {
+        if self.surface.is_some() {
+            self.status = self.status.max(TrackStatus::Degraded);
+            self.reasons.push(Reason::Input { why });
+        }
+    }
+}
+
 /// Why a video cannot be tracked.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]

@@ -86,8 +86,8 @@ impl Cameras {
         }
         let file =
             CameraFile { camera: own.common.clone(), tone: None, light: None, vignetting: None };
-        let tone = global.tone.map(Into::into).unwrap_or_default();
-        Ok(Self { common: CameraInput { file, tone }, own: Some(own) })
+        let common = CameraInput::new(file, global.tone.map(Into::into));
+        Ok(Self { common, own: Some(own) })
     }
 }
 

@@ -32,7 +32,6 @@ use dsfms::register::Prior;
 use dsfms::template::Template;
 use dsfms::track::shapes::ShapeFile;
 use dsfms::track::{TrackOptions, TrackStatus, Tracked, Tracker};
-use dsfms::verdict::Reason;
 use incoming::Stream;
 use link::Link;
 use live::{Told, tell};
@@ -194,21 +193,14 @@ impl<'a> Job<'a> {
         let (frame, tracked) = match content {
             Content::Frame(prepared, reservation) => {
                 let mut tracked = self.tracker.solve(&prepared);
-                if let (Some(reason), Some(_)) = (reservation, &tracked.surface) {
-                    if tracked.status == TrackStatus::Ok {
-                        tracked.status = TrackStatus::Degraded;
-                    }
-                    tracked.reasons.push(Reason::Input { why: reason });
-                }
+                reservation.into_iter().for_each(|why| tracked.reserve(why));
                 (prepared.frame, tracked)
             }
             Content::Unreadable(name, reason) => {
                 self.reporter.warn(&format!("{name} is lost: {reason}"));
                 let size = self.camera.size;
                 let frame = Frame { name, size, rgb: vec![[0; 3]; size[0] * size[1]] };
-                let (status, stages) = (TrackStatus::Lost, Vec::new());
-                let reasons = vec![Reason::Input { why: reason }];
-                (frame, Tracked { status, reasons, surface: None, stages })
+                (frame, Tracked::unread(reason))
             }
         };
         let ms = 1e3 * start.elapsed().as_secs_f64();

@@ -1,0 +1,181 @@
+//! `dsfms.reconstruct`.
+
+use crate::build::sized;
+use crate::camera::Camera;
+use crate::convert;
+use crate::errors::{IntoPython, wrong};
+use crate::surface::Surface;
+use crate::template::Template;
+use crate::work;
+use dsfms::camera::CameraModel;
+use dsfms::image::{Frame, ToneCurve};
+use dsfms::io::camera::CameraFile;
+use dsfms::io::images::read_frame;
+use dsfms::io::matches::read_matches;
+use dsfms::pipeline::inputs::frames_camera;
+use dsfms::pipeline::{
+    Method, Observation, ReconstructOptions, Reconstruction, reconstruct as solve,
+};
+use dsfms::template::Template as Inner;
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// The method of a name.
+pub fn method_of(name: &str) -> PyResult<Method> {
+    match name {
+        "rigid" => Ok(Method::Rigid),
+        "sfs" => Ok(Method::Sfs),
+        "dsfm" => Ok(Method::Dsfm),
+        "dsfms" => Ok(Method::Dsfms),
+        "joint" => Ok(Method::Joint),
+        _ => {
+            let expected = "\"rigid\", \"sfs\", \"dsfm\", \"dsfms\" or \"joint\"";
+            Err(wrong("method", expected, format!("{name:?}")))
+        }
+    }
+}
+
+/// What a template and the camera of its frames make together.
+pub struct Sight {
+    pub template: Arc<Inner>,
+    pub camera: CameraModel,
+    pub tone: ToneCurve,
+    /// The camera as Python sees it.
+    pub shown: Py<Camera>,
+}
+
+impl Sight {
+    /// The template is copied only where the camera file tells something of it.
+    pub fn new(
+        py: Python<'_>,
+        template: &Template,
+        camera: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let given = camera.map(crate::build::camera_input).transpose()?;
+        let mut shared = template.inner.clone();
+        let tells = given.as_ref().is_some_and(|input| {
+            let lens = input.file.vignetting.is_some_and(|a| a != shared.coat.vignetting);
+            lens || (shared.light.is_none() && input.file.light.is_some())
+        });
+        let found = match given {
+            Some(input) if !tells => Some((input.file.camera, input.tone)),
+            Some(input) => frames_camera(Arc::make_mut(&mut shared), Some(input), None),
+            None => shared.camera.clone().map(|camera| (camera, shared.tone.clone())),
+        };
+        let Some((model, tone)) = found else {
+            return Err(wrong("camera", "a Camera, for the template holds none", "None"));
+        };
+        let file = CameraFile {
+            camera: model.clone(),
+            tone: Some(tone.clone()),
+            light: None,
+            vignetting: None,
+        };
+        let shown = match camera.and_then(|c| c.cast::<Camera>().ok()) {
+            Some(camera) => camera.clone().unbind(),
+            None => Py::new(py, Camera { file })?,
+        };
+        Ok(Self { template: shared, camera: model, tone, shown })
+    }
+}
+
+/// An image or its file.
+pub fn image(value: &Bound<'_, PyAny>, argument: &str, size: [usize; 2]) -> PyResult<Frame> {
+    let frame = match value.extract::<PathBuf>() {
+        Ok(path) => read_frame(&path).map_err(IntoPython::into_python)?,
+        Err(_) => convert::frame(value, argument, "frame_000".into())?,
+    };
+    sized(&frame, argument, size)?;
+    Ok(frame)
+}
+
+/// Reconstruct the deformed organ in one image.
+///
+/// Parameters
+/// ----------
+/// template : Template
+///     The organ at rest.
+/// image : array (h, w, 3) or path
+///     uint8, uint16 or floats in [0, 1], RGB, of the camera's size.
+/// camera : Camera or path, optional
+///     Camera of the image; default the template's own.
+/// method : {"rigid", "sfs", "dsfm", "dsfms", "joint"}, optional
+///     Default joint, or dsfm where the template has no albedo. Pose only; shading alone; motion (eq. 3); motion, then shading (eq. 4); both in one problem.
+/// matches : array (k, 6) or path of a CSV, optional
+///     Face, three barycentrics, x and y in px; default found by the template's descriptors.
+/// instrument_mask : array (h, w), optional
+///     True (above 127) where an instrument covers the organ.
+/// organ_mask : array (h, w), optional
+///     True (above 127) where the organ is the first surface hit.
+/// options : str, optional
+///     Weights and thresholds as TOML text, as the command line's ``--options``.
+/// seed : int
+///     Seed of every random draw.
+///
+/// Returns
+/// -------
+/// Surface
+///     Its status is ok, degraded, or lost where the surface cannot be believed.
+///
+/// Raises
+/// ------
+/// ValueError
+///     An argument of the wrong kind, shape or value.
+/// ReconstructionError
+///     The frame gives no surface: black, too few matches, no albedo for the method.
+#[pyfunction]
+#[pyo3(signature = (template, image, camera=None, *, method=None, matches=None, instrument_mask=None,
+    organ_mask=None, options=None, seed=0))]
+#[allow(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+pub fn reconstruct(
+    py: Python<'_>,
+    template: &Bound<'_, Template>,
+    image: &Bound<'_, PyAny>,
+    camera: Option<&Bound<'_, PyAny>>,
+    method: Option<&str>,
+    matches: Option<&Bound<'_, PyAny>>,
+    instrument_mask: Option<&Bound<'_, PyAny>>,
+    organ_mask: Option<&Bound<'_, PyAny>>,
+    options: Option<&str>,
+    seed: u64,
+) -> PyResult<Surface> {
+    let method = method.map(method_of).transpose()?;
+    let method = method.unwrap_or_else(|| Method::best_for(&template.get().inner));
+    let sight = Sight::new(py, template.get(), camera)?;
+    let frame = self::image(image, "image", sight.camera.size)?;
+    let size = frame.size;
+    let mut options = match options {
+        Some(text) => ReconstructOptions::from_toml(text)
+            .map_err(|error| wrong("options", "TOML of known fields", error.to_string()))?,
+        None => ReconstructOptions::default(),
+    };
+    options.seed = seed;
+    let faces = sight.template.mesh.topology.faces.len();
+    let matches = matches
+        .map(|value| match value.extract::<PathBuf>() {
+            Ok(path) => read_matches(&path, faces, size).map_err(IntoPython::into_python),
+            Err(_) => convert::matches(value, "matches", faces),
+        })
+        .transpose()?;
+    let mask = |value: Option<&Bound<'_, PyAny>>, name| {
+        value.map(|value| convert::mask(value, name, size)).transpose()
+    };
+    let instrument = mask(instrument_mask, "instrument_mask")?;
+    let organ = mask(organ_mask, "organ_mask")?;
+    let name = frame.name.clone();
+    let Sight { template: inner, camera: model, tone, shown } = sight;
+    let found = work::run(py, None, move |_| {
+        let observation = Observation {
+            frame: &frame,
+            camera: &model,
+            tone: &tone,
+            matches: matches.as_deref(),
+            instrument: instrument.as_ref(),
+            organ: organ.as_ref(),
+        };
+        let found = solve(&inner, &observation, method, &options);
+        Reconstruction::even_refused(found).map_err(IntoPython::into_python)
+    })??;
+    Ok(Surface::reconstructed(template.clone().unbind(), shown, name, found))
+}
