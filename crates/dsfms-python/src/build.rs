@@ -34,8 +34,8 @@ use std::path::{Path, PathBuf};
 ///     True (above 127) where a pixel may be used, and where it shows the organ.
 /// organ_click : (x, y), optional
 ///     A pixel of the first frame that shows the organ; only the connected surface there stays.
-/// vertices : int
-///     Vertices of the mesh, 100 to 50,000.
+/// vertices : int, optional
+///     Vertices of the mesh, 100 to 50,000; default 1,000.
 /// poses : path, or list of arrays (4, 4) or None, optional
 ///     Known ``camera_from_world`` of every frame; they are kept as they are.
 /// mesh : (vertices, faces), optional
@@ -48,6 +48,8 @@ use std::path::{Path, PathBuf};
 ///     Refine the surface by the shading of all views.
 /// self_calibrate : bool
 ///     Refine focal length, principal point and distortion too.
+/// options : str, optional
+///     Weights and thresholds as TOML text, as the command line's ``--options``.
 /// seed : int
 ///     Seed of every random draw.
 /// progress : callable (stage: str, done: int, total: int), optional
@@ -67,9 +69,9 @@ use std::path::{Path, PathBuf};
 /// BuildError
 ///     No template came of the frames; the message says why.
 #[pyfunction]
-#[pyo3(signature = (frames, camera, *, masks=None, organ_masks=None, organ_click=None, vertices=1000,
-    poses=None, mesh=None, unit="mm", whole=false, refine_by_shading=true, self_calibrate=false, seed=0,
-    progress=None))]
+#[pyo3(signature = (frames, camera, *, masks=None, organ_masks=None, organ_click=None, vertices=None,
+    poses=None, mesh=None, unit="mm", whole=false, refine_by_shading=true, self_calibrate=false, options=None,
+    seed=0, progress=None))]
 #[allow(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub fn build_template(
     py: Python<'_>,
@@ -78,19 +80,26 @@ pub fn build_template(
     masks: Option<&Bound<'_, PyAny>>,
     organ_masks: Option<&Bound<'_, PyAny>>,
     organ_click: Option<(f64, f64)>,
-    vertices: usize,
+    vertices: Option<usize>,
     poses: Option<&Bound<'_, PyAny>>,
     mesh: Option<(Bound<'_, PyAny>, Bound<'_, PyAny>)>,
     unit: &str,
     whole: bool,
     refine_by_shading: bool,
     self_calibrate: bool,
+    options: Option<&str>,
     seed: u64,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Template> {
     let camera = camera_input(camera)?;
-    let mut options = TemplateOptions { vertices, whole, refine_by_shading, ..Default::default() };
-    options.click = organ_click.map(|(x, y)| OrganClick { frame: None, pixel: [x, y].into() });
+    let base = options.map(TemplateOptions::from_toml).transpose();
+    let base = base.map_err(|e| wrong("options", "TOML of known fields", e.to_string()))?;
+    let mut options = base.unwrap_or_default();
+    options.vertices = vertices.unwrap_or(options.vertices);
+    options.whole |= whole;
+    options.refine_by_shading &= refine_by_shading;
+    let click = |(x, y): (f64, f64)| OrganClick { frame: None, pixel: [x, y].into() };
+    options.click = organ_click.map(click).or(options.click);
     options.sfm.seed = seed;
     options.dense.seed = seed;
     if self_calibrate {

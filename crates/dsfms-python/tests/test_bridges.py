@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from conftest import COARSE
 import dsfms
 import dsfms.rerun
 from dsfms import bridges
@@ -61,7 +62,8 @@ def test_pycolmap_and_back(
     names = sorted(p.stem for p in (scene / "exploration").iterdir())
     known = [poses.get(name) for name in names]
     built = dsfms.build_template(
-        scene / "exploration", found, organ_masks=scene / "exploration_masks", poses=known, vertices=200
+        scene / "exploration", found, organ_masks=scene / "exploration_masks", poses=known, vertices=200,
+        options=COARSE
     )
     extent = [np.ptp(t.vertices, axis=0).max() for t in (built, template)]
     assert 0.7 < extent[0] / extent[1] < 1.4

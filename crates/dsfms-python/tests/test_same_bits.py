@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import numpy as np
-from conftest import Run, first, pixels, ply_vertices
+from conftest import COARSE, Run, first, pixels, ply_vertices
 
 import dsfms
 
@@ -11,8 +11,10 @@ import dsfms
 def test_template_from_files(
     program: Run, scene: Path, template: dsfms.Template, tmp_path: Path
 ) -> None:
+    (tmp_path / "options.toml").write_text(COARSE)
     program("template", scene / "exploration", "--camera", scene / "camera.json", "--organ-masks",
-            scene / "exploration_masks", "--vertices", 300, "--no-report", "-o", tmp_path / "cli")  # fmt: skip
+            scene / "exploration_masks", "--vertices", 300, "--options", tmp_path / "options.toml", "--no-report",
+            "-o", tmp_path / "cli")  # fmt: skip
     template.save(tmp_path / "python")
     for name in ("template.ply", "template.toml", "sparse/images.txt", "sparse/points3D.txt"):
         ours, theirs = (tmp_path / who / name for who in ("python", "cli"))

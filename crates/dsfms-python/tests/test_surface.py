@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT, first, pixels
+from conftest import COARSE, ROOT, first, pixels
 from numpy.typing import NDArray
 
 import dsfms
@@ -82,7 +82,7 @@ def test_memory_and_files_agree(
     masks = [pixels(p)[..., 0] for p in sorted((scene / "exploration_masks").iterdir())]
     seen: list[tuple[str, int, int]] = []
     built = dsfms.build_template(
-        frames, camera, organ_masks=masks, vertices=300, progress=lambda *step: seen.append(step)
+        frames, camera, organ_masks=masks, vertices=300, options=COARSE, progress=lambda *step: seen.append(step)
     )
     assert np.array_equal(built.vertices, template.vertices)
     assert {"features", "matching"} <= {stage for stage, _, _ in seen}

@@ -144,7 +144,7 @@ class _Driver:
             "scheduling_strategy": "SPREAD",
             "runtime_env": {"env_vars": {"RAYON_NUM_THREADS": str(cpus)}},
         }
-        remote = lambda f: ray.remote(f).options(**options)  # noqa: E731
+        remote = ray.remote(**options)
         self.functions = {"count": remote(count), "template": remote(build), "track": remote(track)}
         self.waiting: deque[_Task] = deque()
         self.running: dict[Any, _Task] = {}

@@ -32,7 +32,7 @@ def thumbnail(image: NDArray[np.uint8], surface: Surface, width: int = 240) -> b
     """The frame, about `width` px wide, with the seen vertices in the colour of its status, as PNG."""
     step = max(1, round(image.shape[1] / width))
     small = image[::step, ::step].copy()
-    pixels = surface.camera.project(surface.vertices)[surface.visible] / step
+    pixels = surface.camera.project(surface.vertices[surface.visible]) / step
     columns, rows = np.round(pixels[np.isfinite(pixels).all(axis=1)]).astype(np.int64).T
     inside = (columns >= 0) & (rows >= 0) & (columns < small.shape[1]) & (rows < small.shape[0])
     small[rows[inside], columns[inside]] = COLORS[surface.status.value]

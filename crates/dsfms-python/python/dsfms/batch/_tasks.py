@@ -115,7 +115,7 @@ def _fill(rows: list[dict[str, Any]], shapes: list[NDArray[np.float64]], numbers
 def _residual(surface: dsfms.Surface) -> float:
     """Median distance of the kept matches from the surface, px; NaN where there are none."""
     matches = surface.matches[surface.matches_kept]
-    if len(matches) == 0:
+    if len(matches) == 0 or surface.status is dsfms.Status.LOST:
         return float("nan")
     corners = surface.vertices[surface.faces[matches[:, 0].astype(np.int64)]]
     points = np.einsum("kc,kcx->kx", matches[:, 1:4], corners)
