@@ -35,7 +35,7 @@ impl MeshUnit {
         }
     }
 
-    /// As texts name it; [`MeshUnit::from_comment`] reads it back.
+    /// As texts name it; `MeshUnit::from_comment` reads it back.
     pub fn label(self) -> &'static str {
         match self {
             Self::Millimetre => "mm",

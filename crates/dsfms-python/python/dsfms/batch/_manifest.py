@@ -56,7 +56,7 @@ class Job:
     template: str = ""
     exploration: str = ""
     organ_masks: str = ""
-    method: str = "dsfm"
+    method: str = "joint"
     vertices: int = 1000
     options: str = ""
     seed: int = 0
@@ -129,7 +129,7 @@ def read_manifest(manifest: str | Path | Iterable[Mapping[str, Any]]) -> list[Jo
             raise ValueError(f"manifest: row {number}: expected either a template or an exploration")
         if "exploration" in row and "camera" not in row:
             raise ValueError(f"manifest: row {number}: camera: expected a file, for an exploration needs it")
-        method = str(row.get("method", "dsfm"))
+        method = str(row.get("method", "joint"))
         if method not in ("dsfm", "joint"):
             raise ValueError(
                 f"manifest: row {number}: method: expected dsfm or joint, found {method!r}"
