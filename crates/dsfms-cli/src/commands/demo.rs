@@ -37,8 +37,8 @@ camera is given), OUT/truth/frame_NNN.ply on the same vertices, and OUT/scene:
 the embedded frames, masks, camera and truth, on which every other command can
 be tried. The exit code is 0 when `joint` gave a believable surface for every
 frame, else 2. The other methods are there to be compared: their surfaces are
-measured and shown whatever is thought of them, with their verdict, but leave no
-files where they are not believed.";
+measured and shown whatever is thought of them, with their verdict, but leave
+no files where they are not believed.";
 
 /// The methods compared, in the order of the report.
 pub const METHODS: [Method; 5] =
