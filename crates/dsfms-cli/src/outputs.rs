@@ -11,6 +11,7 @@ use dsfms::io::names::frame_number;
 use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::pipeline::{Method, Reconstruction, StageReport};
 use dsfms::template::{LengthUnit, Template};
+use dsfms::verdict::Level;
 use dsfms::verdict::{Evidence, Reason};
 use image::{ImageEncoder, RgbImage};
 use serde::Serialize;
@@ -113,14 +114,20 @@ impl ExpectedError {
 }
 
 impl FrameReport {
-    /// The report of a frame that gave a surface.
+    /// The report of a frame that gave a surface: only the verdict of one that must not be shown.
     pub fn of(input: &str, method: Method, unit: LengthUnit, result: &Reconstruction) -> Self {
-        let matrix = result.pose.to_homogeneous();
-        Self {
-            status: result.verdict.level.label(),
+        let judged = Self {
             reasons: sentences(&result.verdict.reasons),
             doubts: result.verdict.reasons.clone(),
             evidence: Some(result.evidence.clone()),
+            ..Self::failed(input, method, unit, String::new())
+        };
+        if result.verdict.level == Level::Lost {
+            return judged;
+        }
+        let matrix = result.pose.to_homogeneous();
+        Self {
+            status: result.verdict.level.label(),
             pose: Some(std::array::from_fn(|r| std::array::from_fn(|c| matrix[(r, c)]))),
             gain: Some(result.gain),
             ambient: Some(result.ambient),
@@ -130,7 +137,7 @@ impl FrameReport {
             expected_error: ExpectedError::of(result),
             stages: result.stages.clone(),
             seconds: result.stages.iter().map(|s| s.seconds).sum(),
-            ..Self::failed(input, method, unit, String::new())
+            ..judged
         }
     }
 
@@ -153,17 +160,6 @@ impl FrameReport {
             expected_error: None,
             stages: Vec::new(),
             seconds: 0.0,
-        }
-    }
-
-    /// The report of a frame whose surface must not be shown.
-    pub fn refused(input: &str, method: Method, unit: LengthUnit, found: &Reconstruction) -> Self {
-        let reasons = &found.verdict.reasons;
-        Self {
-            reasons: sentences(reasons),
-            doubts: reasons.clone(),
-            evidence: Some(found.evidence.clone()),
-            ..Self::failed(input, method, unit, String::new())
         }
     }
 

@@ -2,7 +2,7 @@
 
 use crate::camera::Camera;
 use crate::convert;
-use crate::errors::{FileError, IntoPython, wrong};
+use crate::errors::{self, FileError, IntoPython, wrong};
 use crate::template::{Template, mesh, unit};
 use crate::work;
 use dsfms::geometry::Isometry;
@@ -92,8 +92,7 @@ pub fn build_template(
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Template> {
     let camera = camera_input(camera)?;
-    let base = options.map(TemplateOptions::from_toml).transpose();
-    let base = base.map_err(|e| wrong("options", "TOML of known fields", e.to_string()))?;
+    let base = options.map(|text| errors::options(TemplateOptions::from_toml(text))).transpose()?;
     let mut options = base.unwrap_or_default();
     options.vertices = vertices.unwrap_or(options.vertices);
     options.whole |= whole;

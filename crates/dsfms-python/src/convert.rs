@@ -11,6 +11,12 @@ use numpy::{
 use numpy::{PyArrayDescrMethods, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
+/// A match as a row of `matches`: face, three barycentrics, x and y in px.
+pub fn match_row(m: &Match) -> [f64; 6] {
+    let [a, b, c] = m.barycentric;
+    [f64::from(m.face), a, b, c, m.pixel.x, m.pixel.y]
+}
+
 /// `numpy.ascontiguousarray`, with an error that names the argument.
 fn contiguous<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<Bound<'py, PyUntypedArray>> {
     let numpy = value.py().import("numpy")?;

@@ -12,6 +12,7 @@ use dsfms::video::VideoError;
 use pyo3::exceptions::{PyException, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use std::error::Error;
+use std::fmt::Display;
 
 pyo3::create_exception!(dsfms, DsfmsError, PyException, "Base of every error of this package.");
 pyo3::create_exception!(
@@ -82,6 +83,11 @@ pub fn wrong(argument: &str, expected: impl AsRef<str>, found: impl AsRef<str>) 
         expected.as_ref(),
         found.as_ref()
     ))
+}
+
+/// Options as their TOML gives them.
+pub fn options<T, E: Display>(read: Result<T, E>) -> PyResult<T> {
+    read.map_err(|error| wrong("options", "TOML of known fields", error.to_string()))
 }
 
 /// Add the exceptions to the module.

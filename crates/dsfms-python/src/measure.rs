@@ -2,7 +2,7 @@
 
 use crate::build::{Images, decode};
 use crate::camera::Camera;
-use crate::convert::{self, array1, array2, plain, points_out};
+use crate::convert::{self, array1, array2, match_row, plain, points_out};
 use crate::errors::{IntoPython, wrong};
 use crate::template::{Template, mesh};
 use crate::work;
@@ -172,11 +172,7 @@ pub fn _synthesize<'py>(
     result.set_item("zone", array1(py, case.deformation.zone.clone()))?;
     result.set_item("visible", array1(py, case.visible.clone()))?;
     result.set_item("truth", points_out(py, &case.truth)?)?;
-    let row = |m: &dsfms::register::Match| {
-        let [a, b, c] = m.barycentric;
-        [f64::from(m.face), a, b, c, m.pixel.x, m.pixel.y]
-    };
-    result.set_item("matches", array2(py, case.matches.iter().map(row))?)?;
+    result.set_item("matches", array2(py, case.matches.iter().map(match_row))?)?;
     let [w, h] = case.frame.size;
     let image = array1(py, case.frame.rgb.into_flattened()).reshape([h, w, 3])?;
     result.set_item("image", image)?;

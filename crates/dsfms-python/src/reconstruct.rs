@@ -3,7 +3,7 @@
 use crate::build::sized;
 use crate::camera::Camera;
 use crate::convert;
-use crate::errors::{IntoPython, wrong};
+use crate::errors::{self, IntoPython, wrong};
 use crate::surface::Surface;
 use crate::template::Template;
 use crate::work;
@@ -145,11 +145,9 @@ pub fn reconstruct(
     let sight = Sight::new(py, template.get(), camera)?;
     let frame = self::image(image, "image", sight.camera.size)?;
     let size = frame.size;
-    let mut options = match options {
-        Some(text) => ReconstructOptions::from_toml(text)
-            .map_err(|error| wrong("options", "TOML of known fields", error.to_string()))?,
-        None => ReconstructOptions::default(),
-    };
+    let base =
+        options.map(|text| errors::options(ReconstructOptions::from_toml(text))).transpose()?;
+    let mut options = base.unwrap_or_default();
     options.seed = seed;
     let faces = sight.template.mesh.topology.faces.len();
     let matches = matches

@@ -1,20 +1,18 @@
 //! `dsfms.Surface`: what one frame gave, from `reconstruct` and `Tracker` alike.
 
 use crate::camera::Camera;
-use crate::convert::{array1, array2, points_out, pose_out};
+use crate::convert::{array1, array2, match_row, points_out, pose_out};
 use crate::template::{Template, bridge};
 use dsfms::geometry::{Isometry, Point3};
 use dsfms::pipeline::Reconstruction;
 use dsfms::register::Match;
-use dsfms::register::scene::visibility;
 use dsfms::solver::Summary;
-use dsfms::track::{TrackStatus, Tracked};
+use dsfms::track::Tracked;
 use dsfms::verdict::{Level, Reason};
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::sync::OnceLock;
 
 /// The surface of one frame.
 ///
@@ -36,7 +34,7 @@ pub struct Surface {
     reasons: Vec<Reason>,
     vertices: Option<Vec<Point3>>,
     pose: Option<Isometry>,
-    visible: OnceLock<Vec<bool>>,
+    visible: Option<Vec<bool>>,
     expected_error: Option<Vec<f64>>,
     observed: Option<Vec<bool>>,
     regions: Option<Vec<u8>>,
@@ -55,7 +53,6 @@ impl Surface {
     ) -> Self {
         // What is not believed is not handed out.
         let believed = found.verdict.level != Level::Lost;
-        let visible = if believed { found.visible.into() } else { OnceLock::new() };
         Self {
             template,
             camera,
@@ -64,7 +61,7 @@ impl Surface {
             reasons: found.verdict.reasons,
             vertices: believed.then_some(found.vertices),
             pose: believed.then_some(found.pose),
-            visible,
+            visible: believed.then_some(found.visible),
             expected_error: found.confidence.filter(|_| believed),
             observed: found.observed.filter(|_| believed),
             regions: believed.then(|| found.regions.iter().map(|&r| r as u8).collect()),
@@ -81,20 +78,15 @@ impl Surface {
         frame: String,
         found: Tracked,
     ) -> Self {
-        let status = match found.status {
-            TrackStatus::Ok => "ok",
-            TrackStatus::Degraded => "degraded",
-            TrackStatus::Lost => "lost",
-        };
         let (vertices, pose, matches, visible) = match found.surface {
-            Some(s) => (Some(s.vertices), Some(s.pose), s.matches, s.visible.into()),
-            None => (None, None, Vec::new(), OnceLock::new()),
+            Some(s) => (Some(s.vertices), Some(s.pose), s.matches, Some(s.visible)),
+            None => (None, None, Vec::new(), None),
         };
         Self {
             template,
             camera,
             frame,
-            status,
+            status: found.status.label(),
             reasons: found.reasons,
             vertices,
             pose,
@@ -160,14 +152,7 @@ impl Surface {
     /// Seen by the camera (and not hidden by an instrument, where its mask was given), bool (n,).
     #[getter]
     fn visible<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
-        let visible = self.visible.get_or_init(|| match &self.vertices {
-            Some(shape) => {
-                let mesh = &self.template.get().inner.mesh;
-                visibility(&self.camera.get().file.camera, mesh, shape)
-            }
-            None => vec![false; self.count()],
-        });
-        array1(py, visible.clone())
+        array1(py, self.visible.clone().unwrap_or_else(|| vec![false; self.count()]))
     }
 
     /// Expected error of every vertex, float64 (n,), length units; None where the method gives none.
@@ -203,11 +188,7 @@ impl Surface {
     /// Matches, float64 (k, 6): face, three barycentrics, x and y in px.
     #[getter]
     fn matches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let row = |(m, _): &(Match, bool)| {
-            let [a, b, c] = m.barycentric;
-            [f64::from(m.face), a, b, c, m.pixel.x, m.pixel.y]
-        };
-        array2(py, self.matches.iter().map(row))
+        array2(py, self.matches.iter().map(|(m, _)| match_row(m)))
     }
 
     /// Which of `matches` the surface explains, bool (k,).

@@ -1,7 +1,7 @@
 //! `dsfms.Tracker`. The tracker borrows its template and its camera, so it lives on a thread that owns both.
 
 use crate::convert;
-use crate::errors::{IntoPython, TrackingError, wrong};
+use crate::errors::{self, IntoPython, TrackingError};
 use crate::reconstruct::{Sight, image, method_of};
 use crate::surface::Surface;
 use crate::template::Template;
@@ -71,9 +71,7 @@ impl Tracker {
         let sight = Sight::new(py, template.get(), camera)?;
         let base = if realtime { TrackOptions::realtime() } else { TrackOptions::default() };
         let mut options = match options {
-            Some(text) => base
-                .with_toml(text)
-                .map_err(|error| wrong("options", "TOML of known fields", error.to_string()))?,
+            Some(text) => errors::options(base.with_toml(text))?,
             None => base,
         };
         options.reconstruct.seed = seed;
@@ -192,9 +190,11 @@ fn serve(
     let mut preparation = tracker.preparation();
     let _ = ready.send(Ok(()));
     while let Ok((frame, mask, answer)) = frames.recv() {
-        let tracked = preparation.prepare(frame, mask.as_ref()).map(|p| tracker.solve(&p));
         // Nobody waits after Ctrl-C; the tracker has seen the frame all the same.
-        let _ = answer.send(tracked.map_err(IntoPython::into_python));
+        let _ = match preparation.prepare(frame, mask.as_ref()) {
+            Ok(prepared) => answer.send(Ok(tracker.solve(&prepared))),
+            Err(error) => answer.send(Err(error.into_python())),
+        };
     }
 }
 

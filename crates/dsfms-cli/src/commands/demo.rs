@@ -154,10 +154,7 @@ fn reconstruct_all(
             Ok(surface) => {
                 let truth: &FrameTruth = &frames[i].truth;
                 let errors = tie.evaluate(template, &surface.vertices, truth, scene)?;
-                let report = match surface.verdict.level {
-                    Level::Lost => FrameReport::refused(&input, method, template.unit, &surface),
-                    _ => FrameReport::of(&input, method, template.unit, &surface),
-                };
+                let report = FrameReport::of(&input, method, template.unit, &surface);
                 (report, Some((surface, errors)))
             }
             Err(error) => {

@@ -14,7 +14,7 @@ use crate::structures::{Placed, Structures};
 use clap::{Args, ValueEnum};
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
-use dsfms::image::{Frame, Mask, ToneCurve};
+use dsfms::image::{Frame, Mask, ToneCurve, diagonal};
 use dsfms::io::masks::MaskKind;
 use dsfms::io::matches::{find_matches, read_matches};
 use dsfms::io::template::read_template;
@@ -353,7 +353,7 @@ impl Job<'_> {
                 let unit = self.template.unit;
                 let report = match error.downcast_ref::<ReconstructError>() {
                     Some(ReconstructError::Refused(found)) => {
-                        FrameReport::refused(&input, method, unit, found)
+                        FrameReport::of(&input, method, unit, found)
                     }
                     _ => FrameReport::failed(&input, method, unit, exit::describe(&error)),
                 };
@@ -439,8 +439,7 @@ impl Job<'_> {
 fn warn_of_camera(template: &Template, given: &CameraModel, path: &Path, reporter: &Reporter) {
     let Some(own) = &template.camera else { return };
     let apart = apart_px(given, own);
-    let [w, h] = given.size.map(|n| n as f64);
-    if apart > Thresholds::default().camera * w.hypot(h) {
+    if apart > Thresholds::default().camera * diagonal(given.size) {
         reporter.warn(&format!(
             "{} is not the camera of the template: sightlines differ by up to {apart:.0} px; \
              leave --camera out if the frames are of the same camera",

@@ -19,7 +19,7 @@ pub fn distance_to(mask: &Mask) -> Plane {
         let squared = envelope(column);
         column.copy_from_slice(&squared);
     });
-    let limit = (w as f64).hypot(h as f64);
+    let limit = super::diagonal(mask.size);
     let mut data = vec![0.0_f32; w * h];
     data.par_chunks_mut(w.max(1)).enumerate().for_each(|(y, out)| {
         let row: Vec<f64> = (0..w).map(|x| columns[x * h + y]).collect();

@@ -23,6 +23,11 @@ pub use plane::{ColorImage, Plane};
 pub use tone::ToneCurve;
 pub use viewport::{usable, viewport};
 
+/// Diagonal of an image, px: the length that limits in the image are stated in.
+pub fn diagonal([width, height]: [usize; 2]) -> f64 {
+    (width as f64).hypot(height as f64)
+}
+
 /// One decoded frame: 8-bit encoded RGB exactly as the file holds it, row major.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {

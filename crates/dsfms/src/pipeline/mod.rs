@@ -114,7 +114,8 @@ impl Reconstruction {
 /// One stage of a reconstruction.
 #[derive(Clone, Debug, Serialize)]
 pub struct StageReport {
-    /// `pose`, `matching`, `register (eq. 3)`, `refine (eq. 4)`, `sfs`.
+    /// `mesh`, `prepare`, `matching`, `pose`, `register (eq. 3)`, `refine (eq. 4)`, `joint`, `sfs`,
+    /// `visibility`, `confidence`, `verdict`: all that a reconstruction does.
     pub name: String,
     /// Wall time, seconds.
     pub seconds: f64,

@@ -4,7 +4,7 @@ use super::trust::{Trusted, trust};
 use super::{Method, Observation, ReconstructError, Reconstruction, StageReport};
 use crate::camera::Camera;
 use crate::confidence::{Model, Solved, confidence};
-use crate::image::{Mask, Outline, Picture, usable, viewport};
+use crate::image::{Mask, Outline, Picture, diagonal, usable, viewport};
 use crate::light::Coated;
 use crate::options::{Documented, OptionError, commented};
 use crate::refine::{
@@ -76,8 +76,8 @@ impl ReconstructOptions {
 
     /// The same for frames of a size, px: lengths in pixels are stated for [`DIAGONAL`] and grow with
     /// the image.
-    fn at_size(mut self, [width, height]: [usize; 2]) -> Self {
-        let scale = (width as f64).hypot(height as f64) / DIAGONAL;
+    fn at_size(mut self, size: [usize; 2]) -> Self {
+        let scale = diagonal(size) / DIAGONAL;
         let (register, joint) = (&mut self.register, &mut self.joint);
         register.match_sigma_px *= scale;
         register.robust_px = register.robust_px.map(|px| scale * px);
@@ -110,8 +110,9 @@ pub fn reconstruct(
     method: Method,
     options: &ReconstructOptions,
 ) -> Result<Reconstruction, ReconstructError> {
-    let deformable = Deformable::of(&template.mesh);
-    reconstruct_with(template, &deformable, observation, method, options)
+    let mut log = StageLog::default();
+    let deformable = log.time("mesh", || Deformable::of(&template.mesh));
+    logged(template, &deformable, observation, method, options, log)
 }
 
 /// Reconstruct one deformed frame with what was made of the template's mesh before.
@@ -125,11 +126,23 @@ pub fn reconstruct_with(
     method: Method,
     options: &ReconstructOptions,
 ) -> Result<Reconstruction, ReconstructError> {
+    logged(template, deformable, observation, method, options, StageLog::default())
+}
+
+fn logged(
+    template: &Template,
+    deformable: &Deformable,
+    observation: &Observation,
+    method: Method,
+    options: &ReconstructOptions,
+    mut log: StageLog,
+) -> Result<Reconstruction, ReconstructError> {
     options.validate()?;
-    check(template, observation, method)?;
     let options = &options.settled().at_size(observation.frame.size);
-    let mut log = StageLog::default();
-    let sight = Sight::new(template, observation, method);
+    let sight = log.time("prepare", || {
+        check(template, observation, method)?;
+        Ok::<_, ReconstructError>(Sight::new(template, observation, method))
+    })?;
     let matches = log.time("matching", || matches_of(&sight, &options.register, options.seed))?;
     let posed = log.time("pose", || {
         pose(observation.camera, &template.mesh, &matches, &options.register, options.seed)
@@ -184,7 +197,7 @@ pub fn reconstruct_with(
             }
         }
     }
-    see(&sight, &mut result);
+    log.time("visibility", || see(&sight, &mut result));
     log.time("confidence", || expect(&sight, &scene, method, &options.refine, &mut result));
     let trusted = Trusted { sight: &sight, scene: &scene, posed: &posed, method, options };
     log.time("verdict", || trust(&trusted, &mut result));

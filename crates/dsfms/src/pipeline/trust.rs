@@ -4,6 +4,7 @@ use super::reconstruct::Sight;
 use super::{Method, ReconstructOptions, Reconstruction};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point3, median};
+use crate::image::diagonal;
 use crate::register::{Match, Posed, Scene};
 use crate::template::Template;
 use crate::verdict::evidence::{EXPECTED, Evidence, MatchCount};
@@ -90,8 +91,7 @@ impl Trusted<'_> {
     ) -> Evidence {
         let (rest, camera, shape) = (self.scene.rest, self.camera(), &result.vertices);
         let template = self.sight.template;
-        let size = camera.size().map(|n| n as f64);
-        let diagonal = size[0].hypot(size[1]);
+        let diagonal = diagonal(camera.size());
         let all: Vec<Match> = result.matches.iter().map(|m| m.0).collect();
         let kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
         let different: Vec<Match> = distinct(&kept, diagonal).iter().map(|&i| kept[i]).collect();
@@ -117,7 +117,7 @@ impl Trusted<'_> {
                 given: self.sight.observation.matches.is_some(),
             },
             residual_px,
-            rigid_px: Some([self.posed.median_px(), size[0]]),
+            rigid_px: Some([self.posed.median_px(), camera.size()[0] as f64]),
             pose,
             depth: depth.zip(template.usual.map(|u| u.depth)),
             extent_px: depth.map(|z| [radius * camera.focal[0] / z, diagonal]),
@@ -148,8 +148,7 @@ impl Trusted<'_> {
         let (given, own) = (self.camera(), template.camera.as_ref()?);
         let size = given.size();
         let apart = apart_px(given, own);
-        let diagonal = (size[0] as f64).hypot(size[1] as f64);
-        if apart <= self.options.verdict.camera * diagonal {
+        if apart <= self.options.verdict.camera * diagonal(size) {
             return None;
         }
         let own = resized(own, size);

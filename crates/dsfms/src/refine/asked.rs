@@ -22,10 +22,6 @@ const CLIP: f64 = 0.5;
 /// generated scenes `q` is 0.6 to 0.95 at rest and 1.4 or more where a zone moves by 1.2 mm or more.
 const RAMP: [f64; 2] = [1.02, 1.15];
 
-/// A pose explains the image clearly better than that of the matches when its mean square is this many
-/// times smaller.
-const CLEARLY: f64 = 1.1;
-
 /// What shapes are compared by; they and the matches lie on the mesh of `body` that is solved on.
 pub struct Comparison<'a> {
     /// What deforms.
@@ -41,25 +37,11 @@ pub struct Comparison<'a> {
 }
 
 impl Comparison<'_> {
-    /// What stays of `moved`, between it and the rest shape where the pose of the matches puts it, or,
-    /// where that explains the image better (noisy matches), where most of `moved` lies.
-    pub fn asked_for(&self, moved: Vec<Point3>) -> Vec<Point3> {
-        let (posed, reposed) = (&self.body.scene().posed, self.body.scene().reposed(&moved).posed);
-        let seen = [posed, &reposed].map(|shape| self.mean_square(shape));
-        let better = matches!(seen, [Some(posed), Some(reposed)] if CLEARLY * reposed < posed);
-        let (still, told) = if better { (&reposed, seen[1]) } else { (posed, seen[0]) };
-        self.between(still, told, moved)
-    }
-
     /// What stays of `moved`, between it and `still` (camera axes).
     pub fn kept(&self, still: &[Point3], moved: Vec<Point3>) -> Vec<Point3> {
-        self.between(still, self.mean_square(still), moved)
-    }
-
-    fn between(&self, still: &[Point3], told: Option<f64>, moved: Vec<Point3>) -> Vec<Point3> {
         let noise = self.sigma_px * self.sigma_px;
         let motion = |shape| self.reprojection(shape) + noise;
-        let seen = told.zip(self.mean_square(&moved));
+        let seen = self.mean_square(still).zip(self.mean_square(&moved));
         let seen = seen.map_or(1.0, |(still, moved)| still / moved.max(f64::MIN_POSITIVE));
         match share(seen.max(motion(still) / motion(&moved)).sqrt()) {
             1.0 => moved,

@@ -2,11 +2,11 @@
 
 use super::RefineOptions;
 use super::glare::{NoiseOptions, weigh};
-use super::look::{Look, LookOptions, diagonal};
+use super::look::{Look, LookOptions};
 use crate::camera::{Camera, CameraModel};
 use crate::energy::diffuse::DiffuseVertex;
 use crate::geometry::{Point3, Vector3};
-use crate::image::{ColorImage, Mask, Outline, Picture};
+use crate::image::{ColorImage, Mask, Outline, Picture, diagonal};
 use crate::light::Coated;
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;

@@ -6,7 +6,7 @@
 //! shading says, which a shape yet to be found foretells poorly: only what is next to nothing is shadow.
 
 use crate::geometry::centre_and_spread;
-use crate::image::{ColorImage, Mask};
+use crate::image::{ColorImage, Mask, diagonal};
 use rayon::prelude::*;
 
 /// Less than this fraction of the coloured part that the shape predicts, beside more white than colour, is
@@ -56,8 +56,7 @@ pub(super) fn foreign(
     };
     let strange: Vec<bool> = parts.iter().map(strange).collect();
     let size = image.size;
-    let diagonal = (size[0] as f64).hypot(size[1] as f64);
-    majority(&Mask { size, data: strange }).dilate(MARGIN * diagonal)
+    majority(&Mask { size, data: strange }).dilate(MARGIN * diagonal(size))
 }
 
 /// The coloured part of a pixel.

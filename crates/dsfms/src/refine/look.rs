@@ -180,8 +180,3 @@ impl<'a> Look<'a> {
         })
     }
 }
-
-/// Image diagonal, px.
-pub(super) fn diagonal([w, h]: [usize; 2]) -> f64 {
-    (w as f64).hypot(h as f64)
-}

@@ -5,7 +5,7 @@ use crate::camera::CameraModel;
 use crate::geometry::{Point2, Point3, Vector2, Vector3};
 use crate::image::corners::{CornerGrid, corners};
 use crate::image::flow::{Pyramid, correlation, whole};
-use crate::image::{Mask, Plane};
+use crate::image::{Mask, Plane, diagonal};
 use crate::light::Light;
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
@@ -36,10 +36,9 @@ impl Working {
     /// For frames of this camera; `blur`: the finest at which shading is read, of the diagonal, and
     /// `least_px` what halving leaves of it at least, px.
     pub fn of(camera: &CameraModel, blur: f64, least_px: f64) -> Self {
-        let diagonal = |camera: &CameraModel| (camera.size[0] as f64).hypot(camera.size[1] as f64);
         let halve = |mut halved: CameraModel, enough: &dyn Fn(f64) -> bool| {
             let mut times = 0;
-            while !enough(diagonal(&halved)) {
+            while !enough(diagonal(halved.size)) {
                 (halved, times) = (halved.halved(), times + 1);
             }
             (halved, times)

@@ -31,7 +31,8 @@ pub use tracker::Tracker;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrackOptions {
-    /// Weights of the solves, the seed, and when a surface is believed.
+    /// Weights of the solves, the seed, and when a surface is believed. Lengths in px are those of the
+    /// frames, whatever their size.
     pub reconstruct: ReconstructOptions,
     /// The joint solve from the last shape.
     pub video: VideoOptions,

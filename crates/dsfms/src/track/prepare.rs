@@ -7,7 +7,7 @@ use super::reduce::{Reduced, Tables, any, halve_mask, halved, stretch};
 use crate::camera::CameraModel;
 use crate::image::flow::Pyramid;
 use crate::image::viewport::INSTRUMENT_MARGIN;
-use crate::image::{Frame, Mask, Picture, ToneCurve, viewport};
+use crate::image::{Frame, Mask, Picture, ToneCurve, diagonal, viewport};
 use crate::sfm::{Features2d, SfmOptions, detect};
 use rayon::prelude::*;
 use std::time::Instant;
@@ -155,18 +155,13 @@ impl Preparation {
             }
         }
         self.count += 1;
-        Ok(match self.pooled {
-            true => rayon::scope(|_| self.prepare_here(frame, regions)),
-            false => self.prepare_here(frame, regions),
-        })
-    }
-
-    fn prepare_here(&mut self, frame: Frame, regions: Regions) -> Prepared {
-        let start = Instant::now();
-        let brightest = frame.rgb.iter().flatten().copied().max().unwrap_or(0);
-        let view = (brightest >= BLACK).then(|| self.view(&frame, regions));
-        let seconds = start.elapsed().as_secs_f64();
-        Prepared { frame, seconds, brightest, view }
+        let (start, pooled) = (Instant::now(), self.pooled);
+        let mut look = || {
+            let brightest = frame.rgb.iter().flatten().copied().max().unwrap_or(0);
+            (brightest, (brightest >= BLACK).then(|| self.view(&frame, regions)))
+        };
+        let (brightest, view) = if pooled { rayon::scope(|_| look()) } else { look() };
+        Ok(Prepared { seconds: start.elapsed().as_secs_f64(), frame, brightest, view })
     }
 
     /// Where the organ may be seen in the working image.
@@ -202,8 +197,7 @@ impl Preparation {
         let base = halvings.min(photo_halvings);
         let reduced = Reduced::of(frame, &self.tables, base);
         let scale = f64::from(1u32 << halvings);
-        let [w, h] = frame.size;
-        let halo = HALO * (w as f64).hypot(h as f64) / scale;
+        let halo = HALO * diagonal(frame.size) / scale;
         let clear = usable.minus(&any(&reduced.saturated(), halvings - base).dilate(halo));
         let bright = halved(&reduced.bright, halvings - base);
         let seen = Seen { pyramid: Pyramid::new(bright, LEVELS), usable: clear };

@@ -334,8 +334,11 @@ impl<'a> Tracker<'a> {
         };
         let last = self.last.as_ref().filter(|l| way == Way::Followed && l.frame + 1 == self.count);
         let before = last.map(|l| l.vertices.as_slice());
-        let found = evidence(rest, self.camera, &surface, before, self.usual.median());
-        Candidate { verdict: judge(&found, self.limits()), surface, look, ambient }
+        let verdict = clock.time("verdict", || {
+            let found = evidence(rest, self.camera, &surface, before, self.usual.median());
+            judge(&found, self.limits())
+        });
+        Candidate { verdict, surface, look, ambient }
     }
 
     /// Remember a surface that holds.

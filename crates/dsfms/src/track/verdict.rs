@@ -3,6 +3,7 @@
 use super::Surface;
 use crate::camera::CameraModel;
 use crate::geometry::Point3;
+use crate::image::diagonal;
 use crate::mesh::Mesh;
 use crate::verdict::observability::distinct;
 use crate::verdict::strain::{jump, strain};
@@ -17,7 +18,7 @@ pub(super) fn evidence(
     before: Option<&[Point3]>,
     usual: Option<f64>,
 ) -> Evidence {
-    let diagonal = (camera.size[0] as f64).hypot(camera.size[1] as f64);
+    let diagonal = diagonal(camera.size);
     let all: Vec<_> = surface.matches.iter().map(|m| m.0).collect();
     let kept: Vec<_> = surface.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
     let places = (surface.agreement * surface.places as f64).round() as usize;

@@ -80,6 +80,7 @@ pub const EXPECTED: Appearance = Appearance {
     compared: 0.8,
 };
 
+/// Nothing measured: what is unknown speaks neither for nor against a surface.
 impl Default for Evidence {
     fn default() -> Self {
         Self {

@@ -8,7 +8,7 @@
 
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point3, Vector3, centre_and_spread, median};
-use crate::image::{Mask, Picture};
+use crate::image::{Mask, Picture, diagonal};
 use crate::light::Light;
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
@@ -127,10 +127,6 @@ pub fn look(
         columns,
         tiles,
     })
-}
-
-fn diagonal([w, h]: [usize; 2]) -> f64 {
-    (w as f64).hypot(h as f64)
 }
 
 /// Image and prediction in blocks of pixels.

@@ -19,7 +19,7 @@ pub enum Reason {
     },
     /// A coordinate is NaN or infinite.
     NotFinite,
-    /// The brightest value of the frame, of 255.
+    /// The frame is black: `brightest` is its brightest value, of 255.
     Black {
         /// That value.
         brightest: u8,

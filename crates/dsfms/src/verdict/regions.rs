@@ -2,8 +2,9 @@
 
 use super::reason::Part;
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Point2, Point3, area, area_normal};
+use crate::geometry::{Point2, Point3, area_normal};
 use crate::mesh::Mesh;
+use crate::mesh::normals::lumped_areas;
 
 /// What is known of a vertex in one frame; the numbers are those of the files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,7 +38,7 @@ pub fn folded(rest: &Mesh, shape: &[Point3]) -> (Vec<bool>, usize) {
         a.dot(&b) / (a.norm() * b.norm()).max(f64::MIN_POSITIVE)
     };
     let mut folded = vec![false; topology.faces.len()];
-    for pair in face_pairs(rest) {
+    for &pair in topology.edge_faces.iter().filter(|pair| pair[1] != u32::MAX) {
         if cosine(shape, pair) < FOLDED && cosine(&rest.positions, pair) > FLAT {
             pair.iter().for_each(|&f| folded[f as usize] = true);
         }
@@ -49,31 +50,6 @@ pub fn folded(rest: &Mesh, shape: &[Point3]) -> (Vec<bool>, usize) {
     (vertices, folded.iter().filter(|f| **f).count())
 }
 
-/// The two faces of every inner edge.
-fn face_pairs(mesh: &Mesh) -> Vec<[u32; 2]> {
-    let mut sides: Vec<([u32; 2], u32)> = Vec::new();
-    for (f, face) in (0..).zip(&mesh.topology.faces) {
-        for k in 0..3 {
-            let (a, b) = (face[k], face[(k + 1) % 3]);
-            sides.push(([a.min(b), a.max(b)], f));
-        }
-    }
-    sides.sort_unstable();
-    let same = sides.windows(2).filter(|w| w[0].0 == w[1].0);
-    same.map(|w| [w[0].1, w[1].1]).collect()
-}
-
-/// A third of the area of the faces about every vertex.
-pub fn vertex_areas(mesh: &Mesh) -> Vec<f64> {
-    let mut areas = vec![0.0; mesh.positions.len()];
-    for face in &mesh.topology.faces {
-        let [a, b, c] = face.map(|v| &mesh.positions[v as usize]);
-        let third = area(a, b, c) / 3.0;
-        face.iter().for_each(|&v| areas[v as usize] += third);
-    }
-    areas
-}
-
 /// The largest connected part of what is in one region, of the area that is seen.
 pub fn largest_part(
     rest: &Mesh,
@@ -82,7 +58,7 @@ pub fn largest_part(
     regions: &[Region],
     which: Region,
 ) -> Option<Part> {
-    let areas = vertex_areas(rest);
+    let areas = lumped_areas(rest);
     let seen = |v: usize| regions[v] != Region::Hidden;
     let whole: f64 = (0..regions.len()).filter(|&v| seen(v)).map(|v| areas[v]).sum();
     let mut visited = vec![false; regions.len()];
@@ -123,7 +99,7 @@ pub fn largest_part(
 
 /// Share of the seen area that lies in a region.
 pub fn share(rest: &Mesh, regions: &[Region], which: Region) -> f64 {
-    let areas = vertex_areas(rest);
+    let areas = lumped_areas(rest);
     let sum = |of: &dyn Fn(Region) -> bool| -> f64 {
         areas.iter().zip(regions).filter(|(_, r)| of(**r)).map(|(a, _)| a).sum()
     };
