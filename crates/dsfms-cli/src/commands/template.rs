@@ -10,6 +10,7 @@ use crate::exit::{Outcome, Usage};
 use crate::inputs;
 use crate::memory::peak_mb;
 use crate::outputs::{check_folder, prepare_folder, write_json};
+use crate::pictures::organ::write_organ;
 use crate::pictures::template::{write_pictures, write_textures};
 use crate::place;
 use crate::progress::Reporter;
@@ -78,7 +79,9 @@ The result is a folder: template.toml, template.glb, template.ply and more.
 Without --mesh its lengths are in template units, similar to the truth at an
 unknown scale; a known distance (--scale-reference, --camera-step) or a metric
 mesh (--scale-mesh) makes them mm. pictures/ shows the flattening and the
-albedo; precision.json says how far camera poses and sparse points may be off
+albedo, and which part of the frames was taken for the organ where no mask said
+it (organ.png; as masks in organ_masks/, to be mended and given back with
+--organ-masks); precision.json says how far camera poses and sparse points may be off
 (expected errors and covariances).";
 
 /// Build a template (rest shape, albedo, descriptors) from exploration frames or a mesh.
@@ -96,16 +99,16 @@ pub struct TemplateArgs {
     /// Masks of the frames, white = valid image content (no instrument, inside the viewport).
     #[arg(help_heading = "Input", long, value_name = "DIR")]
     masks: Option<PathBuf>,
-    /// Outlines of the organ in the frames, white = organ.
+    /// Outlines of the organ in the frames, white = organ; in some of them is enough.
     #[arg(help_heading = "Organ", long, value_name = "DIR")]
     organ_masks: Option<PathBuf>,
     /// Outline of the organ on one frame, as FRAME:x,y,x,y,...; only the surface inside it stays. May
     /// be given for several frames.
     #[arg(help_heading = "Organ", long, value_name = "FRAME:X,Y,...", value_parser = parse_outline, conflicts_with_all = ["organ_masks", "mesh"])]
     organ_polygon: Vec<OrganOutline>,
-    /// A pixel of one frame (the first, or X,Y@FRAME) that shows the organ; only the surface connected
-    /// to it stays. Without it, of parts that a step in depth separates, the one in the middle of the
-    /// frames.
+    /// A pixel of one frame (the first, or X,Y@FRAME) that shows the organ; without it the organ is
+    /// what the frames look at. Either way up to where depth steps, the surface folds inwards or
+    /// colours change.
     #[arg(help_heading = "Organ", long, value_name = "X,Y[@FRAME]", value_parser = parse_click, conflicts_with = "mesh")]
     organ_click: Option<OrganClick>,
     /// Leave the surface as stereo saw it; else the shading of all frames refines it within its expected
@@ -268,7 +271,7 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
     place::check_apart(&args.output, &inputs)?;
     let options = options(args, global)?;
     let pictures = args.output.join("pictures");
-    let (template, precision, loaded, complete) = match (args.frames.is_empty(), &args.mesh) {
+    let (template, told, loaded, complete) = match (args.frames.is_empty(), &args.mesh) {
         (true, Some(mesh)) => {
             let mesh = open_mesh(mesh, args.reading(), reporter)?;
             let albedo =
@@ -278,9 +281,10 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
         }
         _ => {
             let (built, loaded, complete) = from_frames(args, global, &options, reporter)?;
-            (built.template, built.precision, Some(loaded), complete)
+            (built.template, Some((built.precision, built.organ)), Some(loaded), complete)
         }
     };
+    let (precision, organ) = told.unwrap_or_default();
     prepare_folder(parent)?;
     write_template(&args.output, &template)?;
     if let Some(precision) = &precision {
@@ -289,6 +293,9 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
     write_pictures(&template, &pictures)?;
     if let Some(loaded) = &loaded {
         write_textures(&template, &loaded.frames, &loaded.valid, &pictures)?;
+        if let Some(organ) = &organ {
+            write_organ(organ, &loaded.frames, &args.output)?;
+        }
     }
     if !args.no_report {
         let name = args.output.file_name().unwrap_or_default().to_string_lossy();
@@ -430,6 +437,8 @@ fn from_frames(
     }
     let asked = !options.scale.is_empty() || metric.is_some();
     let scaled = built.scale.is_some() || !asked;
-    let complete = built.rejected.is_empty() && loaded.complete && scaled;
+    // What may not be the organ alone is no template of it.
+    let parted = built.organ.as_ref().is_none_or(|organ| organ.taken);
+    let complete = built.rejected.is_empty() && loaded.complete && scaled && parted;
     Ok((built, loaded, complete))
 }

@@ -1,6 +1,7 @@
 //! Pictures beside the results: calibration, flattening, texture, albedo.
 
 pub mod calibration;
+pub mod organ;
 pub mod plot;
 pub mod template;
 pub mod text;

@@ -1,12 +1,11 @@
-//! The outline of a part of the surface in every frame.
+//! The outline of the organ in every frame.
 //!
-//! Depth tells roughly where: a window of stereo that lies across an occluding contour takes the depth of the
+//! The labels of the depth maps tell roughly where: a window of stereo that lies across an occluding contour takes the depth of the
 //! side of more texture, so a depth map is off by up to the window's size. The image tells exactly where:
 //! between what is surely the part and what is surely not, the outline runs along the strongest edge. Both
 //! sides go on at the price of the edges they cross (shortest paths), and the outline is where they meet.
 
-use super::parts::{CRUMB, Parts};
-use super::{DepthMap, PosedFrame, tolerance};
+use super::{DepthMap, PosedFrame};
 use crate::camera::Camera;
 use crate::geometry::Point2;
 use crate::image::{Frame, Mask};
@@ -25,82 +24,20 @@ const OUTER_PX: f64 = 2.0 * BAND_PX;
 /// lies outside: one too far inside cuts the part, one too far outside only holds it less.
 const DOUBT: u64 = 3;
 
-/// For every view where `part` is the first surface hit, on the frame's pixels.
-pub fn outlines(parts: &Parts, part: u32, views: &[PosedFrame], maps: &[DepthMap]) -> Vec<Mask> {
-    views.par_iter().zip(maps).map(|(view, map)| outline(parts, part, view, map)).collect()
+/// Of every view where the organ is the first surface hit, on the frame's pixels; `organ`: the same, roughly,
+/// on those of the depth maps. Masks of the views stay as they are.
+pub fn outlines(organ: &[Mask], views: &[PosedFrame], maps: &[DepthMap]) -> Vec<Mask> {
+    let views = organ.par_iter().zip(views).zip(maps);
+    views.map(|((organ, view), map)| outline(organ, view, map)).collect()
 }
 
-fn outline(parts: &Parts, part: u32, view: &PosedFrame, map: &DepthMap) -> Mask {
-    let label = labels(parts, map);
-    let shown = |own: bool| {
-        let data = label.iter().map(|&l| l != CRUMB && (l == part) == own).collect();
-        Mask { size: map.camera.size, data }
-    };
-    let (own, other) = (shown(true), shown(false));
-    // Without the holes that highlights leave, shrunk by what depth runs over.
-    let closed = own.dilate(0.5 * BAND_PX).erode(0.5 * BAND_PX);
-    let own = closed.minus(&other).erode(BAND_PX);
-    let other = other.minus(&closed.dilate(OUTER_PX));
+fn outline(organ: &Mask, view: &PosedFrame, map: &DepthMap) -> Mask {
+    if let Some(given) = view.organ {
+        return given.clone();
+    }
+    let (own, other) = (organ.erode(BAND_PX), organ.dilate(OUTER_PX).complement());
     let [own, other] = [own, other].map(|mask| on_frame(&mask, view, map));
     flooded(&gradient(view.frame), own, &other)
-}
-
-/// The part that every pixel of the depth map shows; [`CRUMB`] where depth leads to none.
-fn labels(parts: &Parts, map: &DepthMap) -> Vec<u32> {
-    continued(map, seeds(parts, map))
-}
-
-/// For every two parts, pixels of the depth maps side by side that show one each: those that depth joins
-/// without a step, and all. Element `a * count + b`, `a < b`.
-pub(super) fn borders(parts: &Parts, maps: &[DepthMap]) -> Vec<[usize; 2]> {
-    let mut sums = vec![[0; 2]; parts.count().pow(2)];
-    for map in maps {
-        let label = labels(parts, map);
-        for i in 0..label.len() {
-            for n in beside(i, map.camera.size).filter(|&n| n > i) {
-                let [a, b] = [label[i].min(label[n]), label[i].max(label[n])];
-                if a != b && b != CRUMB {
-                    let sum = &mut sums[a as usize * parts.count() + b as usize];
-                    *sum = [sum[0] + usize::from(joined(map, i, n)), sum[1] + 1];
-                }
-            }
-        }
-    }
-    sums
-}
-
-/// Whether depth leads from a pixel to the next without a step.
-fn joined(map: &DepthMap, i: usize, n: usize) -> bool {
-    let (z, (other, facing)) = (f64::from(map.depth[i]), map.seen(n));
-    other > 0.0 && (z - other).abs() < tolerance(other, facing)
-}
-
-/// The part that every pixel of the depth map surely shows; [`CRUMB`] where that is open.
-fn seeds(parts: &Parts, map: &DepthMap) -> Vec<u32> {
-    let raster = parts.drawn(&map.camera, &map.pose);
-    let label = |i: usize| {
-        let (z, facing) = map.seen(i);
-        let agrees = z > 0.0 && (z - raster.depth[i]).abs() < tolerance(z, facing);
-        if agrees { parts.of(raster.face[i]) } else { CRUMB }
-    };
-    (0..map.depth.len()).map(label).collect()
-}
-
-/// The labels, gone on over all pixels that depth reaches without a step.
-fn continued(map: &DepthMap, mut label: Vec<u32>) -> Vec<u32> {
-    let mut queue: Vec<usize> = (0..label.len()).filter(|&i| label[i] != CRUMB).collect();
-    let mut next = 0;
-    while next < queue.len() {
-        let i = queue[next];
-        next += 1;
-        for n in beside(i, map.camera.size) {
-            if label[n] == CRUMB && joined(map, i, n) {
-                label[n] = label[i];
-                queue.push(n);
-            }
-        }
-    }
-    label
 }
 
 /// The pixels left, right, above and below, as far as they are in the image.
@@ -171,7 +108,7 @@ fn flooded(steepness: &[u32], mut own: Mask, other: &Mask) -> Mask {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{DenseOptions, parts::parts};
+    use super::super::labelling;
     use super::*;
     use crate::camera::{CameraModel, Lens};
     use crate::geometry::Isometry;
@@ -224,17 +161,12 @@ mod tests {
     }
 
     #[test]
-    fn a_plate_parts_from_its_wall_and_its_outline_is_the_edge_in_the_image() {
+    fn a_plate_is_told_from_its_wall_and_its_outline_is_the_edge_in_the_image() {
         let (camera, (frames, maps)) = (camera(), scene(3.0, PLATE[0]));
         let views = posed(&frames, &camera);
-        let options = DenseOptions { target_vertices: 12_000, ..Default::default() };
-        let found = parts(&views, &maps, &options).unwrap();
-        assert_eq!(found.count(), 2);
-        let at = |x: f64, y: f64| found.at(&camera, &pose(2), &Point2::new(x, y));
-        let (near, far) = (at(59.0, 44.0), at(8.0, 8.0));
-        assert!(near.is_some() && far.is_some() && near != far, "{near:?} {far:?}");
-        assert_eq!(Some(found.central(&views)), near);
-        for (i, mask) in outlines(&found, near.unwrap(), &views, &maps).iter().enumerate() {
+        let found = labelling(&views, &maps, None);
+        assert!(found.stepping > 0.9, "{}", found.stepping);
+        for (i, mask) in outlines(&found.masks, &views, &maps).iter().enumerate() {
             let wrong = |p: &usize| {
                 mask.data[*p] && !plate(i, *p, 1.5) || !mask.data[*p] && plate(i, *p, -1.5)
             };
@@ -243,10 +175,10 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_on_without_a_step_is_one() {
+    fn no_depth_steps_on_one_surface() {
         let (camera, (frames, maps)) = (camera(), scene(0.0, WALL - 0.5));
-        let options = DenseOptions { target_vertices: 12_000, ..Default::default() };
-        assert_eq!(parts(&posed(&frames, &camera), &maps, &options).unwrap().count(), 1);
+        let found = labelling(&posed(&frames, &camera), &maps, None);
+        assert!(found.stepping < 0.1, "{}", found.stepping);
     }
 
     #[test]

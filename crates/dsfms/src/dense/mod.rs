@@ -15,17 +15,18 @@
 mod clean;
 mod consistency;
 mod contour;
+mod cut;
 mod error;
 mod exchange;
 mod fit;
 mod grid;
 mod handles;
 mod holes;
+mod labels;
 mod lanes;
 mod neighbours;
 mod observe;
 mod options;
-mod parts;
 mod patchmatch;
 mod plane;
 mod polish;
@@ -41,8 +42,8 @@ mod volume;
 
 pub use contour::outlines;
 pub use error::DenseError;
+pub use labels::{Labelling, labelling};
 pub use options::DenseOptions;
-pub use parts::{Parts, parts};
 pub use surface::{DenseSurface, VertexSupport, surface};
 
 use crate::camera::CameraModel;
@@ -95,6 +96,21 @@ impl DepthMap {
         let [w, h] = self.camera.size;
         let inside = p.z > 0.0 && u >= 0.0 && v >= 0.0 && u < w as f64 && v < h as f64;
         inside.then(|| v as usize * w + u as usize)
+    }
+
+    /// Every point it holds, world axes.
+    pub(crate) fn points(&self) -> impl Iterator<Item = Point3> + '_ {
+        let back = self.pose.inverse();
+        let places = 0..self.depth.len();
+        places.filter(|&i| self.depth[i] > 0.0).map(move |i| back * self.point(i))
+    }
+
+    /// The point at a place with depth, camera axes.
+    fn point(&self, place: usize) -> Point3 {
+        let (w, z) = (self.camera.size[0], f64::from(self.depth[place]));
+        let ([u, v], [cx, cy]) = ([(place % w) as f64, (place / w) as f64], self.camera.centre);
+        let [fx, fy] = self.camera.focal;
+        Point3::new((u - cx) / fx * z, (v - cy) / fy * z, z)
     }
 
     /// Depth at a place and the cosine of its normal to the camera's axis.

@@ -9,8 +9,8 @@ mod trust;
 pub use progress::{Progress, Silent};
 pub use reconstruct::{ReconstructOptions, reconstruct, reconstruct_with};
 pub use template::{
-    BuiltTemplate, Exploration, FramePrecision, OrganClick, OrganOutline, SparsePrecision,
-    TemplateError, TemplateOptions, template_from_frames, template_from_mesh,
+    BuiltTemplate, Exploration, FoundOrgan, FramePrecision, OrganClick, OrganOutline,
+    SparsePrecision, TemplateError, TemplateOptions, template_from_frames, template_from_mesh,
     template_from_posed_frames, template_from_poses,
 };
 

@@ -208,6 +208,20 @@ pub struct BuiltTemplate {
     /// How far cameras and sparse points may be off; `None` for given poses, and where too few sightings
     /// tell.
     pub precision: Option<SparsePrecision>,
+    /// The organ as the frames themselves part it from what lies behind; `None` where the user said where it is
+    /// in every frame, wants all, gave the surface, or where nothing parts.
+    pub organ: Option<FoundOrgan>,
+}
+
+/// Where the organ ends, as found in the frames.
+#[derive(Clone, Debug)]
+pub struct FoundOrgan {
+    /// Name of every frame that shows it, and where: `true` = organ.
+    pub masks: Vec<(String, Mask)>,
+    /// Share of its outline along which depth steps: where it is small the outline is a guess.
+    pub stepping: f64,
+    /// Whether the template holds the organ only, or all that stereo saw.
+    pub taken: bool,
 }
 
 /// Build a template from frames alone. Its unit is [`LengthUnit::TemplateUnit`], or mm where the
@@ -264,7 +278,7 @@ fn from_sparse(
     progress: &dyn Progress,
 ) -> Result<BuiltTemplate, TemplateError> {
     let points: Vec<Point3> = sparse.points.iter().map(|p| p.position).collect();
-    let Surface { mut mesh, mut sigma } =
+    let Surface { mut mesh, mut sigma, organ } =
         dense_mesh(exploration, &sparse.camera, &sparse.poses, &points, options, progress)?;
     // Reconstruction took long: a mark beside the surface costs the unit, not the template.
     let scale = measure(exploration, &sparse.camera, &sparse.poses, &mesh, options).unwrap_or_else(
@@ -295,7 +309,7 @@ fn from_sparse(
     let rejected = sparse.rejected.iter().map(name).collect();
     let covariance = sparse.covariance(options.sfm.refine).ok();
     let precision = covariance.map(|c| SparsePrecision::of(&c, &sparse, exploration.frames, unit));
-    Ok(BuiltTemplate { template, rejected, models: sparse.models, light, scale, precision })
+    Ok(BuiltTemplate { template, rejected, models: sparse.models, light, scale, precision, organ })
 }
 
 /// The scale that the known distances, or else the metric surface, ask for.
@@ -374,6 +388,7 @@ pub fn template_from_posed_frames(
         light,
         scale: None,
         precision: None,
+        organ: None,
     })
 }
 

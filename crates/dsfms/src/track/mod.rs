@@ -215,7 +215,7 @@ pub struct Tracked {
     pub reasons: Vec<Reason>,
     /// The surface; `None` where lost.
     pub surface: Option<Surface>,
-    /// Wall time of every stage that ran, seconds, in order.
+    /// Wall time of every stage that ran, seconds, in order; last `other`, all that is in none.
     pub stages: Vec<(&'static str, f64)>,
 }
 

@@ -174,12 +174,17 @@ impl<'a> Tracker<'a> {
 
     /// The next frame, prepared by [`preparation`](Self::preparation).
     pub fn solve(&mut self, prepared: &Prepared) -> Tracked {
-        if self.options.awake {
+        let start = Instant::now();
+        let mut tracked = if self.options.awake {
             awake(|| self.solve_here(prepared))
         } else {
             // On a thread of the pool its many small parallel loops cost no hand-over.
             rayon::scope(|_| self.solve_here(prepared))
-        }
+        };
+        let named: f64 = tracked.stages.iter().map(|s| s.1).sum();
+        let all = prepared.seconds + start.elapsed().as_secs_f64();
+        tracked.stages.push(("other", all - named));
+        tracked
     }
 
     fn solve_here(&mut self, prepared: &Prepared) -> Tracked {

@@ -1,13 +1,12 @@
 //! The surface that stereo saw, as the template's mesh.
 
-use super::{Exploration, TemplateError, TemplateOptions, click, named, outline};
-use crate::camera::CameraModel;
+use super::{Exploration, FoundOrgan, TemplateError, TemplateOptions, click, named, outline};
+use crate::camera::{Camera, CameraModel};
 use crate::dense::{
-    DenseOptions, DenseSurface, DepthMap, PosedFrame, depth_maps, outlines, parts,
+    DenseOptions, DenseSurface, DepthMap, PosedFrame, depth_maps, labelling, outlines,
     surface as fused, worthwhile,
 };
-use crate::geometry::{Isometry, Point3};
-use crate::image::Mask;
+use crate::geometry::{Isometry, Point2, Point3};
 use crate::mesh::Mesh;
 use crate::mesh::remesh::{fit_diagonals, remesh};
 use crate::mesh::surface_points::ClosestPoints;
@@ -19,6 +18,8 @@ pub(super) struct Surface {
     pub mesh: Mesh,
     /// See [`crate::template::Template::sigma`].
     pub sigma: Vec<f64>,
+    /// See [`super::BuiltTemplate::organ`].
+    pub organ: Option<FoundOrgan>,
 }
 
 /// Stereo on the registered frames, the organ of what it saw, remeshed. `points` are those of
@@ -44,17 +45,20 @@ pub(super) fn dense_mesh(
     let mut maps = depth_maps(&posed, points, &dense, &report)?;
     let named = named(exploration.frames, poses);
     progress.step("surface", 0, 2);
-    let open = !told(exploration, options);
+    let open = !told(&posed, options);
     let clicked = (open && options.click.is_some()).then(|| fused(&posed, &maps, &dense));
     let mut seen = clicked.transpose()?;
     let alone = seen.as_ref().is_some_and(|seen| piece_alone(&seen.mesh, camera, &named, options));
-    let outlines = match open && !alone {
+    let found = match open && !alone {
         true => organ(&posed, &maps, &named, options, progress)?,
-        false => Vec::new(),
+        false => None,
     };
-    if !outlines.is_empty() {
-        let within = |(i, organ)| PosedFrame { organ: Some(organ), ..posed[i] };
-        posed = outlines.iter().map(|(i, organ)| within((*i, organ))).collect();
+    if let Some(found) = found.as_ref().filter(|found| found.taken) {
+        posed.retain_mut(|view| {
+            let own = found.masks.iter().find(|(name, _)| *name == view.frame.name);
+            view.organ = own.map(|(_, organ)| organ);
+            view.organ.is_some()
+        });
         maps = depth_maps(&posed, points, &dense, &report)?;
         seen = None;
         progress.step("surface", 0, 2);
@@ -69,12 +73,12 @@ pub(super) fn dense_mesh(
     }
     let sigma = expected_errors(&seen, &mesh);
     progress.step("surface", 2, 2);
-    Ok(Surface { mesh, sigma })
+    Ok(Surface { mesh, sigma, organ: found })
 }
 
-/// Whether the user says where the organ ends, or wants everything.
-fn told(exploration: &Exploration, options: &TemplateOptions) -> bool {
-    let masks = exploration.organ.iter().any(Option::is_some);
+/// Whether the user says in every frame where the organ ends, or wants everything.
+fn told(posed: &[PosedFrame], options: &TemplateOptions) -> bool {
+    let masks = posed.iter().all(|view| view.organ.is_some());
     masks || !options.outlines.is_empty() || (options.whole && options.click.is_none())
 }
 
@@ -90,34 +94,80 @@ fn piece_alone(
     click::pick(seen.clone(), camera, named, options.click.as_ref()).is_ok_and(smaller)
 }
 
-/// Where what was seen parts (an organ before the wall of a cavity), the frames that show the organ, by their
-/// number, and its outline in each: stereo then knows no other surface, and the rim is held by the outlines.
-/// The organ is the part clicked, else the one in the middle of the frames. Empty where all is one.
+/// Where the organ ends before something else (the wall of a cavity). It is what was clicked, what masks of some
+/// frames show, or else what the frames look at; and then it is taken only if depth steps where it ends.
 fn organ(
     posed: &[PosedFrame],
     maps: &[DepthMap],
     named: &[(&str, Isometry)],
     options: &TemplateOptions,
     progress: &dyn Progress,
-) -> Result<Vec<(usize, Mask)>, TemplateError> {
-    let found = parts(posed, maps, &options.dense)?;
-    let (Some(first), true) = (posed.first(), found.count() > 1) else { return Ok(Vec::new()) };
-    let part = match &options.click {
-        Some(click) => found.at(first.camera, &click.frame_of(named)?.1, &click.pixel),
-        None => {
-            let count = found.count();
-            progress.warn(&format!(
-                "the surface falls into {count} parts where depth steps; the one in the middle of the \
-                 frames is the organ (--organ-click names another, --organ-masks or --organ-polygon \
-                 its outline, --whole keeps all)"
-            ));
-            Some(found.central(posed))
+) -> Result<Option<FoundOrgan>, TemplateError> {
+    let Some(first) = posed.first() else { return Ok(None) };
+    let clicked = match &options.click {
+        Some(click) => {
+            let (name, pose) = click.frame_of(named)?;
+            let beside = || {
+                let frame = name.to_string();
+                TemplateError::ClickBeside { frame, pixel: click.pixel }
+            };
+            Some(shown_at(maps, first.camera, &pose, &click.pixel).ok_or_else(beside)?)
         }
+        None => None,
     };
-    let Some(part) = part else { return Ok(Vec::new()) };
-    let masks = outlines(&found, part, posed, maps).into_iter().enumerate();
-    let shown: Vec<_> = masks.filter(|(_, mask)| mask.data.contains(&true)).collect();
-    Ok(if shown.len() < 2 { Vec::new() } else { shown })
+    progress.step("organ", 0, 1);
+    let found = labelling(posed, maps, clicked.as_ref());
+    let said = clicked.is_some() || posed.iter().any(|view| view.organ.is_some());
+    if !said && found.stepping < OPEN {
+        return Ok(None);
+    }
+    let outlines = outlines(&found.masks, posed, maps);
+    progress.step("organ", 1, 1);
+    let shown = posed.iter().zip(outlines).filter(|(_, mask)| mask.data.contains(&true));
+    let masks: Vec<_> = shown.map(|(view, mask)| (view.frame.name.clone(), mask)).collect();
+    let taken = masks.len() >= 2 && (said || found.stepping >= STEPPING);
+    if !said {
+        let percent = 100.0 * found.stepping;
+        progress.warn(&match taken {
+            true => format!(
+                "no mask says where the organ is: it is what the frames look at, up to where depth steps \
+                 ({percent:.0} % of its outline); --organ-click, --organ-masks or --organ-polygon tell \
+                 otherwise, --whole keeps all"
+            ),
+            false => format!(
+                "whether the organ ends within the frames is open: depth steps along {percent:.0} % of what \
+                 may be its outline, so that all is kept; look at the outlines found, and say \
+                 --organ-click or --organ-masks if they are right, --whole if all is the organ"
+            ),
+        });
+    }
+    Ok(Some(FoundOrgan { masks, stepping: found.stepping, taken }))
+}
+
+/// Shares of the outline found along which depth steps: from the first on it may be the organ's, from the second
+/// on it is.
+const OPEN: f64 = 0.25;
+const STEPPING: f64 = 0.45;
+/// A point is shown at a pixel where it projects as near, px.
+const NEAR_PX: f64 = 3.0;
+
+/// The point (world axes) that a frame shows at a pixel, by the depth maps: the nearest quarter of what
+/// projects there.
+fn shown_at(
+    maps: &[DepthMap],
+    camera: &CameraModel,
+    pose: &Isometry,
+    pixel: &Point2,
+) -> Option<Point3> {
+    let there = |point: Point3| -> Option<(f64, Point3)> {
+        let p = pose * point;
+        let off = camera.project(&p)?.pixel - pixel;
+        (off.norm() < NEAR_PX).then_some((p.z, point))
+    };
+    let mut shown: Vec<(f64, Point3)> =
+        maps.par_iter().flat_map_iter(DepthMap::points).filter_map(there).collect();
+    shown.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    shown.get(shown.len() / 4).map(|s| s.1)
 }
 
 fn posed<'a>(
