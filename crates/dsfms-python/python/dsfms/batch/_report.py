@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 import io
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import asdict, dataclass, field
 from html import escape
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 
@@ -140,26 +140,32 @@ img{height:72px;margin-right:4px}.failed{color:#a22}
 def overview(store: Store, jobs: list[Job], stretches: list[Stretch], report: Report) -> str:
     """The page: one row a video with pictures, statuses, seams and links."""
     rows = []
+    of_video: dict[str, list[Stretch]] = defaultdict(list)
+    for stretch in sorted(stretches, key=lambda s: s.start):
+        of_video[stretch.job.name].append(stretch)
+    worst_seam: dict[str, float] = {}
+    for seam in report.seams:
+        if seam.rms == seam.rms:
+            worst_seam[seam.video] = max(seam.rms, worst_seam.get(seam.video, 0.0))
+    errors: dict[str, list[str]] = defaultdict(list)
+    for failure in report.failures:
+        errors[failure.task.split(" ")[0]].append(failure.error)
     for job in jobs:
-        own = sorted((s for s in stretches if s.job == job), key=lambda s: s.start)
+        own = of_video[job.name]
         done = [s for s in own if store.exists(s.part)]
         values = [value for s in done for value in statuses(store, s)]
         pictures = "".join(
-            "<img alt='' src='data:image/png;base64,"
-            + base64.b64encode(store.read(f"thumbnails/{s.stem}.png")).decode()
-            + "'>"
+            f"<img alt='' loading='lazy' src='thumbnails/{escape(quote(s.stem))}.png'>"
             for s in done[:: max(1, len(done) // 4)][:4]
         )
         counts = ", ".join(f"{n} {status}" for status, n in sorted(Counter(values).items()))
-        worst = max((s.rms for s in report.seams if s.video == job.name and s.rms == s.rms), default=None)
-        seam = "" if worst is None else f"{worst:.3f}"
-        wrong = [f for f in report.failures if f.task.split(" ")[0] == job.name]
-        text = "<br>".join(f"<span class='failed'>{escape(f.error)}</span>" for f in wrong)
+        worst = f"{worst_seam[job.name]:.3f}" if job.name in worst_seam else ""
+        text = "<br>".join(f"<span class='failed'>{escape(error)}</span>" for error in errors[job.name])
         link = f"frames/video={escape(job.name)}/"
         rows.append(
             f"<tr><td><a href='{link}'>{escape(job.name)}</a></td><td>{pictures}</td>"
             f"<td>{_bar(values) if values else ''}{counts}{text}</td>"
-            f"<td>{len(done)} of {len(own)}</td><td>{seam}</td></tr>"
+            f"<td>{len(done)} of {len(own)}</td><td>{worst}</td></tr>"
         )
     failed = f", <span class='failed'>{len(report.failures)} tasks failed</span>" if report.failures else ""
     page = (
