@@ -42,28 +42,37 @@ pub(super) fn dense_mesh(
         ..options.dense.clone()
     };
     let mut posed = worthwhile(&posed, points, &dense);
-    let mut maps = depth_maps(&posed, points, &dense, &report)?;
     let named = named(exploration.frames, poses);
-    progress.step("surface", 0, 2);
     let open = !told(&posed, options);
-    let clicked = (open && options.click.is_some()).then(|| fused(&posed, &maps, &dense));
-    let mut seen = clicked.transpose()?;
+    let stereo = |posed: &[PosedFrame]| depth_maps(posed, points, &dense, &report);
+    let mut seen = None;
+    if open && options.click.is_some() {
+        seen = Some(fused(&posed, &stereo(&posed)?, &dense)?);
+    }
     let alone = seen.as_ref().is_some_and(|seen| piece_alone(&seen.mesh, camera, &named, options));
-    let found = match open && !alone {
-        true => organ(&posed, &maps, &named, options, progress)?,
-        false => None,
-    };
+    let mut found = None;
+    if open && !alone {
+        let coarse = coarser(&posed, &dense);
+        let report = |done, total| progress.step("coarse stereo", done, total);
+        let maps = depth_maps(&posed, points, &coarse, &report)?;
+        found = organ(&posed, &maps, &named, options, progress)?;
+        seen = None;
+    }
     if let Some(found) = found.as_ref().filter(|found| found.taken) {
         posed.retain_mut(|view| {
             let own = found.masks.iter().find(|(name, _)| *name == view.frame.name);
             view.organ = own.map(|(_, organ)| organ);
             view.organ.is_some()
         });
-        maps = depth_maps(&posed, points, &dense, &report)?;
-        seen = None;
-        progress.step("surface", 0, 2);
     }
-    let seen = seen.map_or_else(|| fused(&posed, &maps, &dense), Ok)?;
+    let seen = match seen {
+        Some(seen) => seen,
+        None => {
+            let maps = stereo(&posed)?;
+            progress.step("surface", 0, 2);
+            fused(&posed, &maps, &dense)?
+        }
+    };
     progress.step("surface", 1, 2);
     let fine = outline::trim(seen.mesh.clone(), camera, &named, &options.outlines)?;
     let fine = click::pick(fine, camera, &named, options.click.as_ref())?;
@@ -74,6 +83,14 @@ pub(super) fn dense_mesh(
     let sigma = expected_errors(&seen, &mesh);
     progress.step("surface", 2, 2);
     Ok(Surface { mesh, sigma, organ: found })
+}
+
+/// Stereo on a quarter of the frames' width and height (a surface is seen on half): enough to tell the organ
+/// from what lies behind.
+fn coarser(posed: &[PosedFrame], options: &DenseOptions) -> DenseOptions {
+    let quarter = |view: &PosedFrame| (view.camera.size[0] / 4) * (view.camera.size[1] / 4);
+    let pixels = posed.iter().map(quarter).sum::<usize>().max(1000);
+    DenseOptions { max_pixels: pixels.min(options.max_pixels), ..options.clone() }
 }
 
 /// Whether the user says in every frame where the organ ends, or wants everything.
