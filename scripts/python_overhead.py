@@ -47,3 +47,7 @@ for realtime in (False, True):
     times = [measure(lambda f=frame: tracker.push(f)) for frame in frames]
     name = f"Tracker.push {width}x{height}" + (" realtime" if realtime else "")
     row(name, *map(list, zip(*times, strict=True)))
+# A black frame is refused at once: what is left is the way to the library and back.
+black = np.zeros_like(frames[0])
+times = [measure(lambda: tracker.push(black)) for _ in range(calls)]
+row(f"Tracker.push {width}x{height} black", *map(list, zip(*times, strict=True)))

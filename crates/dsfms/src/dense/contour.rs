@@ -182,6 +182,22 @@ mod tests {
     }
 
     #[test]
+    fn a_click_and_a_mask_say_what_the_organ_is() {
+        let (camera, (frames, maps)) = (camera(), scene(0.0, PLATE[0]));
+        let mut views = posed(&frames, &camera);
+        // The corner of the wall that frame 2 shows at (8, 8).
+        let wall = camera.unproject(&Point2::new(8.0, 8.0)).unwrap() * WALL;
+        let clicked = labelling(&views, &maps, Some(&wall.into())).masks;
+        assert!(clicked[2].at(8, 8) && !clicked[2].at(59, 44));
+        let given =
+            Mask { size: SIZE, data: (0..SIZE[0] * SIZE[1]).map(|p| plate(2, p, -2.0)).collect() };
+        views[2].organ = Some(&given);
+        let found = labelling(&views, &maps, None).masks;
+        assert_eq!(outlines(&found, &views, &maps)[2], given);
+        assert!(found[0].at(59 + 15, 44) && !found[0].at(8, 8), "the other frames are told too");
+    }
+
+    #[test]
     fn the_strongest_edge_decides_and_no_edge_falls_to_the_part() {
         let row = |on: &[usize]| {
             let data = (0..12).map(|x| on.contains(&x)).collect();
