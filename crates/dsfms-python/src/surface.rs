@@ -40,8 +40,22 @@ pub struct Surface {
     regions: Option<Vec<u8>>,
     gain: f64,
     ambient: f64,
+    tracked: Quality,
     matches: Vec<(Match, bool)>,
     stages: Vec<(String, f64, Option<Summary>)>,
+}
+
+/// How well a tracked surface fits its frame; NaN where unknown.
+struct Quality {
+    photometric: f64,
+    agreement: f64,
+    depth_uncertainty: f64,
+}
+
+impl Default for Quality {
+    fn default() -> Self {
+        Self { photometric: f64::NAN, agreement: f64::NAN, depth_uncertainty: f64::NAN }
+    }
 }
 
 impl Surface {
@@ -67,6 +81,7 @@ impl Surface {
             regions: believed.then(|| found.regions.iter().map(|&r| r as u8).collect()),
             gain: found.gain,
             ambient: found.ambient,
+            tracked: Quality::default(),
             matches: found.matches,
             stages: found.stages.into_iter().map(|s| (s.name, s.seconds, s.summary)).collect(),
         }
@@ -78,6 +93,11 @@ impl Surface {
         frame: String,
         found: Tracked,
     ) -> Self {
+        let tracked = found.surface.as_ref().map_or_else(Quality::default, |s| Quality {
+            photometric: s.photometric.unwrap_or(f64::NAN),
+            agreement: s.agreement,
+            depth_uncertainty: s.depth_uncertainty,
+        });
         let (vertices, pose, matches, visible) = match found.surface {
             Some(s) => (Some(s.vertices), Some(s.pose), s.matches, Some(s.visible)),
             None => (None, None, Vec::new(), None),
@@ -96,6 +116,7 @@ impl Surface {
             regions: None,
             gain: f64::NAN,
             ambient: f64::NAN,
+            tracked,
             matches,
             stages: found.stages.into_iter().map(|(n, s)| (n.to_owned(), s, None)).collect(),
         }
@@ -183,6 +204,25 @@ impl Surface {
     #[getter]
     fn ambient(&self) -> f64 {
         self.ambient
+    }
+
+    /// Mean relative difference of the frame's brightness from what the surface predicts; NaN from `reconstruct`,
+    /// and where no shading was read.
+    #[getter]
+    fn photometric(&self) -> f64 {
+        self.tracked.photometric
+    }
+
+    /// Share of the textured places in view that look like the template's, 0 to 1; NaN from `reconstruct`.
+    #[getter]
+    fn agreement(&self) -> f64 {
+        self.tracked.agreement
+    }
+
+    /// Expected error of the whole surface's depth, of its visible radius; NaN from `reconstruct`.
+    #[getter]
+    fn depth_uncertainty(&self) -> f64 {
+        self.tracked.depth_uncertainty
     }
 
     /// Matches, float64 (k, 6): face, three barycentrics, x and y in px.

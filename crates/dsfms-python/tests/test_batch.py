@@ -119,6 +119,8 @@ def test_everything_but_the_broken_video_is_done(finished: Any) -> None:
     first = table.filter(__import__("pyarrow").compute.equal(table["video"], "clip_00")).to_pylist()
     assert sorted(row["frame"] for row in first) == list(range(FRAMES))
     assert all(len(row["pose"]) == 16 for row in first)
+    good = [row for row in table.to_pylist() if row["status"] == "ok"]
+    assert good and all(0 < row["photometric"] < 1 and 0 <= row["agreement"] <= 1 for row in good)
     with np.load(io.BytesIO((to / "vertices/video=clip_00/part-0000005-0000008.npz").read_bytes())) as arrays:
         assert arrays["frame"].tolist() == [3, 4, 5, 6, 7] and arrays["vertices"].dtype == np.float32
 

@@ -90,6 +90,9 @@ def _row(number: int, surface: dsfms.Surface) -> dict[str, Any]:
         "matches": len(kept),
         "matches_kept": int(kept.sum()),
         "residual_px": _residual(surface),
+        "photometric": surface.photometric,
+        "agreement": surface.agreement,
+        "depth_uncertainty": surface.depth_uncertainty,
     }
 
 
@@ -107,6 +110,9 @@ def _fill(rows: list[dict[str, Any]], shapes: list[NDArray[np.float64]], numbers
                 "matches": 0,
                 "matches_kept": 0,
                 "residual_px": float("nan"),
+                "photometric": float("nan"),
+                "agreement": float("nan"),
+                "depth_uncertainty": float("nan"),
             }
         )
         shapes.append(np.full((count, 3), np.nan))
@@ -138,6 +144,9 @@ def _table(rows: list[dict[str, Any]]) -> bytes:
             ("matches", pa.int64()),
             ("matches_kept", pa.int64()),
             ("residual_px", pa.float64()),
+            ("photometric", pa.float64()),
+            ("agreement", pa.float64()),
+            ("depth_uncertainty", pa.float64()),
         ]
     )
     out = io.BytesIO()
