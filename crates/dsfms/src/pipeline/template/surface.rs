@@ -85,13 +85,16 @@ pub(super) fn dense_mesh(
     Ok(Surface { mesh, sigma, organ: found })
 }
 
-/// Stereo on a quarter of the frames' width and height (a surface is seen on half): enough to tell the organ
-/// from what lies behind.
+/// Stereo on a quarter of the frames' width and height (a surface is seen on half), or less of large frames:
+/// enough to tell the organ from what lies behind.
 fn coarser(posed: &[PosedFrame], options: &DenseOptions) -> DenseOptions {
-    let quarter = |view: &PosedFrame| (view.camera.size[0] / 4) * (view.camera.size[1] / 4);
-    let pixels = posed.iter().map(quarter).sum::<usize>().max(1000);
+    let few = |view: &PosedFrame| (view.frame.rgb.len() / 16).min(COARSE);
+    let pixels = posed.iter().map(few).sum::<usize>().max(1000);
     DenseOptions { max_pixels: pixels.min(options.max_pixels), ..options.clone() }
 }
+
+/// Depth pixels of a frame, at most: about as many as the labelling looks at.
+const COARSE: usize = 20_000;
 
 /// Whether the user says in every frame where the organ ends, or wants everything.
 fn told(posed: &[PosedFrame], options: &TemplateOptions) -> bool {
