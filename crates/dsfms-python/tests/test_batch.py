@@ -161,7 +161,7 @@ def test_the_same_bits_on_one_worker_after_a_killed_driver(
     command = [sys.executable, "-m", "dsfms", "batch", str(manifest), "--to", str(to), "--stretch", "5",
                "--overlap", "2", "--retries", "0", "--address", "local"]  # fmt: skip
     begun = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 300
     while time.monotonic() < deadline and len(list(to.rglob("*.parquet"))) < 3:
         time.sleep(0.1)
     begun.kill()

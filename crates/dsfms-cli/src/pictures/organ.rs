@@ -72,8 +72,12 @@ mod tests {
         let inside = |i: usize| (20..40).contains(&(i % 60)) && (10..30).contains(&(i / 60));
         let mask = Mask { size, data: (0..2400).map(inside).collect() };
         let folder = tempfile::tempdir().unwrap();
-        let organ =
-            FoundOrgan { masks: vec![("a".into(), mask.clone())], stepping: 1.0, taken: true };
+        let organ = FoundOrgan {
+            masks: vec![("a".into(), mask.clone())],
+            stepping: 1.0,
+            marked: 1.0,
+            taken: true,
+        };
         write_organ(&organ, std::slice::from_ref(&frame), folder.path()).unwrap();
         let at = |picture: &RgbImage, x, y| picture.get_pixel(x, y).0;
         let drawn = outlined(&frame, &mask);

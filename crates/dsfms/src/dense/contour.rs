@@ -165,7 +165,7 @@ mod tests {
         let (camera, (frames, maps)) = (camera(), scene(3.0, PLATE[0]));
         let views = posed(&frames, &camera);
         let found = labelling(&views, &maps, None);
-        assert!(found.stepping > 0.9, "{}", found.stepping);
+        assert!(found.stepping > 0.9 && found.marked > 0.9, "{} {}", found.stepping, found.marked);
         for (i, mask) in outlines(&found.masks, &views, &maps).iter().enumerate() {
             let wrong = |p: &usize| {
                 mask.data[*p] && !plate(i, *p, 1.5) || !mask.data[*p] && plate(i, *p, -1.5)

@@ -52,9 +52,11 @@ const UNIT: f64 = 1.0 / 256.0;
 pub struct Labelling {
     /// One a depth map, on its pixels: `true` where it shows the organ.
     pub masks: Vec<Mask>,
-    /// Share of the border between organ and wall along which depth steps or is missing. Where it is small the
-    /// border runs over one smooth surface.
+    /// Share of the border between organ and wall along which depth steps or is missing, or the surface folds
+    /// inwards. Where it is small the border runs over one smooth surface.
     pub stepping: f64,
+    /// Share along which it does so or the image changes clearly. Where it is small the border is a guess.
+    pub marked: f64,
 }
 
 /// Label the depth maps; `maps` are those of [`super::depth_maps`] for the same `views`, in the same order.
@@ -68,7 +70,8 @@ pub fn labelling(views: &[PosedFrame], maps: &[DepthMap], at: Option<&Point3>) -
     let organ = all.solve();
     let masks = grids.iter().zip(&all.start).zip(maps);
     let masks = masks.map(|((grid, &start), map)| grid.mask(&organ[start..], map)).collect();
-    Labelling { masks, stepping: all.stepping(&organ) }
+    let [stepping, marked] = all.evidence(&organ);
+    Labelling { masks, stepping, marked }
 }
 
 /// What the cut reads of one frame, on every `stride`th pixel of its depth map.
@@ -197,6 +200,17 @@ fn mean_of_nine(view: &PosedFrame, p: &Point2) -> [f64; 3] {
     sum.map(|s| s / (9.0 * 255.0))
 }
 
+/// Neighbours of one frame.
+struct Pair {
+    p: u32,
+    q: u32,
+    /// What a border between them costs.
+    cost: f64,
+    /// Whether depth and fold join them, and whether they look alike.
+    joined: bool,
+    alike: bool,
+}
+
 /// The nodes of all frames and what joins them.
 struct Nodes<'a> {
     grids: &'a [Grid<'a>],
@@ -204,8 +218,7 @@ struct Nodes<'a> {
     start: Vec<usize>,
     /// What the place in the frame says for the organ.
     gaze: Vec<f64>,
-    /// Neighbours of one frame: what a border costs, and how far depth and fold join them.
-    pairs: Vec<(u32, u32, f64, f64)>,
+    pairs: Vec<Pair>,
     /// One place in two frames.
     links: Vec<(u32, u32)>,
 }
@@ -218,8 +231,10 @@ impl<'a> Nodes<'a> {
         let pairs: Vec<_> = grids.iter().zip(&start).flat_map(|(g, &o)| g.borders(o)).collect();
         let mean = pairs.iter().map(|p| p.3).sum::<f64>() / pairs.len().max(1) as f64;
         let cost = |(p, q, near, contrast, joined): (u32, u32, f64, f64, f64)| {
-            let image = PLAIN + (1.0 - PLAIN) * (-0.5 * contrast / mean.max(1e-12)).exp();
-            (p, q, LAMBDA * near * (joined * image + LEAST), joined)
+            let like = (-0.5 * contrast / mean.max(1e-12)).exp();
+            let image = PLAIN + (1.0 - PLAIN) * like;
+            let cost = LAMBDA * near * (joined * image + LEAST);
+            Pair { p, q, cost, joined: joined > HALF, alike: like > HALF }
         };
         let pairs = pairs.into_iter().map(cost).collect();
         let links = (0..grids.len()).into_par_iter().flat_map_iter(|f| links(grids, &start, f));
@@ -252,7 +267,7 @@ impl<'a> Nodes<'a> {
             None => whole(*f),
         });
         let mut graph = Graph::new(favour.collect());
-        self.pairs.iter().for_each(|&(p, q, cost, _)| graph.join(p, q, whole(cost)));
+        self.pairs.iter().for_each(|pair| graph.join(pair.p, pair.q, whole(pair.cost)));
         self.links.iter().for_each(|&(p, q)| graph.join(p, q, whole(LINK)));
         graph.labels()
     }
@@ -278,7 +293,7 @@ impl<'a> Nodes<'a> {
             }
             v
         };
-        let close = self.pairs.iter().filter(|p| p.3 > HALF).map(|p| (p.0, p.1));
+        let close = self.pairs.iter().filter(|pair| pair.joined).map(|pair| (pair.p, pair.q));
         for (p, q) in close.chain(self.links.iter().copied()) {
             if organ[p as usize] && organ[q as usize] {
                 let [p, q] = [find(&mut root, p), find(&mut root, q)];
@@ -297,20 +312,24 @@ impl<'a> Nodes<'a> {
             .collect()
     }
 
-    fn stepping(&self, organ: &[bool]) -> f64 {
-        let border = self.pairs.iter().filter(|p| organ[p.0 as usize] != organ[p.1 as usize]);
-        let cells: Vec<&Cell> = self.cells().collect();
-        let deep = |v: u32| cells[v as usize].point.is_some();
-        let (mut steps, mut all) = (0, 0);
-        for &(p, q, _, joined) in border {
-            steps += usize::from(joined < HALF || !(deep(p) && deep(q)));
-            all += 1;
+    /// Shares of the border of the organ: see [`Labelling`].
+    fn evidence(&self, organ: &[bool]) -> [f64; 2] {
+        let deep: Vec<bool> = self.cells().map(|c| c.point.is_some()).collect();
+        let (mut steps, mut marks, mut all) = (0, 0, 0);
+        for pair in &self.pairs {
+            let (p, q) = (pair.p as usize, pair.q as usize);
+            if organ[p] != organ[q] {
+                let step = !(pair.joined && deep[p] && deep[q]);
+                steps += usize::from(step);
+                marks += usize::from(step || !pair.alike);
+                all += 1;
+            }
         }
-        steps as f64 / all.max(1) as f64
+        [steps, marks].map(|n| n as f64 / all.max(1) as f64)
     }
 }
 
-/// Neighbours that depth and fold join by less are two surfaces.
+/// Neighbours that depth and fold join by less are two surfaces, and those that are alike by less look different.
 const HALF: f64 = 0.5;
 
 impl Grid<'_> {

@@ -218,8 +218,10 @@ pub struct BuiltTemplate {
 pub struct FoundOrgan {
     /// Name of every frame that shows it, and where: `true` = organ.
     pub masks: Vec<(String, Mask)>,
-    /// Share of its outline along which depth steps: where it is small the outline is a guess.
+    /// Share of its outline along which depth steps: where it is small all is one surface.
     pub stepping: f64,
+    /// Share along which depth steps or the image changes: where it is small the outline is a guess.
+    pub marked: f64,
     /// Whether the template holds the organ only, or all that stereo saw.
     pub taken: bool,
 }

@@ -155,7 +155,7 @@ def overview(store: Store, jobs: list[Job], stretches: list[Stretch], report: Re
         done = [s for s in own if store.exists(s.part)]
         values = [value for s in done for value in statuses(store, s)]
         pictures = "".join(
-            f"<img alt='' loading='lazy' src='thumbnails/{escape(quote(s.stem))}.png'>"
+            f"<img alt='' loading='lazy' src='thumbnails/{escape(quote(s.stem, safe='/='))}.png'>"
             for s in done[:: max(1, len(done) // 4)][:4]
         )
         counts = ", ".join(f"{n} {status}" for status, n in sorted(Counter(values).items()))
