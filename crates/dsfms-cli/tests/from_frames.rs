@@ -258,6 +258,10 @@ fn with_nothing_said_the_organ_is_what_the_frames_look_at_and_its_masks_are_show
     assert!(frames.path("t/pictures/organ.png").exists());
     let widest = frames.shape("t").iter().map(|p| p.x.hypot(p.y)).fold(0.0, f64::max);
     assert!(widest < 0.35, "no wall: {widest} of the depth, truth 0.239");
+    // Another template in the same place leaves nothing of this one.
+    fs::copy(frames.path("t/template.ply"), frames.path("m.ply")).unwrap();
+    frames.dsfms(&["template", "--mesh", "m.ply", "--no-report", "-o", "t"]).assert().success();
+    assert!(!frames.path("t/organ_masks").exists());
 }
 
 #[test]

@@ -32,7 +32,7 @@ const SIGMA: &str = "sigma.npz";
 const USUAL: &str = "usual.toml";
 const VIEWER: &str = "template.glb";
 /// All that is in a template: its files, and what programs add about them.
-const CONTENT: [&str; 13] = [
+const CONTENT: [&str; 14] = [
     MANIFEST,
     SURFACE,
     ALBEDO,
@@ -45,6 +45,7 @@ const CONTENT: [&str; 13] = [
     VIEWER,
     "report.html",
     "pictures",
+    "organ_masks",
     "precision.json",
 ];
 
