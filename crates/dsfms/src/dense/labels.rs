@@ -7,9 +7,9 @@
 //! ```
 //!
 //! Labels part cheaply where depth steps (`depth`), where the surface folds inwards as an organ meets what it lies
-//! on (`fold`), and where the image changes (`image`). What either label looks like is not known before: the first
-//! cut takes what the explorer looks at, the middle of the frames or what was clicked, and each further one the
-//! histograms of the last (Rother, Kolmogorov, Blake 2004, in three dimensions). Masks of single frames hold.
+//! on (`fold`), and where the image changes (`image`). What either label looks like is not known before: it is learned
+//! from what the explorer looks at, the middle of the frames or what was clicked, and then by each cut from the
+//! labels of the last (Rother, Kolmogorov, Blake 2004, in three dimensions). Masks of single frames hold.
 //!
 //! Weights were chosen on five of the generated scenes (`docs/results/parting.md` has what others give).
 
@@ -33,8 +33,7 @@ const FOLD: f64 = 3.0;
 /// Cost of two labels for one place, and the nearest frames in which a place is looked for.
 const LINK: f64 = 2.0;
 const LINKED: usize = 3;
-/// Most that the place in the frame says, and the distance from the middle where it says nothing (1: the edge).
-const GAZE: f64 = 3.0;
+/// Distance from the middle of the frame (1: its edge) within which all is organ to begin with.
 const MIDDLE: f64 = 0.55;
 /// Most that the looks of a pixel say.
 const LOOKS: f64 = 4.0;
@@ -216,7 +215,7 @@ struct Nodes<'a> {
     grids: &'a [Grid<'a>],
     /// First node of every frame.
     start: Vec<usize>,
-    /// What the place in the frame says for the organ.
+    /// How near the middle, or what was clicked: above 0 where all is organ to begin with.
     gaze: Vec<f64>,
     pairs: Vec<Pair>,
     /// One place in two frames.
@@ -248,8 +247,9 @@ impl<'a> Nodes<'a> {
 
     /// The labels of least energy.
     fn solve(&self) -> Vec<bool> {
-        let mut organ = self.piece(self.cut(&self.gaze));
-        for _ in 1..CUTS {
+        let start = self.gaze.iter().zip(self.cells());
+        let mut organ: Vec<bool> = start.map(|(g, c)| c.given.unwrap_or(*g > 0.0)).collect();
+        for _ in 0..CUTS {
             let before = organ;
             organ = self.piece(self.cut(&self.looks(&before)));
             let changed = organ.iter().zip(&before).filter(|(a, b)| a != b).count();
@@ -333,7 +333,7 @@ impl<'a> Nodes<'a> {
 const HALF: f64 = 0.5;
 
 impl Grid<'_> {
-    /// What the place in the frame says for the organ: near the middle, or near where `at` lies.
+    /// Nearness to the middle, or to where `at` lies: 1 there, 0 at [`MIDDLE`].
     fn gaze(&self, at: Option<&Point3>) -> Vec<f64> {
         let [w, h] = self.size;
         let centre = match at {
@@ -352,7 +352,7 @@ impl Grid<'_> {
                 ((u - x) / (0.5 * w as f64)).hypot((v - y) / (0.5 * h as f64))
             }
         };
-        let says = |off: f64| (GAZE * (1.0 - off / MIDDLE)).clamp(-2.0 * GAZE, GAZE);
+        let says = |off: f64| 1.0 - off / MIDDLE;
         self.cells.iter().enumerate().map(off).map(says).collect()
     }
 
