@@ -81,8 +81,8 @@ unknown scale; a known distance (--scale-reference, --camera-step) or a metric
 mesh (--scale-mesh) makes them mm. pictures/ shows the flattening and the
 albedo, and which part of the frames was taken for the organ where no mask said
 it (organ.png; as masks in organ_masks/: copy, mend, and give them back with
---organ-masks); precision.json says how far camera poses and sparse points may be off
-(expected errors and covariances).";
+--organ-masks); precision.json says how far camera poses and sparse points may
+be off (expected errors and covariances).";
 
 /// Build a template (rest shape, albedo, descriptors) from exploration frames or a mesh.
 #[derive(Debug, Args)]

@@ -17,8 +17,9 @@ const HALF: f64 = 0.003;
 
 /// Write `organ_masks/NAME.png`, one a frame (white = organ), and `pictures/organ.png`, some of them at a glance.
 pub fn write_organ(organ: &FoundOrgan, frames: &[Frame], template: &Path) -> anyhow::Result<()> {
-    let folder = template.join("organ_masks");
+    let (folder, pictures) = (template.join("organ_masks"), template.join("pictures"));
     prepare_folder(&folder)?;
+    prepare_folder(&pictures)?;
     for (name, mask) in &organ.masks {
         write_png(&folder.join(format!("{name}.png")), &black_and_white(mask))?;
     }
@@ -36,7 +37,7 @@ pub fn write_organ(organ: &FoundOrgan, frames: &[Frame], template: &Path) -> any
         let (x, y) = (k % COLUMNS * WIDTH, k / COLUMNS * height);
         overlay(&mut sheet, picture, i64::from(x), i64::from(y));
     }
-    write_png(&template.join("pictures").join("organ.png"), &sheet)
+    write_png(&pictures.join("organ.png"), &sheet)
 }
 
 fn black_and_white(mask: &Mask) -> RgbImage {
