@@ -248,6 +248,23 @@ fn known_poses_without_a_mesh_keep_their_world_and_nothing_is_left_to_guess() {
 }
 
 #[test]
+fn with_nothing_said_the_organ_is_what_the_frames_look_at_and_its_masks_are_shown() {
+    let frames = Frames::new();
+    frames.template(&[], "2", "t");
+    let mask = image::open(frames.path("t/organ_masks/f_4.png")).unwrap().to_luma8();
+    let [w, h] = SIZE.map(|n| n as u32);
+    assert_eq!(mask.dimensions(), (w, h));
+    assert_eq!([mask.get_pixel(w / 2, h / 2).0, mask.get_pixel(5, 5).0], [[255], [0]]);
+    assert!(frames.path("t/pictures/organ.png").exists());
+    let widest = frames.shape("t").iter().map(|p| p.x.hypot(p.y)).fold(0.0, f64::max);
+    assert!(widest < 0.35, "no wall: {widest} of the depth, truth 0.239");
+    // Another template in the same place leaves nothing of this one.
+    fs::copy(frames.path("t/template.ply"), frames.path("m.ply")).unwrap();
+    frames.dsfms(&["template", "--mesh", "m.ply", "--no-report", "-o", "t"]).assert().success();
+    assert!(!frames.path("t/organ_masks").exists());
+}
+
+#[test]
 fn a_click_beside_everything_and_a_bad_click_are_said() {
     let frames = Frames::new();
     let run = |click: &str| {

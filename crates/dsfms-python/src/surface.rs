@@ -45,17 +45,12 @@ pub struct Surface {
     stages: Vec<(String, f64, Option<Summary>)>,
 }
 
-/// How well a tracked surface fits its frame; NaN where unknown.
+/// How well a tracked surface fits its frame.
+#[derive(Default)]
 struct Quality {
-    photometric: f64,
-    agreement: f64,
-    depth_uncertainty: f64,
-}
-
-impl Default for Quality {
-    fn default() -> Self {
-        Self { photometric: f64::NAN, agreement: f64::NAN, depth_uncertainty: f64::NAN }
-    }
+    photometric: Option<f64>,
+    agreement: Option<f64>,
+    depth_uncertainty: Option<f64>,
 }
 
 impl Surface {
@@ -94,9 +89,9 @@ impl Surface {
         found: Tracked,
     ) -> Self {
         let tracked = found.surface.as_ref().map_or_else(Quality::default, |s| Quality {
-            photometric: s.photometric.unwrap_or(f64::NAN),
-            agreement: s.agreement,
-            depth_uncertainty: s.depth_uncertainty,
+            photometric: s.photometric,
+            agreement: Some(s.agreement),
+            depth_uncertainty: Some(s.depth_uncertainty),
         });
         let (vertices, pose, matches, visible) = match found.surface {
             Some(s) => (Some(s.vertices), Some(s.pose), s.matches, Some(s.visible)),
@@ -210,19 +205,19 @@ impl Surface {
     /// and where no shading was read.
     #[getter]
     fn photometric(&self) -> f64 {
-        self.tracked.photometric
+        self.tracked.photometric.unwrap_or(f64::NAN)
     }
 
     /// Share of the textured places in view that look like the template's, 0 to 1; NaN from `reconstruct`.
     #[getter]
     fn agreement(&self) -> f64 {
-        self.tracked.agreement
+        self.tracked.agreement.unwrap_or(f64::NAN)
     }
 
     /// Expected error of the whole surface's depth, of its visible radius; NaN from `reconstruct`.
     #[getter]
     fn depth_uncertainty(&self) -> f64 {
-        self.tracked.depth_uncertainty
+        self.tracked.depth_uncertainty.unwrap_or(f64::NAN)
     }
 
     /// Matches, float64 (k, 6): face, three barycentrics, x and y in px.

@@ -28,7 +28,7 @@ use dsfms::template::LengthUnit;
 use dsfms::template::albedo::Combine;
 use dsfms::template::flatten::FlattenMethod;
 use dsfms::template::light_fit::Vignetting;
-use found::{models_text, precision_row, summary_text};
+use found::{models_text, organ_hint, precision_row, summary_text};
 use load::{Cameras, Loaded, load, parse_click, parse_outline};
 use mesh::{Reading, open_mesh, read_albedo, unit};
 use std::path::{Path, PathBuf};
@@ -295,6 +295,9 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
         write_textures(&template, &loaded.frames, &loaded.valid, &pictures)?;
         if let Some(organ) = &organ {
             write_organ(organ, &loaded.frames, &args.output)?;
+            if options.click.is_none() && args.organ_masks.is_none() {
+                reporter.warn(&organ_hint(organ, &pictures));
+            }
         }
     }
     if !args.no_report {

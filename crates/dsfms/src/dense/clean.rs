@@ -1,7 +1,7 @@
 //! A triangle soup into one clean manifold piece.
 
 use super::tetrahedra::Triangles;
-use crate::geometry::{Point3, Vector3};
+use crate::geometry::{DisjointSets, Point3, Vector3};
 use std::collections::BTreeMap;
 
 /// Weights of the two steps of Taubin's smoothing: shrink, then grow back a little more.
@@ -36,21 +36,11 @@ fn retain(triangles: &mut Triangles, keep: impl Fn(usize) -> bool) {
 
 /// Label of the piece of each face: the smallest face index in it.
 pub(super) fn components(faces: &[[u32; 3]]) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..faces.len() as u32).collect();
-    fn root(parent: &mut [u32], mut i: u32) -> u32 {
-        while parent[i as usize] != i {
-            parent[i as usize] = parent[parent[i as usize] as usize];
-            i = parent[i as usize];
-        }
-        i
+    let mut pieces = DisjointSets::new(faces.len());
+    for pair in edge_list(faces).windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+        pieces.join(pair[0].1, pair[1].1);
     }
-    for pair in edge_list(faces).windows(2) {
-        if pair[0].0 == pair[1].0 {
-            let (a, b) = (root(&mut parent, pair[0].1), root(&mut parent, pair[1].1));
-            parent[a.max(b) as usize] = a.min(b);
-        }
-    }
-    (0..faces.len() as u32).map(|f| root(&mut parent, f)).collect()
+    (0..faces.len() as u32).map(|f| pieces.root(f)).collect()
 }
 
 /// Undirected edges with their faces, sorted.

@@ -1,8 +1,8 @@
 //! The outline of the organ in every frame.
 //!
-//! The labels of the depth maps tell roughly where: a window of stereo that lies across an occluding contour takes the depth of the
-//! side of more texture, so a depth map is off by up to the window's size. The image tells exactly where:
-//! between what is surely the part and what is surely not, the outline runs along the strongest edge. Both
+//! The labels of the depth maps tell roughly where: a window of stereo that lies across an occluding contour takes
+//! the depth of the side of more texture, so a depth map is off by up to the window's size. The image tells exactly
+//! where: between what the labels hold well inside and well outside, the outline runs along the strongest edge. Both
 //! sides go on at the price of the edges they cross (shortest paths), and the outline is where they meet.
 
 use super::{DepthMap, PosedFrame};
@@ -17,11 +17,11 @@ use std::collections::BinaryHeap;
 /// less the pixel itself.
 const BAND_PX: f64 = 6.0;
 /// And from outside: where the rim is dim and the wall is not, the wall's depth wins on the coarser levels,
-/// whose windows are twice as wide or more, and stays. This and [`DOUBT`] were chosen on the rendered scene
-/// (`docs/results/template.md` has what others give).
+/// whose windows are twice as wide or more, and stays. Chosen, as [`DOUBT`], on `rendered_scene`
+/// (`docs/results/template.md` has what other values give there); the generated scenes confirm it.
 const OUTER_PX: f64 = 2.0 * BAND_PX;
-/// To go on from outside costs this times as much as from the part, so that where no edge is clear the outline
-/// lies outside: one too far inside cuts the part, one too far outside only holds it less.
+/// To go on from outside costs this times as much as from inside, so that where no edge is clear the outline
+/// lies outside: one too far inside cuts the organ, one too far outside only holds it less.
 const DOUBT: u64 = 3;
 
 /// Of every view where the organ is the first surface hit, on the frame's pixels; `organ`: the same, roughly,
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn the_strongest_edge_decides_and_no_edge_falls_to_the_part() {
+    fn the_strongest_edge_decides_and_no_edge_falls_to_the_organ() {
         let row = |on: &[usize]| {
             let data = (0..12).map(|x| on.contains(&x)).collect();
             Mask { size: [12, 1], data }
@@ -210,7 +210,7 @@ mod tests {
             found.data.iter().filter(|&&own| own).count()
         };
         assert_eq!(reach(&steepness), 6, "past the faint edge, up to the strong one");
-        // 2 a step from the part, 6 from outside: pixel 7 costs 12 from the part, 18 from outside; pixel 8
+        // 2 a step from the organ, 6 from outside: pixel 7 costs 12 from the organ, 18 from outside; pixel 8
         // 14 and 12.
         assert_eq!(reach(&[1; 12]), 8);
     }

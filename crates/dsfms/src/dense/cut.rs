@@ -8,11 +8,12 @@ use std::collections::VecDeque;
 
 /// A graph whose nodes take one of two labels.
 pub(super) struct Graph {
-    /// What the label `true` saves at a node, less what `false` does.
-    favour: Vec<i32>,
     /// Arc `2e` leads along edge `e`, arc `2e + 1` back.
     head: Vec<u32>,
-    left: Vec<i32>,
+    weight: Vec<i32>,
+    /// Arcs of node `v`: `arcs[first[v]..first[v + 1]]`.
+    first: Vec<u32>,
+    arcs: Vec<u32>,
 }
 
 /// What a node hangs on.
@@ -25,20 +26,30 @@ enum Parent {
 }
 
 impl Graph {
-    /// Nodes by how much each is for `true` (against it where below 0).
-    pub(super) fn new(favour: Vec<i32>) -> Self {
-        Self { favour, head: Vec::new(), left: Vec::new() }
+    /// Nodes and what different labels of two of them cost.
+    pub(super) fn new(nodes: usize, edges: impl Iterator<Item = (u32, u32, i32)>) -> Self {
+        let (mut head, mut weight) = (Vec::new(), Vec::new());
+        for (p, q, cost) in edges {
+            head.extend([q, p]);
+            weight.extend([cost; 2]);
+        }
+        let mut first = vec![0u32; nodes + 1];
+        // The tail of an arc is the head of its sister.
+        head.iter().for_each(|&v| first[v as usize + 1] += 1);
+        (0..nodes).for_each(|v| first[v + 1] += first[v]);
+        let (mut next, mut arcs) = (first.clone(), vec![0u32; head.len()]);
+        for arc in 0..head.len() {
+            let tail = head[arc ^ 1] as usize;
+            arcs[next[tail] as usize] = arc as u32;
+            next[tail] += 1;
+        }
+        Self { head, weight, first, arcs }
     }
 
-    /// Different labels of two nodes cost this much.
-    pub(super) fn join(&mut self, p: u32, q: u32, weight: i32) {
-        self.head.extend([q, p]);
-        self.left.extend([weight; 2]);
-    }
-
-    /// The labels of least energy; of equal ones those with fewest `true`.
-    pub(super) fn labels(self) -> Vec<bool> {
-        let mut flow = Flow::new(self);
+    /// The labels of least energy; of equal ones those with fewest `true`. `favour`: what the label `true` saves
+    /// at each node, less what `false` does.
+    pub(super) fn labels(&self, favour: Vec<i32>) -> Vec<bool> {
+        let mut flow = Flow::new(self, favour);
         while let Some(arc) = flow.grow() {
             flow.augment(arc);
             flow.adopt();
@@ -47,11 +58,11 @@ impl Graph {
     }
 }
 
-struct Flow {
-    graph: Graph,
-    /// Arcs of node `v`: `arcs[first[v]..first[v + 1]]`.
-    first: Vec<u32>,
-    arcs: Vec<u32>,
+struct Flow<'a> {
+    graph: &'a Graph,
+    /// What is left of the nodes' favour and of the arcs' weight.
+    favour: Vec<i32>,
+    left: Vec<i32>,
     /// The tree that a node belongs to: `true` that of the source.
     tree: Vec<Option<bool>>,
     parent: Vec<Parent>,
@@ -63,35 +74,26 @@ struct Flow {
     orphans: Vec<u32>,
 }
 
-impl Flow {
-    fn new(graph: Graph) -> Self {
-        let n = graph.favour.len();
-        let mut first = vec![0u32; n + 1];
-        // The tail of an arc is the head of its sister.
-        graph.head.iter().for_each(|&v| first[v as usize + 1] += 1);
-        (0..n).for_each(|v| first[v + 1] += first[v]);
-        let (mut next, mut arcs) = (first.clone(), vec![0u32; graph.head.len()]);
-        for arc in 0..graph.head.len() {
-            let tail = graph.head[arc ^ 1] as usize;
-            arcs[next[tail] as usize] = arc as u32;
-            next[tail] += 1;
-        }
-        let tree: Vec<Option<bool>> =
-            graph.favour.iter().map(|&f| (f != 0).then_some(f > 0)).collect();
+impl<'a> Flow<'a> {
+    fn new(graph: &'a Graph, favour: Vec<i32>) -> Self {
+        let n = favour.len();
+        let tree: Vec<Option<bool>> = favour.iter().map(|&f| (f != 0).then_some(f > 0)).collect();
         let parent = tree.iter().map(|t| t.map_or(Parent::None, |_| Parent::Terminal)).collect();
         let active = (0..n as u32).filter(|&v| tree[v as usize].is_some()).collect();
         let queued = tree.iter().map(Option::is_some).collect();
         let (distance, orphans) = (vec![(1, 0); n], Vec::new());
-        Self { graph, first, arcs, tree, parent, distance, now: 0, active, queued, orphans }
+        let left = graph.weight.clone();
+        Self { graph, favour, left, tree, parent, distance, now: 0, active, queued, orphans }
     }
 
-    fn arcs_of(&self, v: u32) -> std::ops::Range<usize> {
-        self.first[v as usize] as usize..self.first[v as usize + 1] as usize
+    fn arcs_of(&self, v: u32) -> &'a [u32] {
+        let first = &self.graph.first;
+        &self.graph.arcs[first[v as usize] as usize..first[v as usize + 1] as usize]
     }
 
     /// What an arc out of a node can still carry in the direction of its tree's flow.
     fn open(&self, source: bool, arc: u32) -> bool {
-        self.graph.left[(if source { arc } else { arc ^ 1 }) as usize] > 0
+        self.left[(if source { arc } else { arc ^ 1 }) as usize] > 0
     }
 
     fn wake(&mut self, v: u32) {
@@ -104,8 +106,7 @@ impl Flow {
     fn grow(&mut self) -> Option<u32> {
         while let Some(&p) = self.active.front() {
             if let Some(source) = self.tree[p as usize] {
-                for k in self.arcs_of(p) {
-                    let arc = self.arcs[k];
+                for &arc in self.arcs_of(p) {
                     if !self.open(source, arc) {
                         continue;
                     }
@@ -135,14 +136,14 @@ impl Flow {
     fn augment(&mut self, arc: u32) {
         let ends =
             [(true, self.graph.head[(arc ^ 1) as usize]), (false, self.graph.head[arc as usize])];
-        let mut most = self.graph.left[arc as usize];
+        let mut most = self.left[arc as usize];
         for (source, end) in ends {
             let mut v = end;
             while let Parent::Arc(up) = self.parent[v as usize] {
-                most = most.min(self.graph.left[(if source { up ^ 1 } else { up }) as usize]);
+                most = most.min(self.left[(if source { up ^ 1 } else { up }) as usize]);
                 v = self.graph.head[up as usize];
             }
-            most = most.min(self.graph.favour[v as usize].abs());
+            most = most.min(self.favour[v as usize].abs());
         }
         self.carry(arc, most);
         self.now += 1;
@@ -151,12 +152,12 @@ impl Flow {
             while let Parent::Arc(up) = self.parent[v as usize] {
                 let along = if source { up ^ 1 } else { up };
                 self.carry(along, most);
-                if self.graph.left[along as usize] == 0 {
+                if self.left[along as usize] == 0 {
                     self.orphan(v);
                 }
                 v = self.graph.head[up as usize];
             }
-            let favour = &mut self.graph.favour[v as usize];
+            let favour = &mut self.favour[v as usize];
             *favour -= favour.signum() * most;
             if *favour == 0 {
                 self.orphan(v);
@@ -165,8 +166,8 @@ impl Flow {
     }
 
     fn carry(&mut self, arc: u32, flow: i32) {
-        self.graph.left[arc as usize] -= flow;
-        self.graph.left[(arc ^ 1) as usize] += flow;
+        self.left[arc as usize] -= flow;
+        self.left[(arc ^ 1) as usize] += flow;
     }
 
     fn orphan(&mut self, v: u32) {
@@ -179,8 +180,7 @@ impl Flow {
         while let Some(v) = self.orphans.pop() {
             let Some(source) = self.tree[v as usize] else { continue };
             let mut best: Option<(u32, u32)> = None;
-            for k in self.arcs_of(v) {
-                let arc = self.arcs[k];
+            for &arc in self.arcs_of(v) {
                 let q = self.graph.head[arc as usize];
                 if self.tree[q as usize] == Some(source)
                     && self.open(source, arc ^ 1)
@@ -227,8 +227,7 @@ impl Flow {
     }
 
     fn set_free(&mut self, v: u32, source: bool) {
-        for k in self.arcs_of(v) {
-            let arc = self.arcs[k];
+        for &arc in self.arcs_of(v) {
             let q = self.graph.head[arc as usize];
             if self.tree[q as usize] != Some(source) {
                 continue;
@@ -255,9 +254,7 @@ mod tests {
     }
 
     fn solved(favour: &[i32], edges: &[(u32, u32, i32)]) -> Vec<bool> {
-        let mut graph = Graph::new(favour.to_vec());
-        edges.iter().for_each(|&(p, q, w)| graph.join(p, q, w));
-        graph.labels()
+        Graph::new(favour.len(), edges.iter().copied()).labels(favour.to_vec())
     }
 
     #[test]

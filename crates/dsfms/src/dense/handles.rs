@@ -8,6 +8,7 @@
 use super::clean::{components, edge_list};
 use super::holes::boundary_loops;
 use super::tetrahedra::Triangles;
+use crate::geometry::DisjointSets;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
 
@@ -112,10 +113,10 @@ impl Closed {
         // A spanning tree of the faces over the edges with the longest loops; the rest are short.
         let mut order: Vec<usize> = (0..self.edges.len()).filter(|&e| !in_tree[e]).collect();
         order.sort_by_key(|&e| (std::cmp::Reverse(length(e)), e));
-        let mut parts = Parts::new(self.faces);
+        let mut parts = DisjointSets::new(self.faces);
         let left = order.into_iter().filter(|&e| {
             let [a, b] = self.edges[e].1;
-            !parts.join(a as usize, b as usize)
+            !parts.join(a, b)
         });
         let shortest = left.filter(|&e| length(e) < OUTSIDE).min_by_key(|&e| (length(e), e))?;
         let [a, b] = self.edges[shortest].0;
@@ -160,30 +161,6 @@ fn path(parent: &[u32], mut v: u32) -> Vec<u32> {
         path.push(v);
     }
     path
-}
-
-/// Disjoint sets.
-struct Parts(Vec<u32>);
-
-impl Parts {
-    fn new(n: usize) -> Self {
-        Self((0..n as u32).collect())
-    }
-
-    fn root(&mut self, mut i: usize) -> usize {
-        while self.0[i] as usize != i {
-            self.0[i] = self.0[self.0[i] as usize];
-            i = self.0[i] as usize;
-        }
-        i
-    }
-
-    /// `false` where they were one already.
-    fn join(&mut self, a: usize, b: usize) -> bool {
-        let (a, b) = (self.root(a), self.root(b));
-        self.0[a.max(b)] = a.min(b) as u32;
-        a != b
-    }
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@
 //! twice the resolution, checked against the other depth maps, and smoothed with the inverse of its
 //! own variance as weight. Lengths are those of the poses.
 
+mod cells;
 mod clean;
 mod consistency;
 mod contour;
@@ -24,6 +25,7 @@ mod handles;
 mod holes;
 mod labels;
 mod lanes;
+mod looks;
 mod neighbours;
 mod observe;
 mod options;
@@ -47,7 +49,7 @@ pub use options::DenseOptions;
 pub use surface::{DenseSurface, VertexSupport, surface};
 
 use crate::camera::CameraModel;
-use crate::geometry::{Isometry, Point3};
+use crate::geometry::{Isometry, Point3, Vector3};
 use crate::image::{Frame, Mask};
 use plane::Field;
 use rayon::prelude::*;
@@ -105,12 +107,17 @@ impl DepthMap {
         places.filter(|&i| self.depth[i] > 0.0).map(move |i| back * self.point(i))
     }
 
-    /// The point at a place with depth, camera axes.
-    fn point(&self, place: usize) -> Point3 {
-        let (w, z) = (self.camera.size[0], f64::from(self.depth[place]));
+    /// The line of sight through a place, camera axes, of depth 1.
+    fn ray(&self, place: usize) -> Vector3 {
+        let w = self.camera.size[0];
         let ([u, v], [cx, cy]) = ([(place % w) as f64, (place / w) as f64], self.camera.centre);
         let [fx, fy] = self.camera.focal;
-        Point3::new((u - cx) / fx * z, (v - cy) / fy * z, z)
+        Vector3::new((u - cx) / fx, (v - cy) / fy, 1.0)
+    }
+
+    /// The point at a place with depth, camera axes.
+    fn point(&self, place: usize) -> Point3 {
+        (self.ray(place) * f64::from(self.depth[place])).into()
     }
 
     /// Depth at a place and the cosine of its normal to the camera's axis.

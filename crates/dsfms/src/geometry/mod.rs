@@ -1,13 +1,15 @@
 //! Pure functions on points and numbers: triangles, barycentric coordinates, rigid and similarity
-//! alignment, medians.
+//! alignment, medians, disjoint sets.
 
 pub mod alignment;
 pub mod neighbours;
+pub mod sets;
 pub mod statistics;
 pub mod triangle;
 
 pub use alignment::{align_rigid, align_rigid_robust, align_similarity};
 pub use neighbours::Neighbours;
+pub use sets::DisjointSets;
 pub use statistics::{centre_and_spread, median};
 pub use triangle::{area, area_normal, barycentric, normal, point_at};
 

@@ -1,6 +1,7 @@
 //! Tracks: features of several frames that are taken for the same point.
 
 use super::matching::DescriptorMatch;
+use crate::geometry::DisjointSets;
 
 /// A feature of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -50,9 +51,10 @@ pub fn build_tracks(feature_counts: &[usize], pairs: &[PairMatches]) -> Vec<Vec<
     tracks
 }
 
-/// Union-find over all features, each set knowing its members.
+/// The tracks so far: disjoint sets of features, each set knowing its members.
 struct Sets {
-    parent: Vec<usize>,
+    sets: DisjointSets,
+    /// At the root of each set.
     members: Vec<Vec<Member>>,
 }
 
@@ -62,31 +64,20 @@ impl Sets {
             (0..n).map(move |f| vec![Member { view: view as u32, feature: f as u32 }])
         };
         let members: Vec<_> = feature_counts.iter().enumerate().flat_map(member).collect();
-        Self { parent: (0..members.len()).collect(), members }
-    }
-
-    fn root(&mut self, mut i: usize) -> usize {
-        while self.parent[i] != i {
-            self.parent[i] = self.parent[self.parent[i]];
-            i = self.parent[i];
-        }
-        i
+        Self { sets: DisjointSets::new(members.len()), members }
     }
 
     /// Unite two sets unless they share a view.
     fn join(&mut self, i: usize, j: usize) {
-        let (mut i, mut j) = (self.root(i), self.root(j));
+        let [i, j] = [i, j].map(|k| self.sets.root(k as u32) as usize);
         let shares =
             |a: &[Member], b: &[Member]| a.iter().any(|m| b.iter().any(|n| n.view == m.view));
         if i == j || shares(&self.members[i], &self.members[j]) {
             return;
         }
-        if self.members[i].len() < self.members[j].len() {
-            (i, j) = (j, i);
-        }
-        let moved = std::mem::take(&mut self.members[j]);
-        self.members[i].extend(moved);
-        self.parent[j] = i;
+        self.sets.join(i as u32, j as u32);
+        let moved = std::mem::take(&mut self.members[i.max(j)]);
+        self.members[i.min(j)].extend(moved);
     }
 }
 

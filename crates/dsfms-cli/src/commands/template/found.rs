@@ -1,8 +1,9 @@
-//! What is said of the exploration: models found, precision.
+//! What is said of the exploration: models found, precision, the organ.
 
-use dsfms::pipeline::SparsePrecision;
+use dsfms::pipeline::{FoundOrgan, SparsePrecision};
 use dsfms::sfm::FoundModel;
 use dsfms::template::{LengthUnit, Template};
+use std::path::Path;
 
 /// `42 of 44 frames registered; fx 1012.3 px; 4503 points; 0.31 px median error; 195 s`.
 pub fn summary_text(template: &Template, frames: usize, seconds: f64) -> String {
@@ -50,6 +51,22 @@ pub fn precision_row(precision: &SparsePrecision, unit: LengthUnit) -> String {
          sparse points {points:.4} {unit} (median): expected errors, see precision.json\n",
         "precision"
     )
+}
+
+/// Where to see which part was taken for the organ, and how to tell otherwise.
+pub fn organ_hint(organ: &FoundOrgan, pictures: &Path) -> String {
+    let picture = pictures.join("organ.png");
+    let picture = picture.display();
+    match organ.taken {
+        true => format!(
+            "{picture} shows its outlines; --organ-click, --organ-masks or --organ-polygon tell otherwise, --whole \
+             keeps all"
+        ),
+        false => format!(
+            "{picture} shows the outlines found; if they are right, say --organ-click or --organ-masks; if all is \
+             the organ, --whole"
+        ),
+    }
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -240,18 +241,18 @@ class _Driver:
                 self.waiting.append(task)
 
     def _report(self, jobs: list[Job], begin: float) -> Report:
-        done = [s for s in self.stretches if self.store.exists(s.part)]
-        counts = Counter(value for s in done for value in statuses(self.store, s))
+        done = {s: statuses(self.store, s) for s in self.stretches if self.store.exists(s.part)}
+        counts = Counter(chain.from_iterable(done.values()))
         report = Report(
             parts=len(done),
             computed=self.computed,
             retried=self.retried,
             failures=sorted(self.failures, key=lambda f: f.task),
-            seams=seams(self.store, self.stretches),
+            seams=seams(self.store, done),
             statuses=dict(sorted(counts.items())),
             task_seconds=self.seconds,
             seconds=time.monotonic() - begin,
         )
-        report = replace(report, overview=overview(self.store, jobs, self.stretches, report))
+        report = replace(report, overview=overview(self.store, jobs, self.stretches, done, report))
         self.store.write_json("report.json", report.plain())
         return report

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections import Counter, defaultdict
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from html import escape
 from typing import Any
@@ -87,9 +88,9 @@ def _vertices(store: Store, stretch: Stretch) -> tuple[Any, Any]:
         return arrays["frame"], arrays["vertices"]
 
 
-def seams(store: Store, stretches: list[Stretch]) -> list[Seam]:
-    """Every stretch beside the one before it in the same video, in the frames that both tracked."""
-    done = [s for s in sorted(stretches, key=lambda s: (s.job.name, s.start)) if store.exists(s.part)]
+def seams(store: Store, done: Iterable[Stretch]) -> list[Seam]:
+    """Every stretch that is done beside the one before it in the same video, in the frames that both tracked."""
+    done = sorted(done, key=lambda s: (s.job.name, s.start))
     found: list[Seam] = []
     for before, after in zip(done, done[1:], strict=False):
         if before.job.name != after.job.name or before.stop != after.start or after.overlap == 0:
@@ -137,8 +138,13 @@ img{height:72px;margin-right:4px}.failed{color:#a22}
 """
 
 
-def overview(store: Store, jobs: list[Job], stretches: list[Stretch], report: Report) -> str:
-    """The page: one row a video with pictures, statuses, seams and links."""
+def overview(
+    store: Store, jobs: list[Job], stretches: list[Stretch], done: dict[Stretch, list[str]], report: Report
+) -> str:
+    """The page: one row a video with pictures, statuses, seams and links.
+
+    `done` has the statuses of the frames of every stretch that is done.
+    """
     rows = []
     of_video: dict[str, list[Stretch]] = defaultdict(list)
     for stretch in sorted(stretches, key=lambda s: s.start):
@@ -152,11 +158,11 @@ def overview(store: Store, jobs: list[Job], stretches: list[Stretch], report: Re
         errors[failure.task.split(" ")[0]].append(failure.error)
     for job in jobs:
         own = of_video[job.name]
-        done = [s for s in own if store.exists(s.part)]
-        values = [value for s in done for value in statuses(store, s)]
+        finished = [s for s in own if s in done]
+        values = [value for s in finished for value in done[s]]
         pictures = "".join(
             f"<img alt='' loading='lazy' src='thumbnails/{escape(quote(s.stem, safe='/='))}.png'>"
-            for s in done[:: max(1, len(done) // 4)][:4]
+            for s in finished[:: max(1, len(finished) // 4)][:4]
         )
         counts = ", ".join(f"{n} {status}" for status, n in sorted(Counter(values).items()))
         worst = f"{worst_seam[job.name]:.3f}" if job.name in worst_seam else ""
@@ -165,7 +171,7 @@ def overview(store: Store, jobs: list[Job], stretches: list[Stretch], report: Re
         rows.append(
             f"<tr><td><a href='{link}'>{escape(job.name)}</a></td><td>{pictures}</td>"
             f"<td>{_bar(values) if values else ''}{counts}{text}</td>"
-            f"<td>{len(done)} of {len(own)}</td><td>{worst}</td></tr>"
+            f"<td>{len(finished)} of {len(own)}</td><td>{worst}</td></tr>"
         )
     failed = f", <span class='failed'>{len(report.failures)} tasks failed</span>" if report.failures else ""
     page = (

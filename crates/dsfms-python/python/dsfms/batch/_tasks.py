@@ -78,6 +78,10 @@ def _template(job: Job, store: Store) -> dsfms.Template:
         return dsfms.Template.load(folder)
 
 
+#: Columns of measures, NaN where a frame has none.
+_NUMBERS = ("residual_px", "photometric", "agreement", "depth_uncertainty")
+
+
 def _row(number: int, surface: dsfms.Surface) -> dict[str, Any]:
     kept = surface.matches_kept
     return {
@@ -96,26 +100,24 @@ def _row(number: int, surface: dsfms.Surface) -> dict[str, Any]:
     }
 
 
+def _lost(number: int) -> dict[str, Any]:
+    """The row of a frame that cannot be decoded; columns that it does not name have no value."""
+    return {
+        "frame": number,
+        "status": dsfms.Status.LOST.value,
+        "reasons": ["the frame cannot be decoded"],
+        "reason_kinds": [dsfms.ReasonKind.INPUT.value],
+        "pose": [float("nan")] * 16,
+        "visible": 0,
+        "matches": 0,
+        "matches_kept": 0,
+    }
+
+
 def _fill(rows: list[dict[str, Any]], shapes: list[NDArray[np.float64]], numbers: range, count: int) -> None:
     """Frames that cannot be decoded are lost under their own numbers."""
-    for number in numbers:
-        rows.append(
-            {
-                "frame": number,
-                "status": dsfms.Status.LOST.value,
-                "reasons": ["the frame cannot be decoded"],
-                "reason_kinds": [dsfms.ReasonKind.INPUT.value],
-                "pose": [float("nan")] * 16,
-                "visible": 0,
-                "matches": 0,
-                "matches_kept": 0,
-                "residual_px": float("nan"),
-                "photometric": float("nan"),
-                "agreement": float("nan"),
-                "depth_uncertainty": float("nan"),
-            }
-        )
-        shapes.append(np.full((count, 3), np.nan))
+    rows.extend(_lost(number) for number in numbers)
+    shapes.extend(np.full((count, 3), np.nan) for _ in numbers)
 
 
 def _residual(surface: dsfms.Surface) -> float:
@@ -133,22 +135,12 @@ def _table(rows: list[dict[str, Any]]) -> bytes:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    schema = pa.schema(
-        [
-            ("frame", pa.int64()),
-            ("status", pa.string()),
-            ("reasons", pa.list_(pa.string())),
-            ("reason_kinds", pa.list_(pa.string())),
-            ("pose", pa.list_(pa.float64(), 16)),
-            ("visible", pa.int64()),
-            ("matches", pa.int64()),
-            ("matches_kept", pa.int64()),
-            ("residual_px", pa.float64()),
-            ("photometric", pa.float64()),
-            ("agreement", pa.float64()),
-            ("depth_uncertainty", pa.float64()),
-        ]
-    )
+    numbers = {name: pa.float64() for name in _NUMBERS}
+    counts = {name: pa.int64() for name in ("visible", "matches", "matches_kept")}
+    texts = pa.list_(pa.string())
+    first = {"frame": pa.int64(), "status": pa.string(), "reasons": texts, "reason_kinds": texts}
+    schema = pa.schema({**first, "pose": pa.list_(pa.float64(), 16), **counts, **numbers})
+    rows = [dict.fromkeys(_NUMBERS, float("nan")) | row for row in rows]
     out = io.BytesIO()
     pq.write_table(pa.Table.from_pylist(rows, schema=schema), out, compression="zstd")
     return out.getvalue()

@@ -3,8 +3,8 @@
 use super::{Exploration, FoundOrgan, TemplateError, TemplateOptions, click, named, outline};
 use crate::camera::{Camera, CameraModel};
 use crate::dense::{
-    DenseOptions, DenseSurface, DepthMap, PosedFrame, depth_maps, labelling, outlines,
-    surface as fused, worthwhile,
+    DenseError, DenseOptions, DenseSurface, DepthMap, Labelling, PosedFrame, depth_maps, labelling,
+    outlines, surface, worthwhile,
 };
 use crate::geometry::{Isometry, Point2, Point3};
 use crate::mesh::Mesh;
@@ -32,8 +32,6 @@ pub(super) fn dense_mesh(
     options: &TemplateOptions,
     progress: &dyn Progress,
 ) -> Result<Surface, TemplateError> {
-    let posed = posed(exploration, camera, poses);
-    let report = |done, total| progress.step("stereo", done, total);
     let dense = DenseOptions {
         // Which piece is the organ the user says, if anybody: it need not be the largest.
         largest_only: options.dense.largest_only
@@ -41,136 +39,168 @@ pub(super) fn dense_mesh(
             && options.click.is_none(),
         ..options.dense.clone()
     };
-    let mut posed = worthwhile(&posed, points, &dense);
-    let named = named(exploration.frames, poses);
-    let open = !told(&posed, options);
-    let stereo = |posed: &[PosedFrame]| depth_maps(posed, points, &dense, &report);
-    let mut seen = None;
-    if open && options.click.is_some() {
-        seen = Some(fused(&posed, &stereo(&posed)?, &dense)?);
-    }
-    let alone = seen.as_ref().is_some_and(|seen| piece_alone(&seen.mesh, camera, &named, options));
-    let mut found = None;
-    if open && !alone {
-        let coarse = coarser(&posed, &dense);
-        let report = |done, total| progress.step("coarse stereo", done, total);
-        let maps = depth_maps(&posed, points, &coarse, &report)?;
-        found = organ(&posed, &maps, &named, options, progress)?;
-        seen = None;
-    }
-    if let Some(found) = found.as_ref().filter(|found| found.taken) {
-        posed.retain_mut(|view| {
-            let own = found.masks.iter().find(|(name, _)| *name == view.frame.name);
-            view.organ = own.map(|(_, organ)| organ);
-            view.organ.is_some()
-        });
-    }
-    let seen = match seen {
-        Some(seen) => seen,
-        None => {
-            let maps = stereo(&posed)?;
-            progress.step("surface", 0, 2);
-            fused(&posed, &maps, &dense)?
-        }
+    let scene = Scene {
+        camera,
+        views: worthwhile(&posed(exploration, camera, poses), points, &dense),
+        points,
+        named: named(exploration.frames, poses),
+        options,
+        progress,
     };
+    let organ = scene.organ(&dense)?;
+    let views = match organ.as_ref().filter(|organ| organ.taken) {
+        Some(organ) => shown(&scene.views, organ),
+        None => scene.views.clone(),
+    };
+    let maps = scene.stereo(&views, &dense, "stereo")?;
+    progress.step("surface", 0, 2);
+    let seen = surface(&views, &maps, &dense)?;
     progress.step("surface", 1, 2);
-    let fine = outline::trim(seen.mesh.clone(), camera, &named, &options.outlines)?;
-    let fine = click::pick(fine, camera, &named, options.click.as_ref())?;
+    let fine = outline::trim(seen.mesh.clone(), camera, &scene.named, &options.outlines)?;
+    let fine = scene.piece(fine)?;
     let mut mesh = remesh(&fine, options.vertices, &options.remesh)?;
     if options.fit_diagonals {
         mesh = fit_diagonals(&mesh, &fine);
     }
     let sigma = expected_errors(&seen, &mesh);
     progress.step("surface", 2, 2);
-    Ok(Surface { mesh, sigma, organ: found })
+    Ok(Surface { mesh, sigma, organ })
 }
 
-/// Stereo on a quarter of the frames' width and height (a surface is seen on half), or less of large frames:
-/// enough to tell the organ from what lies behind.
-fn coarser(posed: &[PosedFrame], options: &DenseOptions) -> DenseOptions {
-    let few = |view: &PosedFrame| (view.frame.rgb.len() / 16).min(COARSE);
-    let pixels = posed.iter().map(few).sum::<usize>().max(1000);
-    DenseOptions { max_pixels: pixels.min(options.max_pixels), ..options.clone() }
-}
-
-/// Depth pixels of a frame, at most: about as many as the labelling looks at.
-const COARSE: usize = 20_000;
-
-/// Whether the user says in every frame where the organ ends, or wants everything.
-fn told(posed: &[PosedFrame], options: &TemplateOptions) -> bool {
-    let masks = posed.iter().all(|view| view.organ.is_some());
-    masks || !options.outlines.is_empty() || (options.whole && options.click.is_none())
-}
-
-/// Whether the piece clicked is the smaller part of what was seen and hangs on nothing else: its own rim is
-/// then nearer the truth than an outline found in images.
-fn piece_alone(
-    seen: &Mesh,
-    camera: &CameraModel,
-    named: &[(&str, Isometry)],
-    options: &TemplateOptions,
-) -> bool {
-    let smaller = |piece: Mesh| 2 * piece.topology.faces.len() < seen.topology.faces.len();
-    click::pick(seen.clone(), camera, named, options.click.as_ref()).is_ok_and(smaller)
-}
-
-/// Where the organ ends before something else (the wall of a cavity). It is what was clicked, what masks of some
-/// frames show, or else what the frames look at; and then it is taken only if depth steps where it ends.
-fn organ(
-    posed: &[PosedFrame],
-    maps: &[DepthMap],
-    named: &[(&str, Isometry)],
-    options: &TemplateOptions,
-    progress: &dyn Progress,
-) -> Result<Option<FoundOrgan>, TemplateError> {
-    let Some(first) = posed.first() else { return Ok(None) };
-    let clicked = match &options.click {
-        Some(click) => {
-            let (name, pose) = click.frame_of(named)?;
-            let beside = || {
-                let frame = name.to_string();
-                TemplateError::ClickBeside { frame, pixel: click.pixel }
-            };
-            Some(shown_at(maps, first.camera, &pose, &click.pixel).ok_or_else(beside)?)
-        }
-        None => None,
+/// The views that show the organ, with the outlines found.
+fn shown<'a>(views: &[PosedFrame<'a>], organ: &'a FoundOrgan) -> Vec<PosedFrame<'a>> {
+    let own = |view: &PosedFrame<'a>| {
+        let (_, mask) = organ.masks.iter().find(|(name, _)| *name == view.frame.name)?;
+        Some(PosedFrame { organ: Some(mask), ..*view })
     };
-    progress.step("organ", 0, 1);
-    let found = labelling(posed, maps, clicked.as_ref());
-    let said = clicked.is_some() || posed.iter().any(|view| view.organ.is_some());
-    if !said && found.stepping < STEPPING {
-        return Ok(None);
-    }
-    let outlines = outlines(&found.masks, posed, maps);
-    progress.step("organ", 1, 1);
-    let shown = posed.iter().zip(outlines).filter(|(_, mask)| mask.data.contains(&true));
-    let masks: Vec<_> = shown.map(|(view, mask)| (view.frame.name.clone(), mask)).collect();
-    let taken = masks.len() >= 2 && (said || found.marked >= MARKED);
-    if !said {
-        let percent = 100.0 * found.marked;
-        progress.warn(&match taken {
-            true => format!(
-                "no mask says where the organ is: it is what the frames look at ({percent:.0} % of its outline is \
-                 marked by depth, a fold or the image); --organ-click, --organ-masks or --organ-polygon tell \
-                 otherwise, --whole keeps all"
-            ),
-            false => format!(
-                "whether the organ ends within the frames is open: only {percent:.0} % of what may be its outline is \
-                 marked by depth, a fold or the image, so that all is kept; look at the outlines found, and say \
-                 --organ-click or --organ-masks if they are right, --whole if all is the organ"
-            ),
-        });
-    }
-    Ok(Some(FoundOrgan { masks, stepping: found.stepping, marked: found.marked, taken }))
+    views.iter().filter_map(own).collect()
 }
 
-/// Shares of the outline found: where depth steps along less, all is one surface; where more is marked, it is the
-/// organ's. On nine generated scenes they are 0.5 to 0.8 and 0.97 to 0.99; where one smooth surface fills the
-/// frames nothing is found.
+/// Depth pixels of a frame by which the organ is told, at most: about as many as the labelling looks at.
+const COARSE: usize = 20_000;
+/// And at least, all frames together: stereo on less finds nothing.
+const COARSE_ALL: usize = 1000;
+/// Shares of the outline found. Where depth steps along less, all is one surface; where more is marked, it is the
+/// organ's. On eight generated scenes and the rendered one they are 0.5 to 0.8 and 0.97 to 0.99 with stereo at half
+/// the resolution, and 0.45 or more with the coarse stereo used here; where one smooth surface fills the frames
+/// nothing is found (`docs/results/parting.md`).
 const STEPPING: f64 = 0.2;
 const MARKED: f64 = 0.8;
 /// A point is shown at a pixel where it projects as near, px.
 const NEAR_PX: f64 = 3.0;
+
+/// The registered frames and what structure from motion knows of them.
+struct Scene<'a> {
+    camera: &'a CameraModel,
+    views: Vec<PosedFrame<'a>>,
+    points: &'a [Point3],
+    /// Name and `camera_from_world`.
+    named: Vec<(&'a str, Isometry)>,
+    options: &'a TemplateOptions,
+    progress: &'a dyn Progress,
+}
+
+impl Scene<'_> {
+    fn stereo(
+        &self,
+        views: &[PosedFrame],
+        options: &DenseOptions,
+        stage: &str,
+    ) -> Result<Vec<DepthMap>, DenseError> {
+        let report = |done, total| self.progress.step(stage, done, total);
+        depth_maps(views, self.points, options, &report)
+    }
+
+    /// The piece of a surface that was clicked; all of it without a click.
+    fn piece(&self, mesh: Mesh) -> Result<Mesh, TemplateError> {
+        click::pick(mesh, self.camera, &self.named, self.options.click.as_ref())
+    }
+
+    /// The organ as the frames tell it from what lies behind; see [`super::BuiltTemplate::organ`].
+    fn organ(&self, options: &DenseOptions) -> Result<Option<FoundOrgan>, TemplateError> {
+        if self.told() {
+            return Ok(None);
+        }
+        let coarse = self.coarser(options);
+        let maps = self.stereo(&self.views, &coarse, "coarse stereo")?;
+        if self.options.click.is_some() && self.piece_alone(&maps, &coarse)? {
+            return Ok(None);
+        }
+        self.progress.step("organ", 0, 1);
+        let found = self.outlined(&maps);
+        self.progress.step("organ", 1, 1);
+        found
+    }
+
+    /// Whether the user says in every frame where the organ ends, or wants everything.
+    fn told(&self) -> bool {
+        let masks = self.views.iter().all(|view| view.organ.is_some());
+        let options = self.options;
+        masks || !options.outlines.is_empty() || (options.whole && options.click.is_none())
+    }
+
+    /// Stereo on no more pixels than the labelling reads, of small frames on half their width and height, as the
+    /// surface itself: enough to tell the organ from what lies behind.
+    fn coarser(&self, options: &DenseOptions) -> DenseOptions {
+        let few = |view: &PosedFrame| (view.frame.rgb.len() / 4).min(COARSE);
+        let pixels = self.views.iter().map(few).sum::<usize>().max(COARSE_ALL);
+        DenseOptions { max_pixels: pixels.min(options.max_pixels), ..options.clone() }
+    }
+
+    /// Whether the piece clicked is the smaller part of what was seen and hangs on nothing else: its own rim is
+    /// then nearer the truth than an outline found in images.
+    fn piece_alone(&self, maps: &[DepthMap], options: &DenseOptions) -> Result<bool, DenseError> {
+        let seen = surface(&self.views, maps, options)?.mesh;
+        let all = seen.topology.faces.len();
+        Ok(self.piece(seen).is_ok_and(|piece| 2 * piece.topology.faces.len() < all))
+    }
+
+    /// Where the organ ends before something else (the wall of a cavity). It is what was clicked, what masks of
+    /// some frames show, or else what the frames look at; and then it is taken only if its outline is marked.
+    fn outlined(&self, maps: &[DepthMap]) -> Result<Option<FoundOrgan>, TemplateError> {
+        let clicked = self.clicked(maps)?;
+        let Labelling { masks, stepping, marked } = labelling(&self.views, maps, clicked.as_ref());
+        let said = clicked.is_some() || self.views.iter().any(|view| view.organ.is_some());
+        if !said && stepping < STEPPING {
+            return Ok(None);
+        }
+        let outlines = outlines(&masks, &self.views, maps);
+        let shown = self.views.iter().zip(outlines).filter(|(_, mask)| mask.data.contains(&true));
+        let masks: Vec<_> = shown.map(|(view, mask)| (view.frame.name.clone(), mask)).collect();
+        let taken = masks.len() >= 2 && (said || marked >= MARKED);
+        if !said {
+            self.progress.warn(&unsaid(marked, taken));
+        }
+        Ok(Some(FoundOrgan { masks, stepping, marked, taken }))
+    }
+
+    /// The point (world axes) that was clicked.
+    fn clicked(&self, maps: &[DepthMap]) -> Result<Option<Point3>, TemplateError> {
+        let Some(click) = &self.options.click else { return Ok(None) };
+        let (name, pose) = click.frame_of(&self.named)?;
+        let beside = || {
+            let frame = name.to_string();
+            TemplateError::ClickBeside { frame, pixel: click.pixel }
+        };
+        let shown = shown_at(maps, self.camera, &pose, &click.pixel);
+        shown.map(Some).ok_or_else(beside)
+    }
+}
+
+/// What is to be told where nobody said what the organ is.
+fn unsaid(marked: f64, taken: bool) -> String {
+    let percent = 100.0 * marked;
+    match taken {
+        true => format!(
+            "nothing says where the organ is: it is taken to be what the frames look at ({percent:.0} % of its \
+             outline is marked by depth, a fold or the image)"
+        ),
+        false => format!(
+            "whether the organ ends within the frames is open: only {percent:.0} % of what may be its outline is \
+             marked by depth, a fold or the image; all that was seen is kept"
+        ),
+    }
+}
 
 /// The point (world axes) that a frame shows at a pixel, by the depth maps: the nearest quarter of what
 /// projects there.

@@ -1,5 +1,6 @@
 //! Cutting a connected surface open to a disc.
 
+use crate::geometry::DisjointSets;
 use crate::mesh::Mesh;
 use crate::mesh::paths::{Distances, shortest_paths};
 use crate::mesh::{Topology, boundary::boundary_loops};
@@ -66,21 +67,23 @@ impl<'a> Cut<'a> {
     /// old vertex of each new one.
     pub fn opened(&self) -> (Mesh, Vec<u32>) {
         let t = &self.mesh.topology;
-        let mut set: Vec<u32> = (0..3 * t.faces.len() as u32).collect();
+        let mut fans = DisjointSets::new(3 * t.faces.len());
         let corner = |f: u32, v: u32| {
             3 * f + t.faces[f as usize].iter().position(|&w| w == v).unwrap_or(0) as u32
         };
         for (e, &[f, g]) in t.edge_faces.iter().enumerate() {
             if g != u32::MAX && !self.open[e] {
-                t.edges[e].iter().for_each(|&v| join(&mut set, corner(f, v), corner(g, v)));
+                for &v in &t.edges[e] {
+                    fans.join(corner(f, v), corner(g, v));
+                }
             }
         }
-        let mut name = vec![u32::MAX; set.len()];
+        let mut name = vec![u32::MAX; 3 * t.faces.len()];
         let (mut positions, mut old) = (Vec::new(), Vec::new());
         let mut faces = Vec::with_capacity(t.faces.len());
         for (f, face) in t.faces.iter().enumerate() {
             faces.push([0, 1, 2].map(|k| {
-                let root = find(&mut set, (3 * f + k) as u32) as usize;
+                let root = fans.root((3 * f + k) as u32) as usize;
                 if name[root] == u32::MAX {
                     name[root] = old.len() as u32;
                     old.push(face[k]);
@@ -116,14 +119,11 @@ fn cut_graph(t: &Topology, lengths: &[f64]) -> Vec<bool> {
         let (a, b) = ((rank(a), a), (rank(b), b));
         a.0.0.cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)).then(a.1.cmp(&b.1))
     });
-    let mut set: Vec<u32> = (0..t.faces.len() as u32).collect();
+    let mut tree_of_faces = DisjointSets::new(t.faces.len());
     let mut kept = vec![true; t.edges.len()];
     for e in order {
         let [f, g] = t.edge_faces[e];
-        if find(&mut set, f) != find(&mut set, g) {
-            join(&mut set, f, g);
-            kept[e] = false;
-        }
+        kept[e] = !tree_of_faces.join(f, g);
     }
     prune(t, &mut kept);
     (0..kept.len()).map(|e| kept[e] && inner(e)).collect()
@@ -148,19 +148,6 @@ fn prune(t: &Topology, kept: &mut [bool]) {
             }
         }
     }
-}
-
-fn find(set: &mut [u32], mut x: u32) -> u32 {
-    while set[x as usize] != x {
-        set[x as usize] = set[set[x as usize] as usize];
-        x = set[x as usize];
-    }
-    x
-}
-
-fn join(set: &mut [u32], a: u32, b: u32) {
-    let (a, b) = (find(set, a), find(set, b));
-    set[a.max(b) as usize] = a.min(b);
 }
 
 /// Vertex of the largest finite value, the first of equals.

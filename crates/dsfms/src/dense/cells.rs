@@ -1,0 +1,168 @@
+//! What the labelling of the organ reads of one frame, on a coarse grid of its depth map.
+
+use super::{DepthMap, PosedFrame, tolerance};
+use crate::camera::Camera;
+use crate::geometry::{Point2, Point3, Vector3};
+use crate::image::Mask;
+
+/// Nodes of a frame, at most: enough to tell the sides of an outline apart, which the image then gives exactly.
+pub(super) const NODES: usize = 20_000;
+/// How fast a fold inwards (rad between neighbours) makes a border cheap.
+const FOLD: f64 = 3.0;
+/// Added to encoded values, 0 to 1, before their logarithm: noise of dark pixels is no colour.
+const DARK: f64 = 0.06;
+
+/// One frame, on every `stride`th pixel of its depth map.
+pub(super) struct Grid<'a> {
+    pub(super) map: &'a DepthMap,
+    stride: usize,
+    size: [usize; 2],
+    pub(super) cells: Vec<Cell>,
+}
+
+/// One node of the grid.
+pub(super) struct Cell {
+    /// Camera axes; `None` without depth.
+    pub(super) point: Option<Point3>,
+    normal: Vector3,
+    /// Encoded, 0 to 1; NaN beside the frame.
+    rgb: [f64; 3],
+    /// Two log ratios of colours and the height along the mean line of sight; NaN where unknown.
+    pub(super) features: [f64; 3],
+    /// From the middle of the frame, 1 at its edges.
+    off: f64,
+    /// What a mask of the frame says.
+    pub(super) given: Option<bool>,
+}
+
+/// Two neighbours of one grid.
+pub(super) struct Neighbours {
+    pub(super) p: usize,
+    pub(super) q: usize,
+    /// One over their distance, nodes.
+    pub(super) nearness: f64,
+    /// How much depth and fold join them, 0 to 1.
+    pub(super) joined: f64,
+    /// Squared distance of their encoded colours.
+    pub(super) contrast: f64,
+}
+
+impl<'a> Grid<'a> {
+    /// `axis`: the mean line of sight of all frames, world axes, along which height is measured.
+    pub(super) fn new(view: &PosedFrame, map: &'a DepthMap, axis: &Vector3) -> Self {
+        let [w, h] = map.camera.size;
+        let stride = ((w * h) as f64 / NODES as f64).sqrt().ceil().max(1.0) as usize;
+        let size = [w.div_ceil(stride), h.div_ceil(stride)];
+        let place = |k: usize| k / size[0] * stride * w + k % size[0] * stride;
+        let cells = (0..size[0] * size[1]).map(|k| Cell::new(view, map, axis, place(k)));
+        Self { map, stride, size, cells: cells.collect() }
+    }
+
+    /// The node at a place of the depth map.
+    fn node(&self, place: usize) -> usize {
+        let w = self.map.camera.size[0];
+        place / w / self.stride * self.size[0] + place % w / self.stride
+    }
+
+    /// The labels of its nodes on the pixels of the depth map.
+    pub(super) fn mask(&self, organ: &[bool]) -> Mask {
+        let data = (0..self.map.depth.len()).map(|place| organ[self.node(place)]);
+        Mask { size: self.map.camera.size, data: data.collect() }
+    }
+
+    /// Neighbours to the right, below, and on both diagonals.
+    pub(super) fn neighbours(&self) -> impl Iterator<Item = Neighbours> + '_ {
+        let [w, h] = self.size;
+        let near = [(1, 0), (0, 1), (1, 1), (-1, 1)];
+        (0..w * h).flat_map(move |p| {
+            near.into_iter().filter_map(move |(dx, dy)| {
+                let (x, y) = ((p % w).checked_add_signed(dx)?, p / w + dy);
+                let nearness = 1.0 / ((dx * dx) as f64 + (dy * dy) as f64).sqrt();
+                let q = (x < w && y < h).then_some(y * w + x)?;
+                let [a, b] = [&self.cells[p], &self.cells[q]];
+                let (joined, contrast) = (a.joined(b), a.contrast(b));
+                Some(Neighbours { p, q, nearness, joined, contrast })
+            })
+        })
+    }
+
+    /// The node that shows a point (world axes) and agrees with its depth.
+    pub(super) fn showing(&self, point: &Point3) -> Option<usize> {
+        let p = self.map.pose * point;
+        let node = self.node(self.map.pixel(&p)?);
+        let z = self.cells[node].point?.z;
+        ((z - p.z).abs() < super::SAME_SURFACE * p.z).then_some(node)
+    }
+
+    /// Distance of every node from the middle of the frame, or from where a point (world axes) is seen: 1 is half
+    /// the frame's width or height.
+    pub(super) fn off(&self, at: Option<&Point3>) -> Vec<f64> {
+        let Some(at) = at else { return self.cells.iter().map(|cell| cell.off).collect() };
+        let Some(centre) = self.map.camera.project(&(self.map.pose * at)) else {
+            return vec![f64::INFINITY; self.cells.len()];
+        };
+        let [w, h] = self.size;
+        let [x, y] = [centre.pixel.x, centre.pixel.y].map(|v| v / self.stride as f64);
+        let off = |k: usize| {
+            let (u, v) = ((k % w) as f64, (k / w) as f64);
+            ((u - x) / (0.5 * w as f64)).hypot((v - y) / (0.5 * h as f64))
+        };
+        (0..self.cells.len()).map(off).collect()
+    }
+}
+
+impl Cell {
+    fn new(view: &PosedFrame, map: &DepthMap, axis: &Vector3, place: usize) -> Self {
+        let point = (map.depth[place] > 0.0).then(|| map.point(place));
+        let pixel = view.camera.project(&map.ray(place).into()).map(|p| p.pixel);
+        let at = pixel.and_then(|p| nearest(&p, view.frame.size));
+        let rgb = at.map_or([f64::NAN; 3], |at| mean_of_nine(view, at));
+        let log = rgb.map(|v| (v + DARK).ln());
+        let height = point.map_or(f64::NAN, |p| (map.pose.inverse() * p).coords.dot(axis));
+        let [w, h] = view.frame.size.map(|n| 0.5 * n as f64);
+        let off = |p: Point2| ((p.x - w) / w).hypot((p.y - h) / h);
+        Self {
+            point,
+            normal: Vector3::from(map.normal[place].map(f64::from)),
+            rgb,
+            features: [log[0] - log[1], log[2] - log[1], height],
+            off: at.and(pixel).map_or(f64::INFINITY, off),
+            given: at.and_then(|[x, y]| Some(view.organ?.at(x, y))),
+        }
+    }
+
+    /// How much depth and fold join it to a neighbour, 0 to 1.
+    fn joined(&self, other: &Self) -> f64 {
+        let (Some(p), Some(q)) = (self.point, other.point) else { return 1.0 };
+        let facing = (-self.normal.z).min(-other.normal.z);
+        let step = (p.z - q.z) / tolerance(p.z.min(q.z), facing);
+        let along = q - p;
+        let inwards =
+            -(other.normal - self.normal).dot(&along) / along.norm().max(f64::MIN_POSITIVE);
+        (-0.5 * step * step - FOLD * inwards.max(0.0)).exp()
+    }
+
+    fn contrast(&self, other: &Self) -> f64 {
+        let squared = (0..3).map(|c| (self.rgb[c] - other.rgb[c]).powi(2)).sum::<f64>();
+        if squared.is_finite() { squared } else { 0.0 }
+    }
+}
+
+/// Column and row of the pixel that holds a point; `None` beside the image.
+fn nearest(p: &Point2, [w, h]: [usize; 2]) -> Option<[usize; 2]> {
+    let (x, y) = (p.x.round(), p.y.round());
+    let inside = x >= 0.0 && y >= 0.0 && x < w as f64 && y < h as f64;
+    inside.then_some([x as usize, y as usize])
+}
+
+/// Encoded colour about a pixel, 0 to 1.
+fn mean_of_nine(view: &PosedFrame, at: [usize; 2]) -> [f64; 3] {
+    let [w, h] = view.frame.size;
+    let clamped = |v: usize, d: usize, n: usize| (v + d).saturating_sub(1).min(n - 1);
+    let mut sum = [0.0; 3];
+    for (dx, dy) in (0..9).map(|k| (k % 3, k / 3)) {
+        let pixel = view.frame.rgb[clamped(at[1], dy, h) * w + clamped(at[0], dx, w)];
+        (0..3).for_each(|c| sum[c] += f64::from(pixel[c]));
+    }
+    sum.map(|s| s / (9.0 * 255.0))
+}
