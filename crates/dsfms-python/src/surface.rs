@@ -8,7 +8,7 @@ use dsfms::pipeline::Reconstruction;
 use dsfms::register::Match;
 use dsfms::solver::Summary;
 use dsfms::track::Tracked;
-use dsfms::verdict::{Level, Reason};
+use dsfms::verdict::{Level, Reason, Region};
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -93,6 +93,8 @@ impl Surface {
             agreement: Some(s.agreement),
             depth_uncertainty: Some(s.depth_uncertainty),
         });
+        let numbers = |regions: &[Region]| regions.iter().map(|&r| r as u8).collect();
+        let regions = found.surface.as_ref().map(|s| numbers(&s.regions));
         let (vertices, pose, matches, visible) = match found.surface {
             Some(s) => (Some(s.vertices), Some(s.pose), s.matches, Some(s.visible)),
             None => (None, None, Vec::new(), None),
@@ -108,7 +110,7 @@ impl Surface {
             visible,
             expected_error: None,
             observed: None,
-            regions: None,
+            regions,
             gain: f64::NAN,
             ambient: f64::NAN,
             tracked,

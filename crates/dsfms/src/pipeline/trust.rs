@@ -6,14 +6,12 @@ use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point3, median};
 use crate::image::diagonal;
 use crate::register::{Match, Posed, Scene};
-use crate::template::Template;
 use crate::verdict::evidence::{EXPECTED, Evidence, MatchCount};
-use crate::verdict::intrinsics::{apart_px, fits, resized};
-use crate::verdict::look::TileLimits;
+use crate::verdict::intrinsics::other_camera;
 use crate::verdict::observability::{distinct, pose_uncertainty};
-use crate::verdict::regions::{folded, largest_part, share};
+use crate::verdict::regions::{largest_part, regions, share};
 use crate::verdict::strain::strain;
-use crate::verdict::{Compared, Looked, Region, Says, Thresholds, judge, look};
+use crate::verdict::{Compared, Looked, Region, Says, judge, look};
 
 /// A surface and what it was made from.
 pub(super) struct Trusted<'a> {
@@ -34,16 +32,12 @@ pub(super) fn trust(trusted: &Trusted, result: &mut Reconstruction) {
         return;
     }
     let looked = trusted.looked(result);
-    let (regions, folds) = trusted.regions(result, looked.as_ref());
+    let says = |p: &Point3| looked.as_ref().map_or(Says::Nothing, |l| l.at(trusted.camera(), p));
+    let (shape, near_match) = (&result.vertices, result.observed.as_deref());
+    let (regions, folds) = regions(trusted.scene.rest, shape, &result.visible, says, near_match);
     let evidence = trusted.evidence(result, looked.as_ref(), &regions, folds);
     result.verdict = judge(&evidence, &trusted.options.verdict);
     (result.evidence, result.regions) = (evidence, regions);
-}
-
-/// The limits of a tile.
-pub(super) fn tile_limits(limits: &Thresholds) -> TileLimits {
-    let [correlation, slope] = limits.tile_structure;
-    TileLimits { log: limits.tile_log, correlation, slope }
 }
 
 impl Trusted<'_> {
@@ -60,26 +54,8 @@ impl Trusted<'_> {
             albedo,
             ambient: result.ambient / result.gain.max(f64::MIN_POSITIVE),
         };
-        let limits = tile_limits(&self.options.verdict);
+        let limits = self.options.verdict.tile();
         look(&compared, self.scene.rest, &result.vertices, &self.sight.light, &limits)
-    }
-
-    /// What is known of every vertex, and the number of folded faces.
-    fn regions(&self, result: &Reconstruction, looked: Option<&Looked>) -> (Vec<Region>, usize) {
-        let (over, faces) = folded(self.scene.rest, &result.vertices);
-        let near_match = result.observed.as_deref();
-        let of = |v: usize| {
-            let says = looked.map_or(Says::Nothing, |l| l.at(self.camera(), &result.vertices[v]));
-            match says {
-                _ if !result.visible[v] => Region::Hidden,
-                _ if over[v] => Region::Folded,
-                Says::Contradicts => Region::Contradicted,
-                Says::Agrees => Region::Observed,
-                Says::Nothing if near_match.is_none_or(|o| o[v]) => Region::Observed,
-                Says::Nothing => Region::Unobserved,
-            }
-        };
-        ((0..result.vertices.len()).map(of).collect(), faces)
     }
 
     fn evidence(
@@ -121,7 +97,10 @@ impl Trusted<'_> {
             pose,
             depth: depth.zip(template.usual.map(|u| u.depth)),
             extent_px: depth.map(|z| [radius * camera.focal[0] / z, diagonal]),
-            camera: self.other_camera(template, &all),
+            camera: template.camera.as_ref().and_then(|own| {
+                let (limit, register) = (self.options.verdict.camera, &self.options.register);
+                other_camera([camera, own], limit, rest, &all, register, self.options.seed)
+            }),
             appearance: looked.map(|l| l.appearance),
             usual: template.usual.map_or(EXPECTED, |u| u.appearance),
             no_shading: result.shaded == Some(0),
@@ -141,18 +120,5 @@ impl Trusted<'_> {
             Some((seen.pixel - m.pixel).norm())
         };
         median(&mut matches.iter().filter_map(away).collect::<Vec<f64>>())
-    }
-
-    /// Where the camera is not the template's: how far apart, and how the matches fit either.
-    fn other_camera(&self, template: &Template, matches: &[Match]) -> Option<(f64, [f64; 2])> {
-        let (given, own) = (self.camera(), template.camera.as_ref()?);
-        let size = given.size();
-        let apart = apart_px(given, own);
-        if apart <= self.options.verdict.camera * diagonal(size) {
-            return None;
-        }
-        let own = resized(own, size);
-        let (register, seed) = (&self.options.register, self.options.seed);
-        Some((apart, fits([given, &own], self.scene.rest, matches, register, seed)))
     }
 }

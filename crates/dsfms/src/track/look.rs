@@ -10,6 +10,7 @@ use crate::light::Light;
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
 use crate::raster::{rasterize, visible_vertices};
+use crate::verdict::look::BLOCKS;
 use rayon::prelude::*;
 
 /// Sizes of the image that patches are followed through.
@@ -30,6 +31,9 @@ pub struct Working {
     /// Camera of the photograph, from which shading is read.
     pub(super) photo: CameraModel,
     pub(super) photo_halvings: u32,
+    /// Camera of the picture that the surface is compared with, no larger than the photograph.
+    pub(super) compared: CameraModel,
+    pub(super) compared_halvings: u32,
 }
 
 impl Working {
@@ -45,7 +49,9 @@ impl Working {
         };
         let (working, halvings) = halve(camera.clone(), &|d| d <= DIAGONAL);
         let (photo, photo_halvings) = halve(camera.clone(), &|d| 0.5 * d * blur < least_px);
-        Self { camera: working, halvings, photo, photo_halvings }
+        let (compared, more) = halve(photo.clone(), &|d| d <= BLOCKS);
+        let compared_halvings = photo_halvings + more;
+        Self { camera: working, halvings, photo, photo_halvings, compared, compared_halvings }
     }
 
     /// Pixel of the frame at a pixel of the working image.

@@ -7,6 +7,7 @@
 //! with the albedo rendered at it, it is not shown as good.
 
 mod awake;
+mod judged;
 pub mod look;
 mod mips;
 mod prepare;
@@ -22,7 +23,7 @@ use crate::options::{Documented, OptionError, check, commented, from_zero, posit
 use crate::pipeline::{Method, ReconstructOptions};
 use crate::refine::{JointOptions, VideoOptions};
 use crate::register::Match;
-use crate::verdict::Reason;
+use crate::verdict::{Reason, Region};
 pub use prepare::{Preparation, Prepared, Regions};
 use serde::{Deserialize, Serialize};
 pub use tracker::Tracker;
@@ -175,6 +176,8 @@ pub struct Surface {
     pub vertices: Vec<Point3>,
     /// Vertices that the camera sees.
     pub visible: Vec<bool>,
+    /// What is known of every vertex.
+    pub regions: Vec<Region>,
     /// Rigid part: `camera_from_template`.
     pub pose: Isometry,
     /// Matches, `true` for those that the surface explains.

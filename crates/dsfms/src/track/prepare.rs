@@ -44,8 +44,6 @@ pub struct Preparation {
     size: [usize; 2],
     tables: Tables,
     working: Working,
-    /// Shading is read.
-    shading: bool,
     /// On a thread of the pool.
     pooled: bool,
     /// When the viewport was looked for, and what was found.
@@ -86,14 +84,28 @@ pub struct Prepared {
 /// What a frame offers to every attempt.
 pub(super) struct View {
     pub(super) seen: Seen,
-    /// What shading is read from, where it is, and `true` where the organ may be seen in it.
-    pub(super) picture: Option<Picture>,
-    pub(super) usable: Mask,
+    /// What shading is read from.
+    pub(super) photo: Shot,
+    /// What the surface is compared with; `None`: the same.
+    compared: Option<Shot>,
     /// The same at the size of the working image.
     usable_working: Mask,
 }
 
+/// A frame at one size.
+pub(super) struct Shot {
+    /// Linear light.
+    pub(super) picture: Picture,
+    /// `true` where the organ may be seen.
+    pub(super) usable: Mask,
+}
+
 impl View {
+    /// What the surface is compared with.
+    pub(super) fn compared(&self) -> &Shot {
+        self.compared.as_ref().unwrap_or(&self.photo)
+    }
+
     /// Features of the frame at the size of the working image, by pixels of the frame.
     pub(super) fn features(&self, frame: &Frame, working: &Working, most: usize) -> Features2d {
         let small = smaller(frame, working.halvings);
@@ -129,11 +141,10 @@ impl Preparation {
         camera: &CameraModel,
         tone: &ToneCurve,
         working: &Working,
-        shading: bool,
         pooled: bool,
     ) -> Self {
         let (size, tables, working) = (camera.size, Tables::of(tone), working.clone());
-        Self { size, tables, working, shading, pooled, viewport: None, count: 0 }
+        Self { size, tables, working, pooled, viewport: None, count: 0 }
     }
 
     /// The next frame; of the masks that of the instruments (`Some(&mask).into()`), or more.
@@ -193,7 +204,7 @@ impl Preparation {
 
     fn view(&mut self, frame: &Frame, regions: Regions) -> View {
         let usable = self.usable(frame, regions);
-        let Working { halvings, photo_halvings, .. } = self.working;
+        let Working { halvings, photo_halvings, compared_halvings, .. } = self.working;
         let base = halvings.min(photo_halvings);
         let reduced = Reduced::of(frame, &self.tables, base);
         let scale = f64::from(1u32 << halvings);
@@ -201,12 +212,17 @@ impl Preparation {
         let clear = usable.minus(&any(&reduced.saturated(), halvings - base).dilate(halo));
         let bright = halved(&reduced.bright, halvings - base);
         let seen = Seen { pyramid: Pyramid::new(bright, LEVELS), usable: clear };
-        let picture = self.shading.then(|| reduced.picture(photo_halvings - base));
-        let photo = match photo_halvings.checked_sub(halvings) {
-            Some(times) => (0..times).fold(usable.clone(), |mask, _| halve_mask(&mask)),
-            None => stretch(&usable, self.working.photo.size),
+        let shot = |times: u32, size: [usize; 2]| Shot {
+            picture: reduced.picture(times - base),
+            usable: match times.checked_sub(halvings) {
+                Some(more) => (0..more).fold(usable.clone(), |mask, _| halve_mask(&mask)),
+                None => stretch(&usable, size),
+            },
         };
-        View { seen, picture, usable: photo, usable_working: usable }
+        let photo = shot(photo_halvings, self.working.photo.size);
+        let smaller = compared_halvings > photo_halvings;
+        let compared = smaller.then(|| shot(compared_halvings, self.working.compared.size));
+        View { seen, photo, compared, usable_working: usable }
     }
 }
 

@@ -5,6 +5,7 @@ use super::prepare::View;
 use super::tracker::{Clock, Draft, Last, Tracker};
 use crate::geometry::{Isometry, Point2, Point3, align_rigid_robust, point_at};
 use crate::light::LightModel;
+use crate::pipeline::Method;
 use crate::refine::{Near, NearFrame, Photograph, join, join_near};
 use crate::register::objective::{depth_tolerance, errors_px, explained};
 use crate::register::{
@@ -204,10 +205,10 @@ impl Tracker<'_> {
     fn photograph<'b>(&'b self, view: &'b View, shape: &[Point3]) -> Option<Photograph<'b>> {
         let camera = &self.working.photo;
         let edge = edge_px(camera, self.template.mesh.mean_edge_length(), shape);
-        Some(Photograph {
+        (self.method == Method::Joint).then(|| Photograph {
             camera,
-            picture: view.picture.as_ref()?,
-            usable: &view.usable,
+            picture: &view.photo.picture,
+            usable: &view.photo.usable,
             outline: None,
             light: &self.light,
             albedo: &self.albedo.for_edge(2.0 * edge).texels,

@@ -1,12 +1,12 @@
 //! The state between frames, and one frame's way through find, follow and verdict.
 
 use super::awake::awake;
+use super::judged::Candidate;
 use super::look::{Anchor, Look, Working};
 use super::mips::Mips;
 use super::prepare::{Preparation, Prepared, Regions, View};
 use super::usual::Usual;
-use super::verdict::evidence;
-use super::{Surface, TrackError, TrackOptions, TrackStatus, Tracked, Way};
+use super::{TrackError, TrackOptions, TrackStatus, Tracked, Way};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3, Vector2, align_rigid_robust, median, point_at};
 use crate::image::flow::{correlation, follow, settle, whole};
@@ -18,7 +18,8 @@ use crate::refine::VideoMemory;
 use crate::register::find::{Search, agreeing};
 use crate::register::{Match, RegisterMemory};
 use crate::template::Template;
-use crate::verdict::{Reason, Thresholds, Verdict, judge};
+use crate::verdict::intrinsics::other_camera;
+use crate::verdict::{Reason, Thresholds};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -43,6 +44,7 @@ pub struct Tracker<'a> {
     search: Search<'a>,
     pub(super) light: Coated,
     pub(super) camera: &'a CameraModel,
+    pub(super) method: Method,
     pub(super) options: TrackOptions,
     pub(super) working: Working,
     /// Of the rest shape.
@@ -50,9 +52,11 @@ pub struct Tracker<'a> {
     pub(super) memory: Memory,
     preparation: Preparation,
     pub(super) last: Option<Last>,
-    usual: Usual,
+    pub(super) usual: Usual,
+    /// See [`other_camera`]; of the last search by descriptors.
+    pub(super) other_camera: Option<(f64, [f64; 2])>,
     /// Frames given.
-    count: usize,
+    pub(super) count: usize,
     /// Frame of the last search by descriptors beside a degraded surface.
     searched: Option<usize>,
     /// How much rarer such searches have become, since they found nothing better.
@@ -68,7 +72,7 @@ pub(super) struct Memory {
 
 /// The last surface that was not lost.
 pub(super) struct Last {
-    frame: usize,
+    pub(super) frame: usize,
     pub(super) vertices: Vec<Point3>,
     /// `camera_from_template` of its matches.
     pub(super) pose: Isometry,
@@ -88,14 +92,6 @@ pub(super) struct Draft {
     pub(super) depth_uncertainty: f64,
     pub(super) photometric: Option<f64>,
     pub(super) ambient: f64,
-}
-
-/// A surface with its judgement.
-struct Candidate {
-    verdict: Verdict,
-    surface: Surface,
-    look: Look,
-    ambient: f64,
 }
 
 /// Wall times.
@@ -131,14 +127,14 @@ impl<'a> Tracker<'a> {
         let blurs = options.reconstruct.joint.blurs.iter();
         let finest = blurs.copied().fold(options.video.blur, f64::min);
         let working = Working::of(camera, finest, options.video.least_blur_px);
-        let shading = method == Method::Joint;
-        let preparation = Preparation::new(camera, tone, &working, shading, options.awake);
+        let preparation = Preparation::new(camera, tone, &working, options.awake);
         Ok(Self {
             template,
             albedo: Mips::new(template.albedo.as_ref().ok_or(TrackError::NoAlbedo)?),
             search: Search::new(&template.mesh, features),
             light: template.lighting(),
             camera,
+            method,
             options,
             working,
             laplacian: Laplacian::new(&template.mesh),
@@ -146,6 +142,7 @@ impl<'a> Tracker<'a> {
             preparation,
             last: None,
             usual: Usual::default(),
+            other_camera: None,
             count: 0,
             searched: None,
             rarer: 1,
@@ -222,8 +219,13 @@ impl<'a> Tracker<'a> {
                 self.rarer = 1;
                 return followed;
             }
-            Ok(c) if c.verdict.level == TrackStatus::Degraded && !self.searched.is_none_or(due) => {
-                return followed;
+            Ok(c) if c.verdict.level == TrackStatus::Degraded => {
+                // What covers a part, or veils all, is no matter of where the template is.
+                let veil =
+                    |r: &Reason| matches!(r, Reason::RegionContradicted(_) | Reason::Faint { .. });
+                if c.verdict.reasons.iter().all(veil) || !self.searched.is_none_or(due) {
+                    return followed;
+                }
             }
             _ => {}
         }
@@ -259,6 +261,12 @@ impl<'a> Tracker<'a> {
         matches: Vec<Match>,
         clock: &mut Clock,
     ) -> Result<Candidate, String> {
+        let options = &self.options.reconstruct;
+        self.other_camera = self.template.camera.as_ref().and_then(|own| {
+            let (limit, cameras) = (options.verdict.camera, [self.camera, own]);
+            let rest = &self.template.mesh;
+            other_camera(cameras, limit, rest, &matches, &options.register, options.seed)
+        });
         if self.last.is_some() {
             let again = self.again(view, matches.clone(), clock);
             if let Ok(c) = again.map(|draft| self.judged(view, draft, Way::Found, clock))
@@ -311,39 +319,8 @@ impl<'a> Tracker<'a> {
         agreeing.into_iter().map(|i| matches[i]).collect()
     }
 
-    fn limits(&self) -> &Thresholds {
+    pub(super) fn limits(&self) -> &Thresholds {
         &self.options.reconstruct.verdict
-    }
-
-    /// Look at a surface and judge it.
-    fn judged(&self, view: &View, draft: Draft, way: Way, clock: &mut Clock) -> Candidate {
-        let rest = &self.template.mesh;
-        let look = clock.time("look", || {
-            Look::new(&self.working, rest, &draft.vertices, &self.albedo, &self.light)
-        });
-        let [agreeing, places] =
-            clock.time("agree", || look.agreement(&view.seen, self.limits().correlation));
-        let ambient = draft.ambient;
-        let surface = Surface {
-            visible: look.visible.clone(),
-            vertices: draft.vertices,
-            pose: draft.pose,
-            matches: draft.matches,
-            residual_px: draft.residual_px,
-            reprojection_px: draft.reprojection_px,
-            photometric: draft.photometric,
-            depth_uncertainty: draft.depth_uncertainty,
-            agreement: agreeing as f64 / places.max(1) as f64,
-            places,
-            way,
-        };
-        let last = self.last.as_ref().filter(|l| way == Way::Followed && l.frame + 1 == self.count);
-        let before = last.map(|l| l.vertices.as_slice());
-        let verdict = clock.time("verdict", || {
-            let found = evidence(rest, self.camera, &surface, before, self.usual.median());
-            judge(&found, self.limits())
-        });
-        Candidate { verdict, surface, look, ambient }
     }
 
     /// Remember a surface that holds.

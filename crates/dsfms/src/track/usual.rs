@@ -7,8 +7,8 @@ use std::collections::VecDeque;
 /// for the new usual.
 const REMEMBERED: usize = 100;
 
-/// Fewer tell nothing.
-const ENOUGH: usize = 10;
+/// Fewer tell nothing: from the fourth good frame on the median of a clip stays within a fifth.
+const ENOUGH: usize = 4;
 
 /// Photometric residuals of the last good frames.
 #[derive(Default)]

@@ -2,6 +2,7 @@
 
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::Point2;
+use crate::image::diagonal;
 use crate::mesh::Mesh;
 use crate::register::{Match, RegisterOptions, pose};
 
@@ -9,7 +10,7 @@ use crate::register::{Match, RegisterOptions, pose};
 const PLACES: usize = 9;
 
 /// A camera for frames of another size of the same view.
-pub fn resized(camera: &CameraModel, size: [usize; 2]) -> CameraModel {
+fn resized(camera: &CameraModel, size: [usize; 2]) -> CameraModel {
     let scale = [0, 1].map(|k| size[k] as f64 / camera.size[k].max(1) as f64);
     CameraModel {
         size,
@@ -21,7 +22,7 @@ pub fn resized(camera: &CameraModel, size: [usize; 2]) -> CameraModel {
 
 /// Largest angle between the sightlines of two cameras at the same place of the frame, px of the first;
 /// infinite where one has none.
-pub fn apart_px(given: &CameraModel, own: &CameraModel) -> f64 {
+fn apart_px(given: &CameraModel, own: &CameraModel) -> f64 {
     let own = resized(own, given.size);
     let focal = 0.5 * (given.focal[0] + given.focal[1]);
     let at = |i: usize, side: usize| i as f64 / (PLACES - 1) as f64 * (side as f64 - 1.0);
@@ -36,17 +37,23 @@ pub fn apart_px(given: &CameraModel, own: &CameraModel) -> f64 {
     (0..PLACES * PLACES).map(angle).fold(0.0, f64::max)
 }
 
-/// Median distance of matches from the rigid pose under each of two cameras, px; infinite without a pose.
-pub fn fits(
-    cameras: [&CameraModel; 2],
+/// Where a camera is not the template's (its sightlines lie more than `limit` of the diagonal apart): how far
+/// apart they are, px, and the median distance of the matches from the rigid pose under the given camera and
+/// under the template's own, px; infinite without a pose.
+pub fn other_camera(
+    [given, own]: [&CameraModel; 2],
+    limit: f64,
     rest: &Mesh,
     matches: &[Match],
     options: &RegisterOptions,
     seed: u64,
-) -> [f64; 2] {
-    cameras.map(|camera| {
+) -> Option<(f64, [f64; 2])> {
+    let apart = apart_px(given, own);
+    let fit = |camera: &CameraModel| {
         pose(camera, rest, matches, options, seed).map_or(f64::INFINITY, |p| p.median_px())
-    })
+    };
+    let differ = apart > limit * diagonal(given.size);
+    differ.then(|| (apart, [fit(given), fit(&resized(own, given.size))]))
 }
 
 #[cfg(test)]

@@ -16,9 +16,9 @@ use crate::raster::{Raster, rasterize};
 use crate::template::SurfaceTexels;
 use crate::template::usual::Appearance;
 
-/// Blocks are as wide as leaves a diagonal of at most so many: a surface a third of a millimetre off must
-/// not look strange.
-const DIAGONAL: f64 = 460.0;
+/// Blocks along the diagonal, at most: a surface a third of a millimetre off must not look strange. A picture of
+/// that size says as much as a larger one.
+pub const BLOCKS: f64 = 460.0;
 
 /// Side of a tile, of the diagonal: at least a hundred blocks.
 const TILE: f64 = 0.028;
@@ -117,7 +117,7 @@ pub fn look(
 ) -> Option<Looked> {
     let raster = rasterize(compared.camera, &rest.topology, shape);
     let diagonal = diagonal(raster.size);
-    let block = (diagonal / DIAGONAL).ceil().max(1.0) as usize;
+    let block = (diagonal / BLOCKS).ceil().max(1.0) as usize;
     let along = ((TILE * diagonal / block as f64).round() as usize).max(4);
     let blocks = Blocks::of(compared, rest, shape, light, &raster, block);
     let (columns, tiles) = blocks.tiles(along);

@@ -16,10 +16,11 @@ pub mod strain;
 pub mod thresholds;
 mod words;
 
+use crate::template::usual::Appearance;
 pub use evidence::{Evidence, MatchCount};
 pub use look::{Compared, Looked, Says, look};
 pub use reason::{Part, Reason};
-pub use regions::Region;
+pub use regions::{Region, regions};
 use serde::{Deserialize, Serialize};
 pub use thresholds::Thresholds;
 
@@ -180,12 +181,10 @@ fn appearance(verdict: &mut Verdict, evidence: &Evidence, limits: &Thresholds) {
             let reason = Reason::Faint { contrast, usual };
             verdict.degrade_if(contrast < limits.contrast * usual, reason);
         }
-        let times = found.residual / usual.residual.max(LEAST_RESIDUAL);
-        verdict.degrade_if(times > limits.photometric, Reason::Brightness { times });
     }
-    if let Some(times) = evidence.photometric {
-        verdict.degrade_if(times > limits.photometric, Reason::Brightness { times });
-    }
+    let beside = |found: Appearance| found.residual / evidence.usual.residual.max(LEAST_RESIDUAL);
+    let times = evidence.appearance.map_or(0.0, beside).max(evidence.photometric.unwrap_or(0.0));
+    verdict.degrade_if(times > limits.photometric, Reason::Brightness { times });
     verdict.degrade_if(evidence.no_shading, Reason::NoShading);
     if let Some(gain) = evidence.gain {
         let [least, most] = limits.gain;

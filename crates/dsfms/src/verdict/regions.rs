@@ -1,5 +1,6 @@
 //! What is known of every vertex, and the parts of the surface of which nothing is.
 
+use super::Says;
 use super::reason::Part;
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point2, Point3, area_normal};
@@ -20,6 +21,27 @@ pub enum Region {
     Contradicted = 3,
     /// A face at it is folded over.
     Folded = 4,
+}
+
+/// What is known of every vertex, and the number of folded faces. `says`: what the image tells of a point of the
+/// surface (camera axes); `near_match`: vertices that a match lies near, where it is known.
+pub fn regions(
+    rest: &Mesh,
+    shape: &[Point3],
+    visible: &[bool],
+    says: impl Fn(&Point3) -> Says,
+    near_match: Option<&[bool]>,
+) -> (Vec<Region>, usize) {
+    let (over, faces) = folded(rest, shape);
+    let of = |v: usize| match says(&shape[v]) {
+        _ if !visible[v] => Region::Hidden,
+        _ if over[v] => Region::Folded,
+        Says::Contradicts => Region::Contradicted,
+        Says::Agrees => Region::Observed,
+        Says::Nothing if near_match.is_none_or(|near| near[v]) => Region::Observed,
+        Says::Nothing => Region::Unobserved,
+    };
+    ((0..shape.len()).map(of).collect(), faces)
 }
 
 /// Faces that meet at less than this cosine are folded where they were flat.

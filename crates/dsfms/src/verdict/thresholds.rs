@@ -1,5 +1,6 @@
 //! When a surface is believed: one set for single frames and videos.
 
+use super::look::TileLimits;
 use crate::options::{OptionError, check};
 use serde::{Deserialize, Serialize};
 
@@ -111,6 +112,12 @@ impl Default for Thresholds {
 }
 
 impl Thresholds {
+    /// When a tile shows the template.
+    pub fn tile(&self) -> TileLimits {
+        let [correlation, slope] = self.tile_structure;
+        TileLimits { log: self.tile_log, correlation, slope }
+    }
+
     /// Check the order of every pair.
     ///
     /// # Errors

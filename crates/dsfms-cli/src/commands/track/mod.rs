@@ -218,8 +218,6 @@ impl<'a> Job<'a> {
         let kept = self.last.clone().filter(|_| self.args.keep_lost);
         let surface = tracked.surface.as_ref();
         let shape = surface.map(|s| s.vertices.as_slice()).or(kept.as_deref());
-        // Of a shape that is only kept nothing is known to be seen.
-        let visible = surface.map_or(&[][..], |s| s.visible.as_slice());
         if self.live {
             let vertices = self.args.live_vertices.then_some(shape);
             tell(&Told { number, tracked, dropped, ms, vertices }, &mut std::io::stdout())?;
@@ -228,12 +226,20 @@ impl<'a> Job<'a> {
             let told = Told { number, tracked, dropped, ms, vertices: None };
             link.send(&told, frame, time, shape, self.reporter)?;
         }
+        // Of a shape that is only kept nothing is known to be seen.
+        let visible = surface.map_or(&[][..], |s| s.visible.as_slice());
         self.shapes.push(shape, visible, tracked.status as u8)?;
         if let Some(report) = &mut self.report {
             report.add(number, frame, tracked, ms)?;
         }
         if let Some(shape) = shape {
-            self.write_shape(number, tracked.status, shape, visible)?;
+            let shape = Shape {
+                vertices: shape,
+                visible: surface.map(|s| s.visible.as_slice()),
+                regions: surface.map(|s| s.regions.as_slice()),
+                ..Default::default()
+            };
+            self.write_shape(number, tracked.status, &shape)?;
         }
         if self.args.overlay {
             let path = self.args.output.join(format!("overlay/frame_{number:03}.png"));
@@ -249,27 +255,22 @@ impl<'a> Job<'a> {
         &mut self,
         number: usize,
         status: TrackStatus,
-        vertices: &[Point3],
-        visible: &[bool],
+        shape: &Shape,
     ) -> anyhow::Result<()> {
-        let visible = (!visible.is_empty()).then_some(visible);
         let name = format!("frame_{number:03}");
         if self.args.ply {
             let comments = [format!("camera axes of the frame; status {}", status.label())];
-            let extras = PlyExtras { comments: &comments, visible, ..Default::default() };
+            let (visible, region) = (shape.visible, shape.regions);
+            let extras = PlyExtras { comments: &comments, visible, region, ..Default::default() };
             let path = self.args.output.join(format!("{name}.ply"));
             let (topology, unit) = (&self.template.mesh.topology, self.template.unit);
-            write_ply(&path, topology, vertices, unit, &extras)?;
+            write_ply(&path, topology, shape.vertices, unit, &extras)?;
         }
         if !self.args.formats.is_empty() {
             let seconds = number as f64 / self.rate;
             let formats = self.formats();
-            formats.write_frame(
-                &name,
-                seconds,
-                &Shape { vertices, visible, ..Default::default() },
-            )?;
-            let vertices = if formats.animated() { vertices.to_vec() } else { Vec::new() };
+            formats.write_frame(&name, seconds, shape)?;
+            let vertices = if formats.animated() { shape.vertices.to_vec() } else { Vec::new() };
             self.kept.push((name, seconds, vertices));
         }
         Ok(())

@@ -3,7 +3,6 @@
 use super::views::{Registered, Views};
 use crate::geometry::{Point3, median};
 use crate::image::{Mask, Picture};
-use crate::pipeline::trust::tile_limits;
 use crate::template::Template;
 use crate::template::usual::{Appearance, Usual};
 use crate::verdict::{Compared, Thresholds, look};
@@ -52,7 +51,7 @@ impl Views<'_> {
             ambient: 0.0,
         };
         let shape: Vec<Point3> = template.mesh.positions.iter().map(|p| r.pose * p).collect();
-        let limits = tile_limits(&Thresholds::default());
+        let limits = Thresholds::default().tile();
         let looked = look(&compared, &template.mesh, &shape, &template.lighting(), &limits);
         looked.map(|l| l.appearance)
     }

@@ -1,0 +1,80 @@
+//! A surface looked at in its frame, and judged.
+
+use super::look::{Look, edge_px};
+use super::prepare::View;
+use super::tracker::{Clock, Draft, Tracker};
+use super::verdict::{Known, evidence};
+use super::{Surface, Way};
+use crate::geometry::Point3;
+use crate::verdict::{Compared, Looked, Says, Verdict, judge, look, regions};
+
+/// A surface with its judgement.
+pub(super) struct Candidate {
+    pub(super) verdict: Verdict,
+    pub(super) surface: Surface,
+    pub(super) look: Look,
+    pub(super) ambient: f64,
+}
+
+impl Tracker<'_> {
+    /// Look at a surface and judge it.
+    pub(super) fn judged(
+        &self,
+        view: &View,
+        draft: Draft,
+        way: Way,
+        clock: &mut Clock,
+    ) -> Candidate {
+        let rest = &self.template.mesh;
+        let look = clock.time("look", || {
+            Look::new(&self.working, rest, &draft.vertices, &self.albedo, &self.light)
+        });
+        let [agreeing, places] =
+            clock.time("agree", || look.agreement(&view.seen, self.limits().correlation));
+        let ambient = draft.ambient;
+        let looked = clock.time("compare", || self.compared(view, &draft));
+        let camera = &self.working.compared;
+        let says = |p: &Point3| looked.as_ref().map_or(Says::Nothing, |l| l.at(camera, p));
+        let (regions, folds) = regions(rest, &draft.vertices, &look.visible, says, None);
+        let surface = Surface {
+            regions,
+            visible: look.visible.clone(),
+            vertices: draft.vertices,
+            pose: draft.pose,
+            matches: draft.matches,
+            residual_px: draft.residual_px,
+            reprojection_px: draft.reprojection_px,
+            photometric: draft.photometric,
+            depth_uncertainty: draft.depth_uncertainty,
+            agreement: agreeing as f64 / places.max(1) as f64,
+            places,
+            way,
+        };
+        let last = self.last.as_ref().filter(|l| way == Way::Followed && l.frame + 1 == self.count);
+        let before = last.map(|l| l.vertices.as_slice());
+        let verdict = clock.time("verdict", || {
+            let appearance = looked.as_ref().map(|l| l.appearance);
+            let (residual, camera) = (self.usual.median(), self.other_camera);
+            let usual = self.template.usual.map(|u| u.appearance);
+            let known = Known { before, residual, camera, appearance, usual, folds };
+            judge(&evidence(rest, self.camera, &surface, &known), self.limits())
+        });
+        Candidate { verdict, surface, look, ambient }
+    }
+
+    /// Image beside prediction, as single frames are looked at.
+    fn compared(&self, view: &View, draft: &Draft) -> Option<Looked> {
+        let (camera, rest) = (&self.working.compared, &self.template.mesh);
+        let shot = view.compared();
+        let edge = edge_px(camera, rest.mean_edge_length(), &draft.vertices);
+        let compared = Compared {
+            camera,
+            picture: &shot.picture,
+            usable: &shot.usable,
+            albedo: &self.albedo.for_edge(edge).texels,
+            // What veils the frame must not pass for light that the camera adds.
+            ambient: 0.0,
+        };
+        look(&compared, rest, &draft.vertices, &self.light, &self.limits().tile())
+    }
+}
