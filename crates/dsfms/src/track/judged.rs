@@ -7,12 +7,13 @@ use super::verdict::{Known, evidence};
 use super::{Surface, Way};
 use crate::geometry::Point3;
 use crate::verdict::{Compared, Looked, Says, Verdict, judge, look, regions};
+use std::sync::Arc;
 
 /// A surface with its judgement.
 pub(super) struct Candidate {
     pub(super) verdict: Verdict,
     pub(super) surface: Surface,
-    pub(super) look: Look,
+    pub(super) look: Arc<Look>,
     pub(super) ambient: f64,
 }
 
@@ -59,7 +60,7 @@ impl Tracker<'_> {
             let known = Known { before, residual, camera, appearance, usual, folds };
             judge(&evidence(rest, self.camera, &surface, &known), self.limits())
         });
-        Candidate { verdict, surface, look, ambient }
+        Candidate { verdict, surface, look: Arc::new(look), ambient }
     }
 
     /// Image beside prediction, as single frames are looked at.

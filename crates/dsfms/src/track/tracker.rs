@@ -21,6 +21,7 @@ use crate::template::Template;
 use crate::verdict::intrinsics::other_camera;
 use crate::verdict::{Reason, Thresholds};
 use rayon::prelude::*;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// A followed place moves like its neighbours within this and a third of their motion, px of the
@@ -77,7 +78,7 @@ pub(super) struct Last {
     /// `camera_from_template` of its matches.
     pub(super) pose: Isometry,
     pub(super) ambient: f64,
-    pub(super) look: Look,
+    pub(super) look: Arc<Look>,
     /// Where the next frame may show it.
     pub(super) ahead: Vec<Point3>,
 }
@@ -276,7 +277,33 @@ impl<'a> Tracker<'a> {
             }
         }
         let draft = self.anew(view, matches, clock)?;
-        Ok(self.judged(view, draft, Way::Found, clock))
+        let first = self.judged(view, draft, Way::Found, clock);
+        Ok(self.followed_at_once(view, first, clock))
+    }
+
+    /// A surface found from nothing, followed within its own frame: its look finds more matches than descriptors
+    /// do. The first where following it ends worse.
+    fn followed_at_once(&mut self, view: &View, first: Candidate, clock: &mut Clock) -> Candidate {
+        if first.verdict.level == TrackStatus::Lost {
+            return first;
+        }
+        let vertices = first.surface.vertices.clone();
+        let earlier = self.last.replace(Last {
+            frame: self.count,
+            ahead: vertices.clone(),
+            vertices,
+            pose: first.surface.pose,
+            ambient: first.ambient,
+            look: first.look.clone(),
+        });
+        let matches = clock.time("follow", || self.followed(view));
+        let again = self.carried(view, matches, clock);
+        let again = again.map(|draft| self.judged(view, draft, Way::Found, clock));
+        self.last = earlier;
+        match again {
+            Ok(again) if again.verdict.level <= first.verdict.level => again,
+            _ => first,
+        }
     }
 
     /// Where this frame may show the last shape.

@@ -22,7 +22,7 @@ fn resized(camera: &CameraModel, size: [usize; 2]) -> CameraModel {
 
 /// Largest angle between the sightlines of two cameras at the same place of the frame, px of the first;
 /// infinite where one has none.
-fn apart_px(given: &CameraModel, own: &CameraModel) -> f64 {
+pub fn apart_px(given: &CameraModel, own: &CameraModel) -> f64 {
     let own = resized(own, given.size);
     let focal = 0.5 * (given.focal[0] + given.focal[1]);
     let at = |i: usize, side: usize| i as f64 / (PLACES - 1) as f64 * (side as f64 - 1.0);
