@@ -355,7 +355,7 @@ impl Job<'_> {
                     Some(ReconstructError::Refused(found)) => {
                         FrameReport::of(&input, method, unit, found)
                     }
-                    _ => FrameReport::failed(&input, method, unit, exit::describe(&error)),
+                    _ => FrameReport::failed(&input, method, unit, exit::advised(&error)),
                 };
                 if shown {
                     page = Some(failed_frame(name, source, &report)?);

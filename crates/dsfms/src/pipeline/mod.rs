@@ -174,12 +174,12 @@ pub enum ReconstructError {
     Sfs(#[from] SfsError),
     /// The template has no descriptors and no matches were given.
     #[error(
-        "the template holds no descriptors, so matches cannot be found automatically; give them with --matches"
+        "the template holds no descriptors, so matches cannot be found automatically; give them with the frame"
     )]
     NoDescriptors,
     /// A shading method without albedo.
     #[error(
-        "method {0:?} needs an albedo, and the template has none; build it from frames or give --albedo"
+        "method {0:?} needs an albedo, and the template has none; build it from frames, or give its mesh one"
     )]
     NoAlbedo(Method),
     /// Image and camera disagree.
