@@ -104,14 +104,13 @@ fn option(cause: &(dyn Error + 'static)) -> Option<&'static str> {
         Some(InputError::CameraForPoses(_)) => return Some("it belongs to --camera"),
         _ => {}
     }
-    match cause.downcast_ref::<MeshFileError>() {
-        Some(MeshFileError::Topology { .. } | MeshFileError::ZeroArea { .. }) => {
-            return Some(
-                "`dsfms template --repair` merges vertices, removes such faces and turns those that run \
-                 against their neighbours, and says what it did",
-            );
-        }
-        _ => {}
+    if let Some(MeshFileError::Topology { .. } | MeshFileError::ZeroArea { .. }) =
+        cause.downcast_ref::<MeshFileError>()
+    {
+        return Some(
+            "`dsfms template --repair` merges vertices, removes such faces and turns those that run \
+             against their neighbours, and says what it did",
+        );
     }
     match cause.downcast_ref::<TemplateError>() {
         Some(TemplateError::NoPoints { .. }) => return Some("leave --poses out to estimate them"),
@@ -120,11 +119,10 @@ fn option(cause: &(dyn Error + 'static)) -> Option<&'static str> {
         }
         _ => {}
     }
-    match cause.downcast_ref::<ExperimentError>() {
-        Some(ExperimentError::OtherParameters { .. } | ExperimentError::Results { .. }) => {
-            return Some("-o gives another folder, --restart drops the old results");
-        }
-        _ => {}
+    if let Some(ExperimentError::OtherParameters { .. } | ExperimentError::Results { .. }) =
+        cause.downcast_ref::<ExperimentError>()
+    {
+        return Some("-o gives another folder, --restart drops the old results");
     }
     match cause.downcast_ref::<ReconstructError>()? {
         ReconstructError::NoDescriptors
