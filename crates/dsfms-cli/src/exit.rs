@@ -1,8 +1,10 @@
 //! Exit codes, and errors as the user reads them.
 
+use dsfms::experiment::ExperimentError;
 use dsfms::io::InputError;
 use dsfms::io::mesh::MeshFileError;
-use dsfms::pipeline::ReconstructError;
+use dsfms::pipeline::{ReconstructError, TemplateError};
+use dsfms::register::RegisterError;
 use std::error::Error;
 use std::process::ExitCode;
 
@@ -53,6 +55,14 @@ pub fn describe(error: &anyhow::Error) -> String {
     text
 }
 
+/// [`describe`] with the option that helps, for one frame of many.
+pub fn advised(error: &anyhow::Error) -> String {
+    match error.chain().find_map(option) {
+        Some(hint) => format!("{}; {hint}", describe(error)),
+        None => describe(error),
+    }
+}
+
 /// `--help` and `--version` are successes, everything else that clap refuses is wrong usage.
 pub fn parse_error(error: &clap::Error) -> ExitCode {
     // The terminal may be gone; there is nothing better to do than to exit.
@@ -69,20 +79,30 @@ fn hint(error: &anyhow::Error) -> Option<&'static str> {
 }
 
 fn advice(cause: &(dyn Error + 'static)) -> Option<&'static str> {
-    if let Some(error) = cause.downcast_ref::<InputError>() {
-        return match error {
-            InputError::Missing(_) => {
-                Some("check the path; relative paths start at the current folder")
-            }
-            InputError::Image { .. } => Some("expected PNG, JPEG or TIFF; export the frame again"),
-            InputError::CameraSize { .. } => {
-                Some("scale fx, fy, cx, cy with the image, or give images of the calibrated size")
-            }
-            InputError::Field { .. } | InputError::Camera { .. } => {
-                Some("README.md lists the fields of camera.json")
-            }
-            _ => None,
-        };
+    if let Some(hint) = option(cause) {
+        return Some(hint);
+    }
+    match cause.downcast_ref::<InputError>()? {
+        InputError::Missing(_) => {
+            Some("check the path; relative paths start at the current folder")
+        }
+        InputError::Image { .. } => Some("expected PNG, JPEG or TIFF; export the frame again"),
+        InputError::CameraSize { .. } => {
+            Some("scale fx, fy, cx, cy with the image, or give images of the calibrated size")
+        }
+        InputError::Field { .. } | InputError::Camera { .. } => {
+            Some("README.md lists the fields of camera.json")
+        }
+        _ => None,
+    }
+}
+
+/// The options of the command line that help against an error of the library, which knows none.
+fn option(cause: &(dyn Error + 'static)) -> Option<&'static str> {
+    match cause.downcast_ref::<InputError>() {
+        Some(InputError::PosesForCamera(_)) => return Some("it belongs to --poses"),
+        Some(InputError::CameraForPoses(_)) => return Some("it belongs to --camera"),
+        _ => {}
     }
     if let Some(MeshFileError::Topology { .. } | MeshFileError::ZeroArea { .. }) =
         cause.downcast_ref::<MeshFileError>()
@@ -92,8 +112,26 @@ fn advice(cause: &(dyn Error + 'static)) -> Option<&'static str> {
              against their neighbours, and says what it did",
         );
     }
+    match cause.downcast_ref::<TemplateError>() {
+        Some(TemplateError::NoPoints { .. }) => return Some("leave --poses out to estimate them"),
+        Some(TemplateError::EmptyOutline { .. }) => {
+            return Some("--organ-masks takes masks of all frames");
+        }
+        _ => {}
+    }
+    if let Some(ExperimentError::OtherParameters { .. } | ExperimentError::Results { .. }) =
+        cause.downcast_ref::<ExperimentError>()
+    {
+        return Some("-o gives another folder, --restart drops the old results");
+    }
     match cause.downcast_ref::<ReconstructError>()? {
-        ReconstructError::NoDescriptors => Some("see `dsfms help reconstruct`, --matches"),
+        ReconstructError::NoDescriptors
+        | ReconstructError::Register(RegisterError::TooFewMatches { .. }) => {
+            Some("--matches gives matches, see `dsfms help reconstruct`")
+        }
+        ReconstructError::NoAlbedo(_) => {
+            Some("`dsfms template --mesh MESH --albedo FILE` gives a mesh its albedo")
+        }
         _ => None,
     }
 }
@@ -107,5 +145,15 @@ mod tests {
         let inner = anyhow::anyhow!("disk full");
         let quoted = inner.context("cannot write a: disk full").context("output");
         assert_eq!(describe(&quoted), "output: cannot write a: disk full");
+    }
+
+    #[test]
+    fn the_option_that_helps_is_named_behind_the_causes_of_the_library() {
+        let few = ReconstructError::from(RegisterError::TooFewMatches { found: 2, needed: 4 });
+        let text = advised(&anyhow::Error::from(few).context("frame_003"));
+        assert!(
+            text.starts_with("frame_003: 2 usable matches") && text.contains("--matches"),
+            "{text}"
+        );
     }
 }

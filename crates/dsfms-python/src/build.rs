@@ -12,7 +12,7 @@ use dsfms::io::poses::{PoseList, match_poses, read_poses};
 use dsfms::mesh::Mesh;
 use dsfms::pipeline::inputs::{CameraInput, Purpose, Source, check_size, mask_of, sources};
 use dsfms::pipeline::{
-    BuiltTemplate, Exploration, OrganClick, Progress, TemplateOptions, template_from_frames,
+    BuiltTemplate, OrganClick, Progress, TemplateOptions, template_from_frames,
     template_from_posed_frames, template_from_poses,
 };
 use dsfms::sfm::RefineIntrinsics;
@@ -328,15 +328,7 @@ impl Job {
             let (used, all) = (frames.len(), list.len());
             return Err(FileError::new_err(format!("{used} of {all} frames can be used: {error}")));
         }
-        let exploration = Exploration {
-            frames: &frames,
-            valid: &valid,
-            organ: &organ,
-            camera: &self.camera.file.camera,
-            tone: &self.camera.tone,
-            light: self.camera.file.light.as_ref(),
-            metric: None,
-        };
+        let exploration = self.camera.exploration(&frames).valid(&valid).organ(&organ);
         let options = &self.options;
         let poses = self.poses.map(|p| p.of_frames(&frames)).transpose()?;
         let built = match (self.mesh, poses) {

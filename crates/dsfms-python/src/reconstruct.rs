@@ -164,14 +164,11 @@ pub fn reconstruct(
     let name = frame.name.clone();
     let Sight { template: inner, camera: model, tone, shown } = sight;
     let found = work::run(py, None, move |_| {
-        let observation = Observation {
-            frame: &frame,
-            camera: &model,
-            tone: &tone,
-            matches: matches.as_deref(),
-            instrument: instrument.as_ref(),
-            organ: organ.as_ref(),
-        };
+        let observation = Observation::new(&frame, &model)
+            .tone(&tone)
+            .instrument(instrument.as_ref())
+            .organ(organ.as_ref());
+        let observation = Observation { matches: matches.as_deref(), ..observation };
         let found = solve(&inner, &observation, method, &options);
         Reconstruction::even_refused(found).map_err(IntoPython::into_python)
     })??;

@@ -7,7 +7,7 @@ use dsfms::geometry::Point2;
 use dsfms::image::ToneCurve;
 use dsfms::io::camera::CameraFile;
 use dsfms::io::template::{read_template, write_template};
-use dsfms::mesh::{Mesh, Topology};
+use dsfms::mesh::Mesh;
 use dsfms::pipeline::{Silent, TemplateOptions, template_from_mesh};
 use dsfms::synth::render::encoder;
 use dsfms::template::bake::bake;
@@ -48,9 +48,8 @@ pub fn mesh(
 ) -> PyResult<Mesh> {
     let positions = crate::convert::points(vertices, names[0])?;
     let faces = crate::convert::faces(faces, names[1])?;
-    let topology = Topology::new(positions.len(), faces)
-        .map_err(|error| wrong(names[1], "a manifold surface", error.to_string()))?;
-    Ok(Mesh { topology: Arc::new(topology), positions })
+    Mesh::new(positions, faces)
+        .map_err(|error| wrong(names[1], "a manifold surface", error.to_string()))
 }
 
 /// The unit of a mesh.

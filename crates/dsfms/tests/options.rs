@@ -18,14 +18,7 @@ fn solve(
     method: Method,
     options: &ReconstructOptions,
 ) -> Result<Reconstruction, ReconstructError> {
-    let seen = Observation {
-        frame: &case.frame,
-        camera: &case.camera,
-        tone: &case.template.tone,
-        matches: Some(&case.matches),
-        instrument: None,
-        organ: None,
-    };
+    let seen = Observation::new(&case.frame, &case.camera).matches(&case.matches);
     // What the verdict refuses (the printed forms, a grey frame) is a surface all the same.
     Reconstruction::even_refused(reconstruct(&case.template, &seen, method, options))
 }

@@ -1,5 +1,6 @@
 //! Every format gives back what was written: vertices, their order, faces, unit, texture coordinates.
 
+use dsfms::Mesh;
 use dsfms::geometry::{Point2, Point3};
 use dsfms::io::mesh::{MeshFile, MeshUnit, read_mesh};
 use dsfms::io::obj::{ObjExtras, write_obj};
@@ -7,12 +8,10 @@ use dsfms::io::ply::{PlyExtras, Precision, write_ply};
 use dsfms::io::stl::write_stl;
 use dsfms::io::template::write_viewer;
 use dsfms::io::vtk::{VtkExtras, write_vtp};
-use dsfms::mesh::{Mesh, Topology};
 use dsfms::pipeline::{Silent, TemplateOptions, template_from_mesh};
 use dsfms::synth::{Random, patch};
 use dsfms::template::{LengthUnit, SurfaceTexels, Template};
 use std::path::Path;
-use std::sync::Arc;
 
 /// A patch whose vertices come in a random order, with one that no face has, in 32-bit numbers.
 fn surface(seed: u64) -> Mesh {
@@ -30,7 +29,7 @@ fn surface(seed: u64) -> Mesh {
     }
     positions[n] = Point3::new(1.0, 2.0, 3.0);
     let faces = mesh.topology.faces.iter().map(|f| f.map(|v| order[v as usize] as u32)).collect();
-    Mesh { topology: Arc::new(Topology::new(n + 1, faces).unwrap()), positions }
+    Mesh::new(positions, faces).unwrap()
 }
 
 fn template(seed: u64, unit: LengthUnit) -> Template {

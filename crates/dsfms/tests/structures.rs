@@ -1,7 +1,7 @@
 //! Inner points under a volumetric map: their error against the surface's.
 
+use dsfms::Mesh;
 use dsfms::geometry::{Isometry, Point3, Vector3};
-use dsfms::mesh::{Mesh, Topology};
 use dsfms::structures::{Carrier, CarrierOptions};
 use dsfms::synth::{Random, patch};
 
@@ -44,7 +44,7 @@ fn ellipsoid() -> Mesh {
             faces.push([at(r, c + 1), at(r + 1, c + 1), at(r + 1, c)]);
         }
     }
-    Mesh { topology: Topology::new(positions.len(), faces).unwrap().into(), positions }
+    Mesh::new(positions, faces).unwrap()
 }
 
 /// A surface error that varies slowly, of the kind that reconstructions make, and jitter.

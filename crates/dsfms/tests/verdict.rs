@@ -2,7 +2,7 @@
 
 use dsfms::camera::{Camera, CameraModel};
 use dsfms::geometry::{Point2, point_at};
-use dsfms::image::{Frame, ToneCurve};
+use dsfms::image::Frame;
 use dsfms::light::LightModel;
 use dsfms::pipeline::{
     Method, Observation, ReconstructError, ReconstructOptions, Reconstruction, reconstruct,
@@ -33,14 +33,7 @@ fn solved(
     given: Given,
     method: Method,
 ) -> Result<Reconstruction, (Level, Vec<Reason>)> {
-    let observation = Observation {
-        frame: given.frame,
-        camera: given.camera,
-        tone: &ToneCurve::Srgb,
-        matches: Some(given.matches),
-        instrument: None,
-        organ: None,
-    };
+    let observation = Observation::new(given.frame, given.camera).matches(given.matches);
     match reconstruct(&case.template, &observation, method, &ReconstructOptions::default()) {
         Ok(found) if found.verdict.level == Level::Ok => Ok(found),
         Ok(found) => Err((found.verdict.level, found.verdict.reasons)),

@@ -15,7 +15,7 @@ use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::io::template::write_template;
 use dsfms::io::vertex_truth::{VertexTruth, vertex_truth_path, write_vertex_truth};
 use dsfms::pipeline::{
-    BuiltTemplate, Exploration, Method, Observation, Progress, ReconstructOptions, Reconstruction,
+    BuiltTemplate, Method, Observation, Progress, ReconstructOptions, Reconstruction,
     TemplateOptions, reconstruct_with, template_from_frames,
 };
 use dsfms::register::Deformable;
@@ -100,15 +100,7 @@ fn build(
         TemplateOptions { vertices: args.vertices, scale: steps(scene), ..Default::default() };
     options.sfm.seed = global.seed;
     options.dense.seed = global.seed;
-    let exploration = Exploration {
-        frames: &scene.exploration,
-        valid: &[],
-        organ: &scene.exploration_organ,
-        camera: &scene.camera.file.camera,
-        tone: &scene.camera.tone,
-        light: scene.camera.file.light.as_ref(),
-        metric: None,
-    };
+    let exploration = scene.camera.exploration(&scene.exploration).organ(&scene.exploration_organ);
     let built = template_from_frames(&exploration, &options, reporter)?;
     for (name, why) in &built.rejected {
         reporter.warn(&format!("frame {name} is left out: {why}"));
@@ -175,14 +167,8 @@ fn observation<'a>(
     deformed: &'a DeformedFrame,
     frame: &'a FrameResult,
 ) -> Observation<'a> {
-    Observation {
-        frame: &deformed.frame,
-        camera: &scene.camera.file.camera,
-        tone: &scene.camera.tone,
-        matches: Some(&frame.matches),
-        instrument: Some(&deformed.instrument),
-        organ: Some(&deformed.organ),
-    }
+    let observation = scene.camera.observation(&deformed.frame).matches(&frame.matches);
+    observation.instrument(&deformed.instrument).organ(&deformed.organ)
 }
 
 /// `OUT/truth/frame_NNN.ply`: the true places of the template's vertices, in its unit, and what `evaluate`

@@ -355,7 +355,7 @@ impl Job<'_> {
                     Some(ReconstructError::Refused(found)) => {
                         FrameReport::of(&input, method, unit, found)
                     }
-                    _ => FrameReport::failed(&input, method, unit, exit::describe(&error)),
+                    _ => FrameReport::failed(&input, method, unit, exit::advised(&error)),
                 };
                 if shown {
                     page = Some(failed_frame(name, source, &report)?);
@@ -412,14 +412,11 @@ impl Job<'_> {
         };
         let instrument = mask(&self.args.instrument_masks, MaskKind::Instrument)?;
         let organ = mask(&self.args.organ_masks, MaskKind::Organ)?;
-        let observation = Observation {
-            frame: &frame,
-            camera: &self.camera,
-            tone: &self.tone,
-            matches: matches.as_deref(),
-            instrument: instrument.as_ref(),
-            organ: organ.as_ref(),
-        };
+        let observation = Observation::new(&frame, &self.camera)
+            .tone(&self.tone)
+            .instrument(instrument.as_ref())
+            .organ(organ.as_ref());
+        let observation = Observation { matches: matches.as_deref(), ..observation };
         let Self { template, deformable, options, .. } = self;
         let result = reconstruct_with(template, deformable, &observation, self.method, options)?;
         Ok((frame, result))

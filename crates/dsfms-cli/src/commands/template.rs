@@ -20,8 +20,8 @@ use dsfms::io::mesh::{MeshFile, MeshUnit};
 use dsfms::io::poses::{PoseList, match_poses, read_poses};
 use dsfms::io::template::{check_target, write_template};
 use dsfms::pipeline::{
-    BuiltTemplate, Exploration, OrganClick, OrganOutline, Progress, TemplateOptions,
-    template_from_frames, template_from_mesh, template_from_posed_frames, template_from_poses,
+    BuiltTemplate, OrganClick, OrganOutline, Progress, TemplateOptions, template_from_frames,
+    template_from_mesh, template_from_posed_frames, template_from_poses,
 };
 use dsfms::sfm::RefineIntrinsics;
 use dsfms::template::LengthUnit;
@@ -408,15 +408,8 @@ fn from_frames(
     let mut options = options.clone();
     camera.tell_options(&mut options);
     let options = &options;
-    let exploration = Exploration {
-        frames: &loaded.frames,
-        valid: &loaded.valid,
-        organ: &loaded.organ,
-        camera: &camera.file.camera,
-        tone: &camera.tone,
-        light: camera.file.light.as_ref(),
-        metric: metric.as_ref().map(|m| &m.mesh),
-    };
+    let exploration = camera.exploration(&loaded.frames).valid(&loaded.valid).organ(&loaded.organ);
+    let exploration = exploration.metric(metric.as_ref().map(|m| &m.mesh));
     let names: Vec<&str> = loaded.frames.iter().map(|f| f.name.as_str()).collect();
     let poses = listed.map(|list| match_poses(&list, &names));
     let built = match (given, poses) {

@@ -127,6 +127,17 @@ pub const MIN_VIEWS: usize = 3;
 ///
 /// Frames without a whole board are left out with a reason; it is an error if fewer than
 /// [`MIN_VIEWS`] are left.
+///
+/// ```no_run
+/// use dsfms::calibrate::{Board, CalibrateOptions, calibrate};
+///
+/// let frames = dsfms::read_frames(&dsfms::find_frames(&["board".into()])?)?;
+/// let board = Board { corners: [9, 6], square: 5.0 };
+/// let found = calibrate(&frames, &board, &CalibrateOptions::default())?;
+/// println!("{:?}, {:.2} px", found.camera.focal, found.rms_px());
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
+#[doc(alias("camera calibration", "chessboard", "intrinsics", "Zhang"))]
 pub fn calibrate(
     frames: &[Frame],
     board: &Board,

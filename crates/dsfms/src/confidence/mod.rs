@@ -43,6 +43,7 @@ pub struct Confidence {
 }
 
 /// Predict the error of every vertex.
+#[doc(alias("expected error", "uncertainty"))]
 pub fn confidence(solved: &Solved, model: Model) -> Confidence {
     let found = features(solved);
     let weights = model.weights();

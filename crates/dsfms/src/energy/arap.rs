@@ -13,6 +13,7 @@ use crate::mesh::laplacian::Laplacian;
 use nalgebra::{Matrix3, SVector};
 
 /// Rings of the rest shape with their weights.
+#[doc(alias = "as-rigid-as-possible")]
 #[derive(Clone, Debug)]
 pub struct Arap {
     rings: Vec<Ring>,
@@ -157,8 +158,7 @@ mod tests {
                 .to_vec()
         };
         let faces = vec![[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]];
-        let topology = std::sync::Arc::new(crate::mesh::Topology::new(6, faces).unwrap());
-        let flat = Mesh { topology, positions: strip(0.0) };
+        let flat = Mesh::new(strip(0.0), faces).unwrap();
         let rest = RestFaces::new(&flat, 2.0);
         assert!(energy(&Isometric { rest: &rest }, &strip(1.0)) < 1e-24);
         assert!(energy(&arap(&flat, 2.0), &strip(1.0)) > 0.1);

@@ -5,6 +5,7 @@ use crate::geometry::Point3;
 use nalgebra::{Matrix1x3, SVector};
 
 /// `r = (z(v(f)·b) − z₀) / σ_z`.
+#[doc(alias("eq. 4", "depth prior"))]
 #[derive(Clone, Debug)]
 pub struct Boundary {
     /// Corner vertices of every match's face.

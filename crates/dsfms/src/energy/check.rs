@@ -84,8 +84,7 @@ pub(crate) fn bent_patch() -> crate::mesh::Mesh {
             faces.push([a + 1, a + 5, a + 6]);
         }
     }
-    let topology = crate::mesh::Topology::new(25, faces).expect("a grid is manifold");
-    crate::mesh::Mesh { topology: std::sync::Arc::new(topology), positions }
+    crate::mesh::Mesh::new(positions, faces).expect("a grid is manifold")
 }
 
 /// Sum of the weighted squared residuals of a term without globals.

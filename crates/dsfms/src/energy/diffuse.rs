@@ -14,6 +14,7 @@ use nalgebra::{Matrix3, SVector};
 ///
 /// The image gradient is kept in the derivative of `I′(π(xᵢ))`. A vertex that leaves the image goes on
 /// seeing its edge.
+#[doc(alias("eq. 4", "Lambertian"))]
 #[derive(Clone, Debug)]
 pub struct Diffuse<'a, C, L> {
     /// Camera of the frame.

@@ -6,6 +6,7 @@ use crate::geometry::{Point2, Point3, point_at};
 use nalgebra::SVector;
 
 /// `r = (π(v(f)·b) − w) / σ`, in units of the matches' noise.
+#[doc(alias("eq. 3", "reprojection error"))]
 #[derive(Clone, Debug)]
 pub struct Motion<'a, C> {
     /// Camera of the frame.

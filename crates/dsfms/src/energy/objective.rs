@@ -27,10 +27,26 @@ const STRIPES: usize = 2;
 ///
 /// Reads as the paper prints it:
 ///
-/// ```ignore
-/// Objective::over(vertex_count, 0)
-///     .plus(1.0, Loss::GemanMcClure(4.0), Motion { .. })
-///     .plus(weights.shearing, Loss::Squared, Shearing { .. })
+/// ```
+/// use dsfms::energy::{Objective, Shearing, Smoothing, Stay, Unknowns};
+/// use dsfms::geometry::{Point3, Vector3};
+/// use dsfms::{register::Scene, solver::{Loss, Options}, synth::Case};
+///
+/// let case = Case::example(1);
+/// let mesh = &case.template.mesh;
+/// let posed: Vec<Point3> = mesh.positions.iter().map(|p| p + Vector3::new(0.0, 0.0, 75.0)).collect();
+/// let scene = Scene::new(&case.camera, mesh, posed.clone());
+/// let smoothing = Smoothing::of_displacement(&scene.laplacian, &posed, scene.visible_area);
+/// // One vertex is pulled 2 mm towards the camera, the others follow.
+/// let pull = posed[150] - Vector3::new(0.0, 0.0, 2.0);
+/// let pull = Stay { vertices: vec![[150]], reference: vec![pull], weights: vec![1.0], sigma: 0.1 };
+/// let start = Unknowns { vertices: posed.clone(), globals: vec![] };
+/// let (found, _) = Objective::over(posed.len(), 0)
+///     .plus(3e4, Loss::Squared, Shearing { rest: &scene.faces })
+///     .plus(100.0, Loss::Squared, smoothing)
+///     .plus(1.0, Loss::Squared, pull)
+///     .minimise(start, &Options::default());
+/// assert!(found.vertices[150].z < posed[150].z - 0.5);
 /// ```
 pub struct Objective<'a> {
     vertices: usize,

@@ -18,6 +18,7 @@ use rayon::prelude::*;
 /// Unlike eq. 4, which speaks of vertices only, the samples carry the texture between them, so the
 /// image also fixes where on the surface a point lies. A sample that leaves the image goes on seeing
 /// its edge: refusing the step would stop an organ that crosses the border from moving at all.
+#[doc(alias = "direct alignment")]
 #[derive(Clone, Debug)]
 pub struct Photometric<'a, C, L> {
     /// Camera of the frame.

@@ -6,6 +6,7 @@ use crate::geometry::{Point2, Point3};
 use nalgebra::SVector;
 
 /// `r = π(v″ᵢ) − π(v′ᵢ)`, px.
+#[doc(alias = "eq. 4")]
 #[derive(Clone, Debug)]
 pub struct Reprojection<'a, C> {
     /// Camera of the frame.

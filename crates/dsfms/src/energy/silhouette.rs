@@ -11,6 +11,7 @@ use nalgebra::SVector;
 /// ends) has no residual inside.
 ///
 /// A vertex that leaves the image goes on seeing the distance at its edge.
+#[doc(alias = "occluding contour")]
 #[derive(Clone, Debug)]
 pub struct Silhouette<'a, C> {
     /// Camera of the frame.

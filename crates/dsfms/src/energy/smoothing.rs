@@ -10,6 +10,7 @@ use nalgebra::{Matrix3, SVector};
 ///
 /// The paper prints the Laplacian of the position, which shrinks a curved organ; that form is
 /// [`Smoothing::of_position`].
+#[doc(alias("eq. 3", "eq. 4", "bending energy"))]
 #[derive(Clone, Debug)]
 pub struct Smoothing {
     stencils: Vec<Vec<u32>>,

@@ -11,6 +11,7 @@ use nalgebra::{Matrix3, SVector};
 ///
 /// `h` is held at its value for the starting shape: its derivative, of the order of 1/depth, is
 /// dropped.
+#[doc(alias("eq. 4", "highlight"))]
 #[derive(Clone, Debug)]
 pub struct Specular {
     rings: Vec<OneRing>,

@@ -5,6 +5,7 @@ use crate::geometry::Point3;
 use nalgebra::{Matrix3, SVector};
 
 /// `r = (xᵢ − x₀ᵢ) / σ`, weighted per vertex.
+#[doc(alias = "anchor prior")]
 #[derive(Clone, Debug)]
 pub struct Stay {
     /// Vertices that are held.

@@ -69,9 +69,7 @@ mod tests {
     #[test]
     fn one_face_by_hand() {
         let (a, b, c) = (Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(0.0, 1.0, 0.0));
-        let topology = crate::mesh::Topology::new(3, vec![[0, 1, 2]]).expect("one face");
-        let mesh =
-            crate::mesh::Mesh { topology: std::sync::Arc::new(topology), positions: vec![a, b, c] };
+        let mesh = crate::mesh::Mesh::new(vec![a, b, c], vec![[0, 1, 2]]).expect("one face");
         let rest = RestFaces::new(&mesh, 0.5);
         let term = Stretch { rest: &rest };
         let at = |b: Point3, c: Point3| term.residual(0, &[a, b, c], &[], None).unwrap()[0];

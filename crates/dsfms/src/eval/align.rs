@@ -80,6 +80,7 @@ fn apart(found: &Mesh, truth: &Mesh, fit: &Similarity) -> f64 {
 /// Closest-point registration from `start`: `truth ≈ S · points`. Every round moves along the
 /// normals of the closest faces (point to plane) and leaves out the tenth of the points that lies
 /// farthest. Finds the nearest local optimum only; `None` if the step has no solution.
+#[doc(alias = "ICP")]
 pub fn align_surfaces(
     points: &[Point3],
     truth: &Mesh,

@@ -7,12 +7,10 @@
 //!
 //! ```
 //! use dsfms::eval::{EvaluateOptions, Truth, evaluate};
-//! use dsfms::{geometry::Point3, mesh::{Mesh, Topology}};
-//! use std::sync::Arc;
+//! use dsfms::{Mesh, geometry::Point3};
 //!
 //! let corners = [[0., 0., 50.], [1., 0., 50.], [0., 1., 50.]].map(Point3::from);
-//! let topology = Arc::new(Topology::new(3, vec![[0, 1, 2]]).unwrap());
-//! let truth = Mesh { topology, positions: corners.to_vec() };
+//! let truth = Mesh::new(corners.to_vec(), vec![[0, 1, 2]]).unwrap();
 //! let found = truth.with_positions(corners.iter().map(|p| Point3::new(p.x, p.y, 50.5)).collect());
 //! let result = evaluate(&found, &Truth::new(&truth), &EvaluateOptions::default()).unwrap();
 //! assert!((result.vertices.unwrap().all.rms - 0.5).abs() < 1e-12);
@@ -126,6 +124,7 @@ pub enum EvaluateError {
 }
 
 /// Compare a reconstruction with the truth, both in the same frame and unit (or aligned first).
+#[doc(alias("RMSE", "chamfer distance"))]
 pub fn evaluate(
     found: &Mesh,
     truth: &Truth,
@@ -249,7 +248,7 @@ mod tests {
             .map(|k| k / 4 * 5 + k % 4)
             .flat_map(|i| [[i, i + 1, i + 5], [i + 1, i + 6, i + 5]])
             .collect();
-        Mesh { topology: Arc::new(Topology::new(25, faces).unwrap()), positions }
+        Mesh::new(positions, faces).unwrap()
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 pub enum ExperimentError {
     /// The results on disk belong to another experiment.
     #[error(
-        "{} was made with another {}; give another folder with -o, or --restart to drop its results",
+        "{} was made with another {}; choose another folder, or drop its results",
         path.display(), differing.join(", ")
     )]
     OtherParameters {
@@ -18,7 +18,7 @@ pub enum ExperimentError {
         differing: Vec<String>,
     },
     /// A file of results that this program did not write.
-    #[error("{} line {line}: {problem}; give another folder with -o, or --restart to drop it", path.display())]
+    #[error("{} line {line}: {problem}; choose another folder, or drop it", path.display())]
     Results {
         /// The file.
         path: PathBuf,

@@ -2,7 +2,6 @@
 
 use crate::camera::Camera;
 use crate::geometry::Point3;
-use crate::image::ToneCurve;
 use crate::pipeline::{
     Method, Observation, ReconstructError, ReconstructOptions, Reconstruction, reconstruct,
 };
@@ -10,14 +9,7 @@ use crate::synth::Case;
 
 /// A case as a frame to reconstruct, with its matches and without masks.
 pub fn observation(case: &Case) -> Observation<'_> {
-    Observation {
-        frame: &case.frame,
-        camera: &case.camera,
-        tone: &ToneCurve::Srgb,
-        matches: Some(&case.matches),
-        instrument: None,
-        organ: None,
-    }
+    Observation::new(&case.frame, &case.camera).matches(&case.matches)
 }
 
 /// The surface of a case, whatever is thought of it.

@@ -181,7 +181,7 @@ mod tests {
         let path = folder.path().join("cases.csv");
         run(&plan(1), &Organ::Patch, &path, &Silent).unwrap();
         let error = run(&plan(2), &Organ::Patch, &path, &Silent).unwrap_err().to_string();
-        assert!(error.contains("another count") && error.contains("--restart"), "{error}");
+        assert!(error.contains("another count") && error.contains("drop"), "{error}");
         std::fs::write(&path, "something else\n").unwrap();
         let error = run(&plan(1), &Organ::Patch, &path, &Silent).unwrap_err().to_string();
         assert!(error.contains("line 1"), "{error}");

@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 /// The rigid motion `T` that minimises `Σ‖T·sourceᵢ − targetᵢ‖²`.
 ///
 /// `None` for fewer than three pairs, slices of different lengths, or collinear points.
+#[doc(alias("Procrustes", "Kabsch"))]
 pub fn align_rigid(source: &[Point3], target: &[Point3]) -> Option<Isometry> {
     let weights = vec![1.0; source.len()];
     Some(umeyama(source, target, &weights, false)?.isometry)
@@ -37,6 +38,7 @@ pub fn align_rigid_robust(source: &[Point3], target: &[Point3]) -> Option<Isomet
 }
 
 /// The similarity `S` that minimises `Σ‖S·sourceᵢ − targetᵢ‖²`; `None` as for [`align_rigid`].
+#[doc(alias("Umeyama", "Procrustes"))]
 pub fn align_similarity(source: &[Point3], target: &[Point3]) -> Option<Similarity> {
     umeyama(source, target, &vec![1.0; source.len()], true)
 }

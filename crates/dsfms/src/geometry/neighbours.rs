@@ -2,6 +2,7 @@
 //! which and the point lies less than the distance of what is found are looked at.
 
 /// Points in order of their first coordinate.
+#[doc(alias("kd-tree", "k nearest neighbours"))]
 #[derive(Clone, Debug)]
 pub struct Neighbours<const D: usize> {
     points: Vec<[f64; D]>,

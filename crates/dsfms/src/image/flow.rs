@@ -44,6 +44,7 @@ pub fn settle(render: &Pyramid, frame: &Pyramid, at: Point2, start: Point2) -> O
 
 /// Position in `frame` (level 0) of the patch that `render` shows about `at`, searched from `start`;
 /// `None` where it leaves the image, has no texture in some direction or does not settle.
+#[doc(alias("optical flow", "Lucas-Kanade", "KLT"))]
 pub fn follow(render: &Pyramid, frame: &Pyramid, at: Point2, start: Point2) -> Option<Point2> {
     let mut offset = start - at;
     for level in (0..render.levels.len().min(frame.levels.len())).rev() {

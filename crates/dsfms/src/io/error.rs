@@ -135,6 +135,18 @@ pub enum InputError {
         /// What is wrong, with the line where there is one.
         reason: String,
     },
+    /// A list of camera poses where intrinsics are expected.
+    #[error(
+        "{}: holds camera poses (R and t), no intrinsics; expected width, height, fx, fy, cx, cy",
+        .0.display()
+    )]
+    PosesForCamera(PathBuf),
+    /// Intrinsics where a list of camera poses is expected.
+    #[error(
+        "{}: holds intrinsics of a camera, no poses; expected a list of {{image, R, t}}",
+        .0.display()
+    )]
+    CameraForPoses(PathBuf),
     /// A field is missing or has an impossible value.
     #[error("{}: field {field}: {problem}", path.display())]
     Field {

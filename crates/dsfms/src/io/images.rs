@@ -83,6 +83,14 @@ pub fn read_size(path: &Path) -> Result<[usize; 2], InputError> {
 
 /// Frames of one size with different names, decoded in parallel; the first error in the order of
 /// `paths` is returned.
+///
+/// ```no_run
+/// let frames = dsfms::read_frames(&dsfms::find_frames(&["exploration".into()])?)?;
+/// # Ok::<_, dsfms::io::InputError>(())
+/// ```
+///
+/// # Errors
+/// A file that is no readable image, frames of different sizes, two of the same name.
 pub fn read_frames(paths: &[PathBuf]) -> Result<Vec<Frame>, InputError> {
     let mut names = BTreeMap::new();
     for path in paths {

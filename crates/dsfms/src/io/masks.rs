@@ -81,6 +81,20 @@ pub fn read_mask(path: &Path) -> Result<Mask, InputError> {
 ///
 /// `source` is a folder, or one file for all frames. `paths` are the frames' files where they
 /// come from files (else empty): a frame is never its own mask. See [`find_mask`] for the pairing.
+///
+/// ```no_run
+/// use dsfms::io::masks::{MaskKind, read_masks};
+/// use dsfms::{Exploration, Frame, Mask, find_frames, read_frames};
+///
+/// let paths = find_frames(&["exploration".into()])?;
+/// let frames = read_frames(&paths)?;
+/// let (masks, warnings) = read_masks(&frames, &paths, "masks".as_ref(), MaskKind::Organ)?;
+/// let organ: Vec<Option<Mask>> = masks.into_iter().map(Some).collect();
+/// # Ok::<_, dsfms::io::InputError>(())
+/// ```
+///
+/// # Errors
+/// A frame without a mask, a mask of another size, or one that cannot be read.
 pub fn read_masks(
     frames: &[Frame],
     paths: &[PathBuf],

@@ -57,6 +57,22 @@ fn holds_number(stem: &str, number: Option<u64>) -> bool {
 
 /// Read matches onto a template of `faces` faces, in a frame of `size` px. Pixels may lie up to
 /// half an image outside the frame.
+///
+/// ```
+/// use dsfms::io::matches::{read_matches, write_matches};
+/// use dsfms::synth::Case;
+///
+/// let case = Case::example(1);
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("matches.csv");
+/// write_matches(&path, &case.matches)?;
+/// let faces = case.template.mesh.topology.faces.len();
+/// assert_eq!(read_matches(&path, faces, case.camera.size)?, case.matches);
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// A file that cannot be read, a missing column, a face that does not exist, no match at all.
 pub fn read_matches(path: &Path, faces: usize, size: [usize; 2]) -> Result<Vec<Match>, InputError> {
     let text = read_text(path)?;
     let mut lines = text

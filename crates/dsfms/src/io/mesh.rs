@@ -5,11 +5,10 @@ use crate::guard;
 use crate::io::{gltf_mesh, obj, off, ply_read, stl, vtk_read};
 use crate::mesh::components::components;
 use crate::mesh::repair::repair;
-use crate::mesh::{Mesh, Topology, TopologyError};
+use crate::mesh::{Mesh, TopologyError};
 use crate::template::LengthUnit;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Unit of the numbers in a mesh file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -293,9 +292,8 @@ fn check(raw: RawMesh, path: &Path) -> Result<MeshFile, MeshFileError> {
         let count = raw.positions.iter().filter(wrong).count();
         return Err(MeshFileError::NotFinite { path: owned(), vertex, count });
     }
-    let topology = Topology::new(raw.positions.len(), raw.faces)
+    let mesh = Mesh::new(raw.positions, raw.faces)
         .map_err(|source| MeshFileError::Topology { path: owned(), source })?;
-    let mesh = Mesh { topology: Arc::new(topology), positions: raw.positions };
     let flat: Vec<usize> =
         (0..mesh.topology.faces.len()).filter(|&f| mesh.is_degenerate(f)).collect();
     if let Some(&face) = flat.first() {
@@ -326,7 +324,7 @@ fn remarks(mesh: &Mesh) -> Vec<String> {
     if repeated > 0 {
         warnings.push(format!(
             "{repeated} vertices repeat the position of another one: the surface may be torn along a \
-             seam there; --repair (`read_repaired`) merges them if it should be whole"
+             seam there; a repair merges them if it should be whole"
         ));
     }
     warnings

@@ -44,6 +44,18 @@ pub struct PlyExtras<'a> {
 ///
 /// # Errors
 /// [`WriteError`] naming the path; also where an attribute has not one value per vertex.
+///
+/// ```
+/// use dsfms::io::{mesh::read_mesh, ply::{PlyExtras, write_ply}};
+/// use dsfms::{LengthUnit, synth::patch};
+///
+/// let mesh = patch(60, 1).mesh;
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("organ.ply");
+/// write_ply(&path, &mesh.topology, &mesh.positions, LengthUnit::Millimetre, &PlyExtras::default())?;
+/// assert_eq!(read_mesh(&path)?.mesh.topology, mesh.topology);
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
 pub fn write_ply(
     path: &Path,
     topology: &Topology,

@@ -131,9 +131,7 @@ fn from_json(path: &Path, value: &Value, list: PoseList) -> Result<Vec<NamedPose
             .find_map(|key| value.get(key)?.as_array())
             .ok_or_else(|| {
                 if value.get("fx").is_some() || value.get("camera_matrix").is_some() {
-                    let reason = "holds intrinsics of a camera, no poses: it belongs to --camera; --poses \
-                                  takes a list of {image, R, t}";
-                    return InputError::format(path, reason);
+                    return InputError::CameraForPoses(path.into());
                 }
                 let problem = "is missing; expected a list of {image, R, t}";
                 InputError::field(path, list.key(), problem)
@@ -261,7 +259,7 @@ mod tests {
     #[test]
     fn intrinsics_are_no_poses() {
         let found = read(r#"{"fx": 1, "fy": 1}"#, PoseList::Exploration).unwrap_err();
-        assert!(found.contains("it belongs to --camera"), "{found}");
+        assert!(found.contains("intrinsics of a camera, no poses"), "{found}");
     }
 
     #[test]

@@ -148,6 +148,20 @@ pub fn check_target(path: &Path) -> Result<(), TemplateFileError> {
 
 /// Write a template directory. All files are written to a temporary directory beside `path`, which
 /// then takes its name; an older template there is replaced, anything else is refused.
+///
+/// ```
+/// use dsfms::{read_template, synth::Case, write_template};
+///
+/// let template = Case::example(1).template;
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("organ.template");
+/// write_template(&path, &template)?;
+/// assert_eq!(read_template(&path)?.mesh.positions, template.mesh.positions);
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// A folder of anything else at `path`, or one that cannot be written.
 pub fn write_template(path: &Path, template: &Template) -> Result<(), TemplateFileError> {
     check_target(path)?;
     let replaces = path.exists();
@@ -257,6 +271,11 @@ fn counts(template: &Template) -> Counts {
 }
 
 /// Read a template directory; what [`write_template`] wrote comes back bit for bit.
+///
+/// [`write_template`] has an example.
+///
+/// # Errors
+/// A folder that is missing, no template, damaged, or of a later version.
 pub fn read_template(path: &Path) -> Result<Template, TemplateFileError> {
     let manifest = read_manifest(path)?;
     let wrong = |reason: String| TemplateFileError::Manifest { path: path.join(MANIFEST), reason };

@@ -20,6 +20,7 @@ pub const WET_TISSUE: f64 = 1.4;
 
 /// What tissue makes of the light that reaches it, and the lens of what it sends back. The default is
 /// Lambert's surface in the dark behind a perfect lens.
+#[doc(alias = "BRDF")]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Coat {

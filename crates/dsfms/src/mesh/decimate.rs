@@ -1,9 +1,8 @@
 //! A coarser mesh on some of the vertices, and how to carry a displacement back.
 
-use super::{Mesh, Topology};
+use super::Mesh;
 use crate::geometry::{Point3, Vector3, area_normal, barycentric};
 use nalgebra::Matrix3;
-use std::sync::Arc;
 
 /// A decimated mesh and where the vertices of the original lie on it.
 #[derive(Clone, Debug)]
@@ -21,6 +20,7 @@ const MAX_VALENCE: usize = 12;
 
 /// Collapse short edges, in sweeps of growing length, until about `target` vertices are left;
 /// outline and orientation stay. `None` where the surface does not allow it.
+#[doc(alias("quadric error", "simplification"))]
 pub fn decimate(mesh: &Mesh, target: usize) -> Option<Decimated> {
     let mut work = Collapser {
         positions: &mesh.positions,
@@ -161,10 +161,9 @@ impl Collapser<'_> {
             self.into[v] = root;
         }
         let faces = self.faces.iter().filter(|f| f[0] != u32::MAX).map(|f| f.map(name)).collect();
-        let topology = Topology::new(kept.len(), faces).ok()?;
         let positions = kept.iter().map(|&v| self.positions[v as usize]).collect();
         let owner = self.into.iter().map(|&v| name(v)).collect();
-        Some(Decimated { mesh: Mesh { topology: Arc::new(topology), positions }, kept, owner })
+        Some(Decimated { mesh: Mesh::new(positions, faces).ok()?, kept, owner })
     }
 }
 

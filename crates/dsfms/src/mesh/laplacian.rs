@@ -8,6 +8,7 @@ const MAX_COTANGENT: f64 = 10.0;
 
 /// Rows of the cotangent Laplacian, negative semidefinite in the metric of the lumped areas:
 /// `(Lap x)ᵢ = Σⱼ wᵢⱼ (xⱼ − xᵢ) / mᵢ`, in 1/length².
+#[doc(alias("cotangent Laplacian", "Laplace-Beltrami"))]
 #[derive(Clone, Debug)]
 pub struct Laplacian {
     /// For every vertex its neighbours and `wᵢⱼ / mᵢ`; aligned with `Topology::one_ring`.

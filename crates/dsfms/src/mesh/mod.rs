@@ -29,6 +29,25 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// A mesh of its vertices and its faces, whose corners count the vertices from 0 and run
+    /// anticlockwise as seen from outside.
+    ///
+    /// ```
+    /// use dsfms::{Mesh, geometry::Point3};
+    ///
+    /// let corners = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 3.0, 0.0]].map(Point3::from);
+    /// let mesh = Mesh::new(corners.to_vec(), vec![[0, 1, 2]])?;
+    /// assert_eq!(mesh.face_areas(), [3.0]);
+    /// # Ok::<_, dsfms::mesh::TopologyError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Topology::new`].
+    pub fn new(positions: Vec<Point3>, faces: Vec<[u32; 3]>) -> Result<Self, TopologyError> {
+        let topology = Arc::new(Topology::new(positions.len(), faces)?);
+        Ok(Self { topology, positions })
+    }
+
     /// The three corners of a face.
     pub fn corners(&self, face: usize) -> [&Point3; 3] {
         self.topology.faces[face].map(|v| &self.positions[v as usize])

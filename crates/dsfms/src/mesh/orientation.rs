@@ -1,7 +1,6 @@
 //! Inside and outside.
 
 use super::{Mesh, Topology, TopologyError};
-use std::sync::Arc;
 
 /// Volume enclosed by a closed surface, cubic length units; negative where the normals point
 /// inward. For an open surface the value depends on the origin and means nothing.
@@ -22,8 +21,7 @@ pub fn is_closed(topology: &Topology) -> bool {
 /// Every face turned inside out (its last two corners swapped); vertex and face order are kept.
 pub fn flipped(mesh: &Mesh) -> Result<Mesh, TopologyError> {
     let faces = mesh.topology.faces.iter().map(|&[a, b, c]| [a, c, b]).collect();
-    let topology = Topology::new(mesh.positions.len(), faces)?;
-    Ok(Mesh { topology: Arc::new(topology), positions: mesh.positions.clone() })
+    Mesh::new(mesh.positions.clone(), faces)
 }
 
 /// The mesh with outward normals, and whether it had to be turned. Only a closed surface says

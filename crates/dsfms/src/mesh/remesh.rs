@@ -14,7 +14,6 @@ pub use diagonals::fit_diagonals;
 use outline::Outline;
 use serde::{Deserialize, Serialize};
 use sizing::Sizing;
-use std::sync::Arc;
 
 /// How a surface is remeshed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -133,8 +132,7 @@ pub fn remesh(
             length *= ratio.sqrt().clamp(0.7, 1.4);
         }
     }
-    let topology = Topology::new(work.positions.len(), work.faces)?;
-    let mut result = Mesh { topology: Arc::new(topology), positions: work.positions };
+    let mut result = Mesh::new(work.positions, work.faces)?;
     part_coincident(&mut result);
     Ok(result)
 }

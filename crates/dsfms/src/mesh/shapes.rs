@@ -1,13 +1,11 @@
 //! Small surfaces for tests.
 
-use super::{Mesh, Topology};
+use super::Mesh;
 use crate::geometry::{Point3, Vector3};
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 pub(crate) fn mesh(positions: Vec<Point3>, faces: Vec<[u32; 3]>) -> Mesh {
-    let topology = Arc::new(Topology::new(positions.len(), faces).unwrap());
-    Mesh { topology, positions }
+    Mesh::new(positions, faces).unwrap()
 }
 
 /// A flat `n × n` sheet on `[0, 1]²`, normals +z, whose inner vertices are shaken.

@@ -1,7 +1,7 @@
 //! What every front end does with what a user points at: frames of files, folders and videos, the camera
 //! file and what it says of a template, masks by name.
 
-use super::{Progress, TemplateOptions};
+use super::{Exploration, Observation, Progress, TemplateOptions};
 use crate::camera::CameraModel;
 use crate::image::{Frame, Mask, ToneCurve};
 use crate::io::InputError;
@@ -37,6 +37,17 @@ impl CameraInput {
     /// As [`read_camera`].
     pub fn read(path: &Path, tone: Option<ToneCurve>) -> Result<Self, InputError> {
         Ok(Self::new(read_camera(path)?, tone))
+    }
+
+    /// Frames of this camera at rest.
+    pub fn exploration<'a>(&'a self, frames: &'a [Frame]) -> Exploration<'a> {
+        let CameraFile { camera, light, .. } = &self.file;
+        Exploration::new(frames, camera).tone(&self.tone).light(light.as_ref())
+    }
+
+    /// A deformed frame of this camera.
+    pub fn observation<'a>(&'a self, frame: &'a Frame) -> Observation<'a> {
+        Observation::new(frame, &self.file.camera).tone(&self.tone)
     }
 
     /// What the camera file says of a template that is about to be built.

@@ -65,6 +65,42 @@ pub struct Observation<'a> {
     pub organ: Option<&'a Mask>,
 }
 
+impl<'a> Observation<'a> {
+    /// A frame of a camera: sRGB, matches to be found, no instrument, the organ anywhere.
+    ///
+    /// ```
+    /// use dsfms::{Observation, synth::Case};
+    ///
+    /// let case = Case::example(1);
+    /// let observation = Observation::new(&case.frame, &case.camera).matches(&case.matches);
+    /// assert_eq!(observation.matches.map(<[_]>::len), Some(case.matches.len()));
+    /// ```
+    pub fn new(frame: &'a Frame, camera: &'a CameraModel) -> Self {
+        let tone = &ToneCurve::Srgb;
+        Self { frame, camera, tone, matches: None, instrument: None, organ: None }
+    }
+
+    /// With another tone curve than sRGB.
+    pub fn tone(self, tone: &'a ToneCurve) -> Self {
+        Self { tone, ..self }
+    }
+
+    /// With given matches; none are looked for.
+    pub fn matches(self, matches: &'a [Match]) -> Self {
+        Self { matches: Some(matches), ..self }
+    }
+
+    /// With a mask that is `true` where an instrument covers the organ.
+    pub fn instrument(self, instrument: impl Into<Option<&'a Mask>>) -> Self {
+        Self { instrument: instrument.into(), ..self }
+    }
+
+    /// With a mask that is `true` where the organ is the first surface hit.
+    pub fn organ(self, organ: impl Into<Option<&'a Mask>>) -> Self {
+        Self { organ: organ.into(), ..self }
+    }
+}
+
 /// The surface of one frame.
 #[derive(Clone, Debug)]
 pub struct Reconstruction {
@@ -138,12 +174,12 @@ pub enum ReconstructError {
     Sfs(#[from] SfsError),
     /// The template has no descriptors and no matches were given.
     #[error(
-        "the template holds no descriptors, so matches cannot be found automatically; give them with --matches"
+        "the template holds no descriptors, so matches cannot be found automatically; give them with the frame"
     )]
     NoDescriptors,
     /// A shading method without albedo.
     #[error(
-        "method {0:?} needs an albedo, and the template has none; build it from frames or give --albedo"
+        "method {0:?} needs an albedo, and the template has none; build it from frames, or give its mesh one"
     )]
     NoAlbedo(Method),
     /// Image and camera disagree.

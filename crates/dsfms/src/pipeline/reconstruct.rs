@@ -104,6 +104,18 @@ const TABLES: [Documented; 5] = [
 /// # Errors
 /// Frame and camera of different size, a black frame, no pose, no descriptors where matches have to
 /// be found, no albedo for a shading method, a surface that must not be shown.
+///
+/// ```
+/// use dsfms::{Method, Observation, ReconstructOptions, reconstruct, synth::Case};
+///
+/// let case = Case::example(1);
+/// let observation = Observation::new(&case.frame, &case.camera).matches(&case.matches);
+/// let options = ReconstructOptions::default();
+/// let found = reconstruct(&case.template, &observation, Method::Dsfm, &options)?;
+/// assert!(case.zone_rms(&found.vertices) < 5.0); // mm, where no match lies
+/// # Ok::<_, dsfms::pipeline::ReconstructError>(())
+/// ```
+#[doc(alias("NRSfM", "shape from template", "SfT"))]
 pub fn reconstruct(
     template: &Template,
     observation: &Observation,

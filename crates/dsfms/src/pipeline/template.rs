@@ -58,6 +58,49 @@ pub struct Exploration<'a> {
     pub metric: Option<&'a Mesh>,
 }
 
+impl<'a> Exploration<'a> {
+    /// Frames of one camera: every pixel may be used and show the organ, sRGB, nothing known of light and
+    /// scale.
+    ///
+    /// ```
+    /// use dsfms::{Exploration, synth::Case};
+    ///
+    /// let case = Case::example(1);
+    /// let (frames, _) = case.explore(2);
+    /// let exploration = Exploration::new(&frames, &case.camera).light(case.template.light.as_ref());
+    /// assert!(exploration.valid.is_empty() && exploration.light.is_some());
+    /// ```
+    pub fn new(frames: &'a [Frame], camera: &'a CameraModel) -> Self {
+        let tone = &ToneCurve::Srgb;
+        Self { frames, valid: &[], organ: &[], camera, tone, light: None, metric: None }
+    }
+
+    /// With masks of the pixels that may be used; one per frame, or empty.
+    pub fn valid(self, valid: &'a [Option<Mask>]) -> Self {
+        Self { valid, ..self }
+    }
+
+    /// With masks of the organ; one per frame, or empty.
+    pub fn organ(self, organ: &'a [Option<Mask>]) -> Self {
+        Self { organ, ..self }
+    }
+
+    /// With another tone curve than sRGB.
+    pub fn tone(self, tone: &'a ToneCurve) -> Self {
+        Self { tone, ..self }
+    }
+
+    /// With the light that its estimation starts from.
+    pub fn light(self, light: impl Into<Option<&'a LightModel>>) -> Self {
+        Self { light: light.into(), ..self }
+    }
+
+    /// With a surface of the organ in mm, which tells the scale.
+    pub fn metric(self, metric: impl Into<Option<&'a Mesh>>) -> Self {
+        Self { metric: metric.into(), ..self }
+    }
+}
+
 /// Options of template building, one field per stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -228,6 +271,22 @@ pub struct FoundOrgan {
 
 /// Build a template from frames alone. Its unit is [`LengthUnit::TemplateUnit`], or mm where the
 /// options hold known distances.
+///
+/// ```no_run
+/// use dsfms::{CameraInput, Silent, TemplateOptions, find_frames, read_frames, template_from_frames};
+///
+/// let camera = CameraInput::read("camera.json".as_ref(), None)?;
+/// let frames = read_frames(&find_frames(&["exploration".into()])?)?;
+/// let exploration = camera.exploration(&frames);
+/// let built = template_from_frames(&exploration, &TemplateOptions::default(), &Silent)?;
+/// assert!(built.template.albedo.is_some());
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
+/// `examples/1_template.rs` runs it on rendered frames.
+///
+/// # Errors
+/// Options out of their bounds, too few frames that agree on a scene, no surface, an outline or click
+/// beside it.
 pub fn template_from_frames(
     exploration: &Exploration,
     options: &TemplateOptions,
@@ -246,6 +305,22 @@ pub fn template_from_frames(
 /// Build a template from frames whose poses are known (`camera_from_world`, `None` for frames to leave
 /// out) but whose surface is not: neither poses nor intrinsics are changed, and the mesh is in the poses'
 /// world and unit. Its unit is called [`LengthUnit::TemplateUnit`] unless the options hold known distances.
+///
+/// ```no_run
+/// use dsfms::io::poses::{PoseList, match_poses, read_poses};
+/// use dsfms::{CameraInput, Silent, TemplateOptions, find_frames, pipeline::template_from_poses, read_frames};
+///
+/// let camera = CameraInput::read("camera.json".as_ref(), None)?;
+/// let frames = read_frames(&find_frames(&["exploration".into()])?)?;
+/// let names: Vec<&str> = frames.iter().map(|f| f.name.as_str()).collect();
+/// let poses = match_poses(&read_poses("poses.json".as_ref(), PoseList::Exploration)?, &names);
+/// let exploration = camera.exploration(&frames);
+/// let built = template_from_poses(&exploration, &poses, &TemplateOptions::default(), &Silent)?;
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// As [`template_from_frames`]; fewer than two poses, or none that the frames agree with.
 pub fn template_from_poses(
     exploration: &Exploration,
     poses: &[Option<Isometry>],
@@ -347,6 +422,24 @@ fn apply(factor: f64, mesh: &mut Mesh, sparse: &mut sfm::Reconstruction) {
 
 /// Build a template on a given mesh, whose frame is the world of the given poses
 /// (`camera_from_world`, `None` for frames to leave out). The mesh is kept as it is.
+///
+/// ```
+/// use dsfms::{Exploration, LengthUnit, Silent, TemplateOptions};
+/// use dsfms::{pipeline::template_from_posed_frames, synth::Case};
+///
+/// let case = Case::example(1);
+/// let (frames, poses) = case.explore(2);
+/// let poses: Vec<_> = poses.into_iter().map(Some).collect();
+/// let exploration = Exploration::new(&frames, &case.camera);
+/// let (mesh, unit) = (case.template.mesh.clone(), LengthUnit::Millimetre);
+/// let options = TemplateOptions::default();
+/// let built = template_from_posed_frames(&exploration, mesh, unit, &poses, &options, &Silent)?;
+/// assert!(built.template.features.is_some());
+/// # Ok::<_, dsfms::pipeline::TemplateError>(())
+/// ```
+///
+/// # Errors
+/// Options out of their bounds, no pose, nothing to measure the albedo in.
 pub fn template_from_posed_frames(
     exploration: &Exploration,
     mesh: Mesh,
@@ -395,6 +488,16 @@ pub fn template_from_posed_frames(
 }
 
 /// A template of a mesh and, where it is known, its albedo: no frames, no descriptors.
+///
+/// ```
+/// use dsfms::pipeline::template_from_mesh;
+/// use dsfms::{LengthUnit, Silent, TemplateOptions, synth::patch};
+///
+/// let organ = patch(60, 1);
+/// let (unit, options) = (LengthUnit::Millimetre, TemplateOptions::default());
+/// let template = template_from_mesh(organ.mesh, unit, Some(organ.albedo), &options, &Silent);
+/// assert!(template.flattening.is_some());
+/// ```
 pub fn template_from_mesh(
     mesh: Mesh,
     unit: LengthUnit,

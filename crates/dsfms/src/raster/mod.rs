@@ -35,6 +35,7 @@ pub struct Raster {
 ///
 /// A pixel centre on an edge belongs to the faces on both sides of it, so a closed surface has no
 /// cracks; of several faces at the same depth the one with the smallest index is kept.
+#[doc(alias = "z-buffer")]
 pub fn rasterize(camera: &CameraModel, topology: &Topology, positions: &[Point3]) -> Raster {
     let size = camera.size();
     let n = size[0] * size[1];

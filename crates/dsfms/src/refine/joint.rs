@@ -211,6 +211,7 @@ impl Joined {
 /// solved on, as the matches).
 ///
 /// `depth_sigma` is eq. 3's tolerance for the depth of the matches under a distant light.
+#[doc(alias("joint optimisation", "photometric refinement"))]
 pub fn join(
     body: &Body,
     start: &[Point3],

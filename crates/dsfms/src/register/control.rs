@@ -62,6 +62,7 @@ pub struct Body<'a> {
 }
 
 /// What deforms of a template, made once and used for every frame.
+#[doc(alias("embedded deformation", "control mesh"))]
 #[derive(Clone, Debug)]
 pub struct Deformable {
     control: Option<Control>,

@@ -28,6 +28,7 @@ const MOST: usize = 600;
 ///
 /// # Errors
 /// Fewer than [`NEEDED`] descriptor matches, or fewer than that in agreement with a pose.
+#[doc(alias = "feature matching")]
 pub fn find(
     camera: &CameraModel,
     rest: &Mesh,

@@ -40,8 +40,8 @@ pub struct Match {
 pub enum RegisterError {
     /// Fewer matches than a pose needs.
     #[error(
-        "{found} usable matches, at least {needed} are needed; give more with --matches, or check \
-         that the frame shows the organ"
+        "{found} usable matches, at least {needed} are needed; give more, or check that the frame shows \
+         the organ"
     )]
     TooFewMatches {
         /// Matches left after checks.

@@ -39,6 +39,28 @@ pub struct RegisterMemory {
 /// would not allow, the surface bends as a whole and no part of it gives the pose: the solve is then
 /// repeated from the rest shape posed anew, with smoothing and depth hold loosened to the motion
 /// found, until that no longer grows.
+///
+/// ```
+/// use dsfms::register::{RegisterOptions, Scene, pose, register};
+/// use dsfms::synth::Case;
+///
+/// let (case, options) = (Case::example(1), RegisterOptions::default());
+/// let rest = &case.template.mesh;
+/// let posed = pose(&case.camera, rest, &case.matches, &options, 0)?;
+/// let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
+/// let scene = Scene::new(&case.camera, rest, rigid);
+/// let found = register(&scene, &case.matches, &posed, &options);
+/// assert!(found.residual_px < 3.0);
+/// # Ok::<_, dsfms::register::RegisterError>(())
+/// ```
+#[doc(alias(
+    "eq. 3",
+    "NRSfM",
+    "shape from template",
+    "SfT",
+    "deformable registration",
+    "non-rigid registration"
+))]
 pub fn register(
     scene: &Scene,
     matches: &[Match],

@@ -45,6 +45,7 @@ fn median_of(values: &[f64]) -> f64 {
 ///
 /// # Errors
 /// Fewer than four matches, or no pose with four matches in agreement.
+#[doc(alias("PnP", "absolute pose", "RANSAC"))]
 pub fn pose(
     camera: &CameraModel,
     rest: &Mesh,

@@ -31,6 +31,7 @@ const SEEN: f64 = 100.0;
 const ROUNDS: usize = 4;
 
 /// A rest surface and what lies inside.
+#[doc(alias = "volumetric prior")]
 #[derive(Clone, Debug)]
 pub struct Volume {
     /// Vertices of the surface, then points inside (template frame).

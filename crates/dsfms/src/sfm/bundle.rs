@@ -119,6 +119,7 @@ pub enum BundleError {
 }
 
 /// Minimise the bundle's cost in place; never returns a state that costs more than the start.
+#[doc(alias("bundle adjustment", "BA"))]
 pub fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<Summary, BundleError> {
     let began = Instant::now();
     check_cameras(bundle)?;

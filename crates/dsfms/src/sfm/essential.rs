@@ -21,6 +21,7 @@ pub struct RelativePose {
 }
 
 /// `E = [t]ₓ R` of a relative pose.
+#[doc(alias = "epipolar geometry")]
 pub fn essential_matrix(b_from_a: &Isometry) -> Matrix3<f64> {
     b_from_a.translation.vector.cross_matrix() * b_from_a.rotation.to_rotation_matrix().matrix()
 }

@@ -38,6 +38,7 @@ impl Features2d {
 ///
 /// `mask`: `true` = valid; keypoints outside are dropped. Saturated pixels and their
 /// surroundings are left out unless `options.keep_saturated`.
+#[doc(alias("SIFT", "keypoints", "descriptors"))]
 pub fn detect(frame: &Frame, mask: Option<&Mask>, options: &SfmOptions) -> Features2d {
     let grey = frame.luma();
     let equalised = match options.local_contrast {

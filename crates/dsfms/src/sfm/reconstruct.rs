@@ -24,6 +24,7 @@ use crate::solver::Loss;
 /// `masks`: one per frame, or an empty slice; `true` = valid. `camera`: intrinsics of all frames.
 /// Frames that cannot be registered are listed with a reason; the error is for when nothing can
 /// be reconstructed.
+#[doc(alias("SfM", "structure from motion"))]
 pub fn reconstruct(
     frames: &[Frame],
     masks: &[Option<Mask>],

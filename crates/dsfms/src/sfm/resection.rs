@@ -23,6 +23,7 @@ pub struct Resection {
 ///
 /// `threshold_px`: largest error of an inlier. `None` for fewer than 4 matches or when no pose has
 /// 4 inliers. The result depends on nothing but the arguments.
+#[doc(alias("PnP", "P3P", "absolute pose", "RANSAC"))]
 pub fn resect(
     camera: &dyn Camera,
     points: &[Point3],

@@ -121,6 +121,7 @@ pub enum SfsError {
 }
 
 /// Depth from the shading of one frame; deterministic.
+#[doc(alias = "SfS")]
 pub fn shape_from_shading(input: &SfsInput, options: &SfsOptions) -> Result<SfsResult, SfsError> {
     let expected = input.camera.size;
     for found in [input.grey.size, input.usable.size, input.saturated.size] {
@@ -156,8 +157,7 @@ mod tests {
     use crate::camera::Lens;
     use crate::geometry::Vector3;
     use crate::light::{Light, Spot};
-    use crate::mesh::{Topology, normals::vertex_normals};
-    use std::sync::Arc;
+    use crate::mesh::normals::vertex_normals;
 
     const SIZE: [usize; 2] = [80, 80];
 
@@ -177,7 +177,7 @@ mod tests {
         let cell = |k: u32| [[k, k + N, k + 1], [k + 1, k + N, k + N + 1]];
         let faces =
             (0..(N - 1) * (N - 1)).flat_map(|c| cell(c / (N - 1) * N + c % (N - 1))).collect();
-        Mesh { topology: Arc::new(Topology::new((N * N) as usize, faces).unwrap()), positions }
+        Mesh::new(positions, faces).unwrap()
     }
 
     fn photograph(mesh: &Mesh, light: &LightModel) -> Plane {

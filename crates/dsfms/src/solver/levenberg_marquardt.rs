@@ -72,6 +72,40 @@ const MIN_REFUSED_DAMPING: f64 = 1e-5;
 /// Minimise from `state`; the cost of what is returned is never above that of the start.
 ///
 /// An infeasible start is returned unchanged with [`Stop::NoProgress`] and no terms.
+///
+/// ```
+/// use dsfms::solver::{Options, Problem, Step, minimize};
+///
+/// /// `(x² − 2)²`
+/// struct Root([f64; 2]);
+///
+/// impl Problem for Root {
+///     type State = f64;
+///     fn costs(&self, x: &f64) -> Option<Vec<f64>> {
+///         Some(vec![(x * x - 2.0).powi(2)])
+///     }
+///     fn labels(&self) -> Vec<&'static str> {
+///         vec!["root"]
+///     }
+///     fn linearise(&mut self, x: &f64) -> f64 {
+///         self.0 = [4.0 * x * x, 2.0 * x * (x * x - 2.0)];
+///         self.0[1].abs()
+///     }
+///     fn step(&mut self, damping: f64) -> Option<Step> {
+///         let [matrix, gradient] = self.0;
+///         let delta = -gradient / (matrix * (1.0 + damping));
+///         let predicted = -delta * (2.0 * gradient + matrix * delta);
+///         Some(Step { delta: vec![delta], predicted })
+///     }
+///     fn retract(&self, x: &f64, delta: &[f64]) -> f64 {
+///         x + delta[0]
+///     }
+/// }
+///
+/// let (x, summary) = minimize(&mut Root([0.0; 2]), 1.0, &Options::default());
+/// assert!((x - 2f64.sqrt()).abs() < 1e-6, "{summary:?}");
+/// ```
+#[doc(alias("Levenberg-Marquardt", "Gauss-Newton", "nonlinear least squares"))]
 pub fn minimize<P: Problem>(
     problem: &mut P,
     mut state: P::State,

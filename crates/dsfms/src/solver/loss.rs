@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// How a residual block's squared norm `s` enters the cost.
+#[doc(alias("M-estimator", "robust kernel"))]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Loss {

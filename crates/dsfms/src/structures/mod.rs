@@ -32,6 +32,7 @@ use patches::patches;
 use serde::{Deserialize, Serialize};
 
 /// How the deformation is continued.
+#[doc(alias("augmented reality", "skinning"))]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CarrierOptions {

@@ -37,6 +37,12 @@ pub enum Admitted {
 }
 
 /// A deformed organ in front of a laparoscope, with its exact truth.
+///
+/// ```
+/// let case = dsfms::synth::Case::example(1);
+/// assert_eq!((case.frame.size, case.matches.len()), ([720, 576], 25));
+/// assert_eq!(case.zone_rms(&case.truth), 0.0);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Case {
     /// Camera, 720×576.
@@ -117,6 +123,34 @@ impl Case {
         Self { camera, template, frame, matches, deformation, truth, visible }
     }
 
+    /// A case of 300 vertices for examples and tests: 25 matches with 1 px of noise, a pull that stretches the
+    /// edges in its zone by 3 %.
+    pub fn example(seed: u64) -> Self {
+        let options = CaseOptions {
+            vertices: 300,
+            extension: 0.03,
+            light: LightModel::Collinear,
+            draw: Draw { count: 25, sigma_px: 1.0 },
+            pull: true,
+        };
+        Self::new(&options, seed)
+    }
+
+    /// The organ at rest from so many places, and their `camera_from_template`: the camera goes once around it
+    /// on a circle 75 mm before it, 25 degrees off its axis, and looks at its centre.
+    pub fn explore(&self, count: usize) -> (Vec<Frame>, Vec<Isometry>) {
+        let Template { mesh, albedo, light, .. } = &self.template;
+        let (Some(albedo), Some(light)) = (albedo, light) else { return Default::default() };
+        let frame = |(k, pose): (usize, &Isometry)| {
+            let posed = mesh.positions.iter().map(|p| pose * p).collect();
+            let look = RenderOptions { seed: k as u64, ..Default::default() };
+            let frame = render(&self.camera, light, &mesh.with_positions(posed), albedo, &look);
+            Frame { name: format!("frame_{k:03}"), ..frame }
+        };
+        let poses: Vec<Isometry> = (0..count).map(|k| around(k as f64 / count as f64)).collect();
+        (poses.iter().enumerate().map(frame).collect(), poses)
+    }
+
     /// Root mean square 3D error of a shape over the zone, or over everything without one, mm.
     pub fn zone_rms(&self, shape: &[Point3]) -> f64 {
         let zone = &self.deformation.zone;
@@ -140,6 +174,13 @@ fn deformation(
     let direction = Vector3::z() * sign;
     let attraction = Attraction { direction, point: centre + direction * height, angle: 0.5 };
     deform(mesh, &[attraction], options.extension, 0.0)
+}
+
+/// A camera on the circle of [`Case::explore`], at a part of the way around.
+fn around(part: f64) -> Isometry {
+    let turn = std::f64::consts::TAU * part;
+    let tilt = Vector3::new(turn.cos(), turn.sin(), 0.0) * 25f64.to_radians();
+    Isometry::new(Vector3::new(0.0, 0.0, 75.0), tilt)
 }
 
 fn pose(random: &mut Random) -> Isometry {

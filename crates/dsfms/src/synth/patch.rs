@@ -2,9 +2,8 @@
 
 use super::random::{Random, normal, uniform};
 use crate::geometry::{Point3, Vector3};
-use crate::mesh::{Mesh, Topology};
+use crate::mesh::Mesh;
 use crate::template::SurfaceTexels;
-use std::sync::Arc;
 
 /// A synthetic organ: rest shape in the template frame and its albedo.
 #[derive(Clone, Debug)]
@@ -59,8 +58,7 @@ fn grid(columns: usize, rows: usize, random: &mut Random) -> Mesh {
             }
         }
     }
-    let topology = Topology::new(positions.len(), faces).expect("a grid is manifold");
-    Mesh { topology: Arc::new(topology), positions }
+    Mesh::new(positions, faces).expect("a grid is manifold")
 }
 
 /// Texels of about 0.3 mm with dark, winding vessels over a smoothly varying ground.

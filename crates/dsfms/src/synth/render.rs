@@ -55,6 +55,19 @@ impl Default for RenderOptions {
 }
 
 /// Render a surface with positions in camera axes; the background is black.
+///
+/// ```
+/// use dsfms::geometry::{Point3, Vector3};
+/// use dsfms::{light::LightModel, synth::{Case, RenderOptions, patch, render}};
+///
+/// let (camera, organ) = (Case::example(1).camera, patch(60, 1));
+/// let before: Vec<Point3> =
+///     organ.mesh.positions.iter().map(|p| p + Vector3::new(0.0, 0.0, 75.0)).collect();
+/// let mesh = organ.mesh.with_positions(before);
+/// let light = LightModel::Collinear;
+/// let frame = render(&camera, &light, &mesh, &organ.albedo, &RenderOptions::default());
+/// assert_eq!(frame.size, camera.size);
+/// ```
 pub fn render(
     camera: &CameraModel,
     light: &LightModel,

@@ -76,8 +76,6 @@ impl Map {
 mod tests {
     use super::*;
     use crate::light::{PointLight, Spot};
-    use crate::mesh::Topology;
-    use std::sync::Arc;
 
     /// A floor at z = 100 and a small screen at z = 50 before its middle.
     fn scene() -> Mesh {
@@ -86,7 +84,7 @@ mod tests {
         };
         let positions = [square(40.0, 100.0), square(5.0, 50.0)].concat();
         let faces = vec![[0, 2, 1], [0, 3, 2], [4, 6, 5], [4, 7, 6]];
-        Mesh { topology: Arc::new(Topology::new(8, faces).unwrap()), positions }
+        Mesh::new(positions, faces).unwrap()
     }
 
     #[test]

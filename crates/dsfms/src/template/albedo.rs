@@ -120,6 +120,7 @@ impl AlbedoOptions {
 
 /// Estimate albedo and gains. `mesh` in the template frame, outward orientation; `light` as
 /// calibrated (its length unit that of the mesh).
+#[doc(alias("eq. 1", "eq. 2"))]
 pub fn estimate_albedo(
     mesh: &Mesh,
     views: &[AlbedoView],

@@ -16,6 +16,7 @@ pub enum Combine {
 
 /// Eq. 1 with a gain: `I / (gain · shade)` per channel; `None` where the light does not reach
 /// (the paper sets a predefined maximum there, which eq. 2 then never picks).
+#[doc(alias = "eq. 1")]
 pub fn from_view(intensity: [f64; 3], shade: f64, gain: f64) -> Option<[f64; 3]> {
     let light = gain * shade;
     (light > 0.0).then(|| intensity.map(|i| i / light))
@@ -43,6 +44,7 @@ pub struct CombinedAlbedo {
 
 /// Eq. 2 or its robust substitute; `noise` is the relative standard deviation expected of one
 /// value (used by [`Combine::Robust`] only). `None` without a value.
+#[doc(alias = "eq. 2")]
 pub fn combine(albedos: &[ViewAlbedo], rule: Combine, noise: f64) -> Option<CombinedAlbedo> {
     match rule {
         Combine::Minimum => minimum(albedos),

@@ -121,6 +121,7 @@ const VIGNETTING_SIGMA: f64 = 0.5;
 ///
 /// A single view leaves light and albedo apart: the light is then `initial`, or one at the camera, without
 /// candidates. The reference distance is that of `initial`, or else the median distance of the observations.
+#[doc(alias("photometric calibration", "light calibration"))]
 pub fn fit_light(
     mesh: &Mesh,
     views: &[AlbedoView],

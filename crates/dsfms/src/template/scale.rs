@@ -106,6 +106,7 @@ pub struct ScaleScene<'a> {
 }
 
 /// Millimetres per unit; `None` without references.
+#[doc(alias = "metric scale")]
 pub fn find_scale(
     scene: &ScaleScene,
     references: &[ScaleReference],

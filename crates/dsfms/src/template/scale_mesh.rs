@@ -30,6 +30,7 @@ const MAX_MISFIT: f64 = 0.05;
 
 /// Millimetres per unit of `found`, from `metric` (mm, any place, outward orientation; it may show
 /// more of the organ).
+#[doc(alias = "ICP")]
 pub fn fit_to_mesh(found: &Mesh, metric: &Mesh) -> Result<Scale, ScaleError> {
     let closest = ClosestPoints::new(metric);
     let fit = |points: &[Oriented]| Fit { points: points.to_vec(), metric, closest: &closest };

@@ -32,12 +32,16 @@ const BLACK: u8 = 16;
 ///
 /// It borrows nothing, so that it can run on a thread of its own:
 ///
-/// ```ignore
+/// ```no_run
+/// # fn follow(tracker: &mut dsfms::Tracker, frame: dsfms::Frame) -> Result<(), Box<dyn std::error::Error>> {
+/// let (sender, receiver) = std::sync::mpsc::sync_channel(2);
 /// let mut preparation = tracker.preparation();
 /// // on the reader's thread:
-/// sender.send(preparation.prepare(frame, None)?);
+/// sender.send(preparation.prepare(frame, None)?)?;
 /// // on the tracker's:
 /// let tracked = tracker.solve(&receiver.recv()?);
+/// # Ok(())
+/// # }
 /// ```
 #[derive(Clone, Debug)]
 pub struct Preparation {

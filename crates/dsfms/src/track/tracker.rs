@@ -39,6 +39,28 @@ const MOST_FEATURES: usize = 2000;
 const RAREST: usize = 16;
 
 /// Follows a template through the frames of one camera.
+///
+/// ```
+/// use dsfms::pipeline::template_from_posed_frames;
+/// use dsfms::{Exploration, LengthUnit, Method, Silent, TemplateOptions, TrackOptions, Tracker};
+/// use dsfms::{image::ToneCurve, synth::Case};
+///
+/// let case = Case::example(1);
+/// let (frames, poses) = case.explore(2);
+/// let poses: Vec<_> = poses.into_iter().map(Some).collect();
+/// let exploration = Exploration::new(&frames, &case.camera);
+/// let (mesh, unit) = (case.template.mesh.clone(), LengthUnit::Millimetre);
+/// let options = TemplateOptions::default();
+/// let template =
+///     template_from_posed_frames(&exploration, mesh, unit, &poses, &options, &Silent)?.template;
+///
+/// let (tone, options) = (ToneCurve::Srgb, TrackOptions::default());
+/// let mut tracker = Tracker::new(&template, &case.camera, &tone, Method::Dsfm, options)?;
+/// let tracked = tracker.next(&case.frame, None)?;
+/// println!("{:?}: {:?}", tracked.status, tracked.reasons);
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
+#[doc(alias("visual tracking", "video"))]
 pub struct Tracker<'a> {
     pub(super) template: &'a Template,
     pub(super) albedo: Mips,

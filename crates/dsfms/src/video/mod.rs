@@ -144,6 +144,16 @@ pub fn is_video(path: &Path) -> bool {
 /// Every window's sharpest frame (variance of the Laplacian at half size) is a candidate; a
 /// candidate that hardly moved against the frame chosen before it is left out, so that a resting
 /// camera gives no duplicates. The first candidate is always chosen.
+///
+/// ```no_run
+/// use dsfms::video::{VideoOptions, select_frames};
+///
+/// let frames = select_frames("exploration.mp4".as_ref(), &VideoOptions::default())?;
+/// # Ok::<_, dsfms::video::VideoError>(())
+/// ```
+///
+/// # Errors
+/// A file that is no video, or of which no frame can be decoded.
 pub fn select_frames(path: &Path, options: &VideoOptions) -> Result<Vec<Frame>, VideoError> {
     select_reporting(path, options, &mut |_, _| {})
 }

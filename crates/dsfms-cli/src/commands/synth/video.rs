@@ -240,15 +240,7 @@ fn template(
         .iter()
         .map(|p| read_frame(p))
         .collect::<Result<Vec<_>, _>>()?;
-    let exploration = Exploration {
-        frames: &frames,
-        valid: &[],
-        organ: &[],
-        camera: &clip.camera,
-        tone: &ToneCurve::Srgb,
-        light: None,
-        metric: None,
-    };
+    let exploration = Exploration::new(&frames, &clip.camera);
     let poses: Vec<Option<Isometry>> = poses.iter().map(|p| Some(*p)).collect();
     let mut options = TemplateOptions::default();
     options.sfm.seed = global.seed;

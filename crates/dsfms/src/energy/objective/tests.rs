@@ -241,11 +241,7 @@ fn cone(n: u32) -> Mesh {
         Point3::new(cos, sin, 0.2)
     });
     let faces = (0..n).map(|k| [0, 1 + k, 1 + (k + 1) % n]).collect();
-    let topology = crate::mesh::Topology::new(n as usize + 1, faces).unwrap();
-    Mesh {
-        topology: Arc::new(topology),
-        positions: [Point3::origin()].into_iter().chain(rim).collect(),
-    }
+    Mesh::new([Point3::origin()].into_iter().chain(rim).collect(), faces).unwrap()
 }
 
 #[test]

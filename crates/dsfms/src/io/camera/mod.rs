@@ -50,6 +50,18 @@ pub struct CameraFile {
 
 /// Read a camera file; the format is told from its content. A folder is taken for a COLMAP model.
 /// Everything is validated.
+///
+/// ```
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("camera.json");
+/// std::fs::write(&path, r#"{"width": 640, "height": 480, "fx": 600, "fy": 600, "cx": 319.5, "cy": 239.5}"#)?;
+/// let file = dsfms::io::camera::read_camera(&path)?;
+/// assert_eq!((file.camera.size, file.camera.focal), ([640, 480], [600.0, 600.0]));
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// A file that is missing, of no known format, or with a field that is missing or impossible.
 pub fn read_camera(path: &Path) -> Result<CameraFile, InputError> {
     if path.is_dir() {
         return read_camera(&file_in(path, "cameras")?);
@@ -67,9 +79,7 @@ pub fn read_camera(path: &Path) -> Result<CameraFile, InputError> {
         if nerfstudio::is_nerfstudio(&value) {
             nerfstudio::read(path, &value)?
         } else if is_of_poses(&value) {
-            let reason = "holds camera poses (R and t), no intrinsics: it belongs to --poses; --camera takes \
-                          width, height, fx, fy, cx, cy";
-            return Err(InputError::format(path, reason));
+            return Err(InputError::PosesForCamera(path.into()));
         } else if opencv::is_opencv(&value) {
             opencv::read(path, &value)?
         } else {

@@ -316,5 +316,7 @@ fn numbers_written_as_texts() {
 fn poses_are_no_intrinsics() {
     let text = r#"{"K": [[548, 0, 1], [0, 549, 1], [0, 0, 1]], "exploration": [{"image": "a.png",
         "R": [[1,0,0],[0,1,0],[0,0,1]], "t": [0,0,1]}]}"#;
-    assert!(read("poses.json", text).unwrap_err().contains("it belongs to --poses"));
+    assert!(
+        read("poses.json", text).unwrap_err().contains("camera poses (R and t), no intrinsics")
+    );
 }

@@ -34,7 +34,7 @@ pub enum TemplateError {
     },
     /// Known poses that nothing in the frames agrees with.
     #[error(
-        "no point of the {frames} frames agrees with the given poses and camera; expected camera_from_world (x right, y down, z forward) of these very frames; without --poses they are estimated"
+        "no point of the {frames} frames agrees with the given poses and camera; expected camera_from_world (x right, y down, z forward) of these very frames; where none are given they are estimated"
     )]
     NoPoints {
         /// Frames with a pose.
@@ -70,7 +70,7 @@ pub enum TemplateError {
     },
     /// The surface fills too little of the outlines: the organ was not reconstructed.
     #[error(
-        "one connected surface fills only {percent:.0} % of the organ's outline; outline a frame that shows the organ whole, or give organ masks of all frames (--organ-masks)"
+        "one connected surface fills only {percent:.0} % of the organ's outline; outline a frame that shows the organ whole, or give organ masks of all frames"
     )]
     EmptyOutline {
         /// Share of the outlines that it fills, per cent.

@@ -67,6 +67,7 @@ impl Covariance {
 ///
 /// # Errors
 /// As for `adjust`; [`BundleError::Undetermined`] where sightings do not determine all unknowns.
+#[doc(alias = "uncertainty")]
 pub fn covariance(bundle: &Bundle, options: &BundleOptions) -> Result<Covariance, BundleError> {
     check_cameras(bundle)?;
     let mut bundle = bundle.clone();

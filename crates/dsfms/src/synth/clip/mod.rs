@@ -21,9 +21,9 @@ use crate::camera::{CameraModel, Lens};
 use crate::geometry::{Isometry, Point3, Vector3};
 use crate::image::{Frame, Mask};
 use crate::light::{Coat, Coated, LightModel, PointLight, Spot};
+use crate::mesh::Mesh;
 use crate::mesh::boundary::boundary_loops;
 use crate::mesh::normals::vertex_normals;
-use crate::mesh::{Mesh, Topology};
 use crate::raster::{rasterize, visible_vertices};
 use instrument::Instrument;
 use path::{CameraPath, smooth};
@@ -281,11 +281,10 @@ fn set(organ: &Mesh, seed: u64) -> Set {
     let organ_faces = faces.len();
     faces.extend(wall.1.iter().map(|f| f.map(|v| v + count)));
     let rest = [organ.positions.clone(), wall.0].concat();
-    let topology = Topology::new(rest.len(), faces).expect("two manifold pieces");
     let reach = 2.0 + [low.x, low.y, high.x, high.y].iter().fold(0.0, |m: f64, v| m.max(v.abs()));
     Set {
         organ_faces,
-        mesh: Mesh { topology: std::sync::Arc::new(topology), positions: rest },
+        mesh: Mesh::new(rest, faces).expect("two manifold pieces"),
         organ: Texture::new([reach; 2], 0.06, Palette::ORGAN, seed),
         wall: Texture::new([WALL[0], WALL[1]], 0.25, Palette::WALL, seed ^ 0x3A11),
     }

@@ -61,15 +61,8 @@ fn main() -> Outcome<()> {
     let masks: Vec<Option<Mask>> = masks.into_iter().map(Some).collect();
     let tone = file.tone.clone().unwrap_or_default();
     let organ: &[Option<Mask>] = if arguments.masks { &masks } else { &[] };
-    let exploration = Exploration {
-        frames: &frames,
-        valid: &[],
-        organ,
-        camera: &file.camera,
-        tone: &tone,
-        light: file.light.as_ref().filter(|_| arguments.light),
-        metric: None,
-    };
+    let light = file.light.as_ref().filter(|_| arguments.light);
+    let exploration = Exploration::new(&frames, &file.camera).organ(organ).tone(&tone).light(light);
     let mut options: TemplateOptions = match &arguments.options {
         Some(path) => toml::from_str(&std::fs::read_to_string(path)?)?,
         None => TemplateOptions::default(),

@@ -8,7 +8,6 @@
 //! over the cases, and in brackets the ratio to clean matches.
 
 use dsfms::geometry::{Point2, Point3};
-use dsfms::image::ToneCurve;
 use dsfms::light::LightModel;
 use dsfms::pipeline::{Method, Observation, ReconstructOptions, Reconstruction, reconstruct};
 use dsfms::register::Match;
@@ -91,14 +90,7 @@ fn solve(
     method: Method,
     options: &ReconstructOptions,
 ) -> Result<Vec<Point3>, Box<dyn Error>> {
-    let observation = Observation {
-        frame: &case.frame,
-        camera: &case.camera,
-        tone: &ToneCurve::Srgb,
-        matches: Some(matches),
-        instrument: None,
-        organ: None,
-    };
+    let observation = Observation::new(&case.frame, &case.camera).matches(matches);
     let found = reconstruct(&case.template, &observation, method, options);
     Ok(Reconstruction::even_refused(found)?.vertices)
 }

@@ -168,14 +168,8 @@ fn instrument(frame: &Frame, random: &mut Random) -> Mask {
 fn judge(case: &Case, instrument: Option<&Mask>, index: usize) -> [Vec<Row>; 4] {
     let covered = |m: &dsfms::register::Match| instrument.is_some_and(|i| i.at_pixel(&m.pixel));
     let matches: Vec<_> = case.matches.iter().filter(|m| !covered(m)).copied().collect();
-    let observation = Observation {
-        frame: &case.frame,
-        camera: &case.camera,
-        tone: &ToneCurve::Srgb,
-        matches: Some(&matches),
-        instrument,
-        organ: None,
-    };
+    let observation =
+        Observation::new(&case.frame, &case.camera).matches(&matches).instrument(instrument);
     let mut all: [Vec<Row>; 4] = Default::default();
     for method in METHODS {
         let found = reconstruct(&case.template, &observation, method, &Default::default());
