@@ -88,7 +88,9 @@ fn raw_frames_give_the_shapes_of_files_and_their_vertices_by_pipe() {
     let (a, b) = (files.join("vertices.npz"), pipe.join("vertices.npz"));
     assert_eq!(std::fs::read(&a).unwrap(), std::fs::read(&b).unwrap());
     let (shapes, status) = dsfms::track::shapes::read_shapes(&b).unwrap();
-    assert!(status.iter().filter(|s| **s == 0).count() >= 8, "{status:?}");
+    // One frame is black; where the instrument, of which no mask tells, covers a part, they are degraded.
+    assert!(status.iter().filter(|s| **s < 2).count() == 11, "{status:?}");
+    assert!(status.iter().filter(|s| **s == 0).count() >= 6, "{status:?}");
     let lines = lines(&live.stdout);
     assert_eq!(lines.len(), 12);
     for (k, (line, bytes)) in lines.iter().enumerate() {
@@ -119,7 +121,8 @@ fn a_damaged_picture_of_a_jpeg_stream_is_one_lost_frame() {
     let out = folder.path().join("out");
     let mut damaged = jpeg(1);
     damaged.truncate(damaged.len() / 2);
-    let stream = [b"--frame\r\n\r\n".to_vec(), jpeg(0), damaged, jpeg(2), jpeg(3)].concat();
+    // Frames that no instrument is in.
+    let stream = [b"--frame\r\n\r\n".to_vec(), jpeg(0), damaged, jpeg(1), jpeg(6)].concat();
     let arguments = ["--input-format", "mjpeg", "--overlay", "--keep-lost"];
     let done = track(&out, "-", &arguments, stream);
     assert_eq!(done.status.code(), Some(2), "{}", String::from_utf8_lossy(&done.stderr));
@@ -211,8 +214,8 @@ fn a_file_that_is_no_picture_is_one_lost_frame_and_wrong_usage_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let frames = folder.path().join("frames");
     std::fs::create_dir(&frames).unwrap();
-    for k in 0..3 {
-        std::fs::copy(clip(&format!("frames/frame_{k:03}.png")), frames.join(format!("a{k}.png")))
+    for (to, k) in [0, 1, 6].into_iter().enumerate() {
+        std::fs::copy(clip(&format!("frames/frame_{k:03}.png")), frames.join(format!("a{to}.png")))
             .unwrap();
     }
     std::fs::write(frames.join("a1.png"), b"no picture").unwrap();

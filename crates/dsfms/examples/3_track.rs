@@ -19,21 +19,29 @@ fn main() -> Result<(), Box<dyn Error>> {
     run().map(|_| ())
 }
 
-/// Status of every frame, and its root mean square error, mm, where it has a surface.
-pub fn run() -> Result<Vec<(TrackStatus, Option<f64>)>, Box<dyn Error>> {
+/// What became of a frame.
+pub struct Outcome {
+    /// Trust.
+    pub status: TrackStatus,
+    /// Root mean square error where it has a surface, mm.
+    pub rms: Option<f64>,
+}
+
+/// Every frame of the video.
+pub fn run() -> Result<Vec<Outcome>, Box<dyn Error>> {
     let case = Case::example(5);
     let template = template(&case)?;
-    let tone = ToneCurve::Srgb;
-    let options = TrackOptions::default();
+    let (tone, options) = (ToneCurve::Srgb, TrackOptions::default());
     let mut tracker = Tracker::new(&template, &case.camera, &tone, Method::Dsfm, options)?;
     let mut all = Vec::new();
     for k in 0..4 {
         let (frame, truth) = frame(&case, k);
         let tracked = tracker.next(&frame, None)?;
-        let error = tracked.surface.as_ref().map(|found| rms(&found.vertices, &truth));
-        println!("frame {k}: {:?}, error {error:.3?} mm", tracked.status);
+        let (status, found) = (tracked.status, tracked.surface.as_ref());
+        let rms = found.map(|found| rms(&found.vertices, &truth));
+        println!("frame {k}: {status:?}, error {rms:.3?} mm");
         tracked.reasons.iter().for_each(|why| println!("    {why}"));
-        all.push((tracked.status, error));
+        all.push(Outcome { status, rms });
     }
     Ok(all)
 }

@@ -34,9 +34,9 @@ fn shading_lowers_the_error_of_motion() {
 
 #[test]
 fn the_covered_frame_alone_is_lost() {
-    for (k, (status, error)) in track::run().unwrap().into_iter().enumerate() {
+    for (k, track::Outcome { status, rms }) in track::run().unwrap().into_iter().enumerate() {
         assert_eq!(status == TrackStatus::Lost, k == track::COVERED, "frame {k}: {status:?}");
-        assert!(error.is_none_or(|error| error < 1.5), "frame {k}: {error:?} mm");
+        assert!(rms.is_none_or(|rms| rms < 1.5), "frame {k}: {rms:?} mm");
     }
 }
 
