@@ -354,7 +354,9 @@ def tracked(clips, arguments):
             shapes = np.load(folder / "out/vertices.npz")
             for at, k in enumerate(shown):
                 status = ["ok", "degraded", "failed"][int(shapes["status"][at])]
-                row = {"clip": clip.name, "frame": k, "kind": kind if at >= FROM else UNDISTURBED, "status": status}
+                # Another camera is another one from the first frame on.
+                plain = at < FROM and kind not in cameras(clip)
+                row = {"clip": clip.name, "frame": k, "kind": UNDISTURBED if plain else kind, "status": status}
                 if status != "failed":
                     row["error"] = clip.error(k, shapes["vertices"][at].astype(float))
                 rows.append(row | {"stretch": kind})
