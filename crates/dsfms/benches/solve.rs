@@ -94,7 +94,8 @@ fn bench_shading(
         });
         report(n, "joint", time, &found.summary, rms(case, &found.vertices));
         let (matches, posed) = (&case.matches[..], &scene.posed[..]);
-        let frame = NearFrame { scene, matches, posed, depth_sigma: hold, photo: &photo };
+        let body = &Body::plain(scene);
+        let frame = NearFrame { body, matches, posed, depth_sigma: hold, photo: &photo };
         let near = Near { shape: &found.vertices, ambient: found.ambient, gap: false };
         let memory = std::cell::RefCell::new(VideoMemory::default());
         let video = VideoOptions::default();

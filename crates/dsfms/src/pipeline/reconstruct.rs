@@ -74,6 +74,17 @@ impl ReconstructOptions {
         all
     }
 
+    /// What decides how much of a deformation stays.
+    pub(crate) fn comparison<'a>(
+        &'a self,
+        body: &'a Body,
+        matches: &'a [Match],
+        photo: &'a Photograph,
+    ) -> Comparison<'a> {
+        let sigma_px = self.register.match_sigma_px;
+        Comparison { body, matches, sigma_px, photo, options: &self.joint }
+    }
+
     /// The same for frames of a size, px: lengths in pixels are stated for [`DIAGONAL`] and grow with
     /// the image.
     fn at_size(mut self, size: [usize; 2]) -> Self {
@@ -91,11 +102,12 @@ impl ReconstructOptions {
 const DIAGONAL: f64 = 800.0;
 
 /// Where the fields of the options are documented.
-const TABLES: [Documented; 5] = [
+const TABLES: [Documented; 6] = [
     ("", include_str!("reconstruct.rs"), "ReconstructOptions"),
     ("register", include_str!("../register/options.rs"), "RegisterOptions"),
     ("refine", include_str!("../refine/options.rs"), "RefineOptions"),
-    ("joint", include_str!("../refine/joint.rs"), "JointOptions"),
+    ("joint", include_str!("../refine/joint_options.rs"), "JointOptions"),
+    ("joint.exposure_unknown", include_str!("../refine/joint_options.rs"), "ExposureUnknown"),
     ("verdict", include_str!("../verdict/thresholds.rs"), "Thresholds"),
 ];
 
@@ -186,7 +198,8 @@ fn logged(
                     let mut refined =
                         refine(&body, &coarse.vertices, &kept, &photo, &options.refine);
                     if !options.literal {
-                        refined.vertices = comparison(&body, &kept, &photo, options)
+                        refined.vertices = options
+                            .comparison(&body, &kept, &photo)
                             .kept(&coarse.vertices, refined.vertices);
                     }
                     refined.settled(&body, anchor)
@@ -201,7 +214,7 @@ fn logged(
                     let mut joined = join(&body, start, depth_sigma, &kept, &photo, &options.joint);
                     let still = &body.scene().posed;
                     joined.vertices =
-                        comparison(&body, &kept, &photo, options).kept(still, joined.vertices);
+                        options.comparison(&body, &kept, &photo).kept(still, joined.vertices);
                     joined.settled(&body, anchor)
                 });
                 log.attach(&joined.summary);
@@ -218,17 +231,6 @@ fn logged(
         Level::Lost => Err(ReconstructError::Refused(Box::new(result))),
         Level::Ok | Level::Degraded => Ok(result),
     }
-}
-
-/// What decides how much of a deformation stays.
-fn comparison<'a>(
-    body: &'a Body,
-    matches: &'a [Match],
-    photo: &'a Photograph,
-    options: &'a ReconstructOptions,
-) -> Comparison<'a> {
-    let sigma_px = options.register.match_sigma_px;
-    Comparison { body, matches, sigma_px, photo, options: &options.joint }
 }
 
 /// What the stages read of one frame, made once.

@@ -8,7 +8,7 @@
 //! `q² = max(E(rest) / E(moved), (r²(rest) + σ²) / (r²(moved) + σ²))`, share kept = ramp(`q`).
 
 use super::Photograph;
-use super::joint::JointOptions;
+use super::joint_options::JointOptions;
 use super::samples::look;
 use crate::camera::Camera;
 use crate::geometry::Point3;

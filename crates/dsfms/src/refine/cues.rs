@@ -2,7 +2,8 @@
 
 use super::Photograph;
 use super::contour::silhouette;
-use super::joint::{JointOptions, REFERENCE};
+use super::joint::REFERENCE;
+use super::joint_options::JointOptions;
 use super::look::Look;
 use crate::camera::CameraModel;
 use crate::energy::{Objective, Silhouette, Specular};

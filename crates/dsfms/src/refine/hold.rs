@@ -4,7 +4,7 @@
 //! only as well as albedo, exposure and fall-off are known. Tissue that the rigid pose explains is where
 //! the pose puts it.
 
-use super::joint::JointOptions;
+use super::joint_options::JointOptions;
 use crate::camera::Camera;
 use crate::energy::Boundary;
 use crate::geometry::{Neighbours, Point3, Vector2};
@@ -42,7 +42,7 @@ pub(super) fn hold(
 
 /// Motion of every match that its neighbours share and the pose does not explain, length units: root
 /// mean product of their offsets. Noise and wrong matches share nothing with their neighbours.
-fn shared_motions(scene: &Scene, matches: &[Match], posed: &[Point3]) -> Vec<f64> {
+pub(super) fn shared_motions(scene: &Scene, matches: &[Match], posed: &[Point3]) -> Vec<f64> {
     let [fx, fy] = scene.camera.focal;
     let offset = |m: &Match| {
         let point = scene.point(m, posed);

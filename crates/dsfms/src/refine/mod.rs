@@ -10,6 +10,7 @@ mod gain;
 mod glare;
 mod hold;
 pub mod joint;
+pub mod joint_options;
 mod look;
 pub mod mirror;
 pub mod objective;
@@ -19,7 +20,9 @@ pub mod video;
 
 pub use asked::Comparison;
 pub use evidence::{Evidence, Photograph};
-pub use joint::{Joined, JointOptions, join};
+pub use gain::AtMatches;
+pub use joint::{Joined, join};
+pub use joint_options::{ExposureUnknown, JointOptions};
 pub use objective::{Refined, refine};
 pub use options::RefineOptions;
 pub use video::{Carried, Near, NearFrame, VideoMemory, VideoOptions, join_near};

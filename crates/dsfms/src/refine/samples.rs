@@ -3,7 +3,7 @@
 use super::Photograph;
 use super::field::GainField;
 use super::glare::{Channels, NoiseOptions, weigh};
-use super::joint::JointOptions;
+use super::joint_options::JointOptions;
 use super::look::{Look, LookOptions};
 use crate::energy::photometric::{Gain, Sample};
 use crate::energy::{Brightness, Lift};
@@ -58,13 +58,7 @@ pub(super) struct Seen {
 
 impl Seen {
     /// `shape`: the mesh that is solved on, which carries the full mesh that the look is at.
-    pub(super) fn of(
-        look: Look,
-        body: &Body,
-        shape: &[Point3],
-        field: Option<&GainField>,
-        options: &JointOptions,
-    ) -> Self {
+    pub(super) fn of(look: Look, body: &Body, shape: &[Point3], options: &JointOptions) -> Self {
         let places = match body.is_carried() {
             true => at_vertices(&look, body, shape, options),
             false => inside_faces(&look, options),
@@ -76,17 +70,22 @@ impl Seen {
             colour: options.colour,
         };
         let weighed = weigh(&channels, &noise);
-        let rest = body.scene().rest;
         let sample = |(i, brightness): (usize, Brightness)| {
             let Place { face, barycentric, lift } = places[i];
-            let gain = field.map_or(Gain::GLOBAL, |field| {
-                let (nodes, shares) = field.at(&body.point((face, barycentric), &rest.positions));
-                Gain::smooth(nodes.map(|k| k + 2), shares)
-            });
-            Sample { face, barycentric, brightness, lift, gain }
+            Sample { face, barycentric, brightness, lift, gain: Gain::GLOBAL }
         };
         let samples = weighed.brightness.into_iter().map(sample).collect();
         Self { image: look.image, samples, log_gain: weighed.log_gain }
+    }
+
+    /// The same with a gain that varies over the surface.
+    pub(super) fn smoothed(mut self, body: &Body, field: &GainField) -> Self {
+        let rest = &body.scene().rest.positions;
+        for sample in &mut self.samples {
+            let (nodes, shares) = field.at(&body.point((sample.face, sample.barycentric), rest));
+            sample.gain = Gain::smooth(nodes.map(|k| k + 2), shares);
+        }
+        self
     }
 }
 

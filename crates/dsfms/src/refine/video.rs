@@ -5,14 +5,16 @@
 //! memory of the last solve.
 
 use super::Photograph;
-use super::gain::GainPrior;
+use super::gain::{AtMatches, GainPrior, scaled};
 use super::hold::hold;
-use super::joint::{JointOptions, held, shaded};
+use super::joint::{Told, held, shaded};
+use super::joint_options::JointOptions;
 use super::samples::{Seen, look};
 use crate::energy::{FaceRings, Photometric, Unknowns, Workspace};
 use crate::geometry::Point3;
-use crate::register::{Body, Match, Scene};
+use crate::register::{Body, Match};
 use crate::solver::Options;
+use crate::template::Exposure;
 use serde::{Deserialize, Serialize};
 
 /// Options of the solve from the last shape.
@@ -21,7 +23,8 @@ use serde::{Deserialize, Serialize};
 pub struct VideoOptions {
     /// Blur of image and albedo, as a fraction of the image diagonal.
     pub blur: f64,
-    /// Blurs before it, coarse to fine, where the last shape is that of many frames ago.
+    /// Blurs before it, coarse to fine, where the last shape is that of many frames ago or the matches moved
+    /// on from it by more than the blur.
     pub blurs_after_gap: Vec<f64>,
     /// Steps of the solver at each.
     pub steps: usize,
@@ -79,18 +82,18 @@ pub struct VideoMemory {
 /// A shape near that of the frame, and the ambient light that went with it.
 #[derive(Clone, Copy, Debug)]
 pub struct Near<'a> {
-    /// Vertices in camera axes.
+    /// Vertices in camera axes, of the mesh that is solved on.
     pub shape: &'a [Point3],
     /// Linear light.
     pub ambient: f64,
-    /// The shape is that of many frames ago.
+    /// The shape is that of many frames ago, or the matches moved on from it by more than the blur.
     pub gap: bool,
 }
 
 /// The shape of a frame.
 #[derive(Clone, Debug)]
 pub struct Carried {
-    /// Vertices in camera axes.
+    /// Vertices in camera axes, of the mesh that was solved on.
     pub vertices: Vec<Point3>,
     /// Ambient light, linear.
     pub ambient: f64,
@@ -100,12 +103,17 @@ pub struct Carried {
     pub residual: f64,
     /// Steps taken.
     pub steps: usize,
+    /// What the matches tell of the exposure; `None` where too few of them are seen.
+    pub at_matches: Option<AtMatches>,
+    /// Whether the exposure is another than expected.
+    pub exposure_changed: bool,
 }
 
-/// A frame to solve from a shape near it.
+/// A frame to solve from a shape near it; matches and shapes are those of the mesh of `body` that is
+/// solved on.
 pub struct NearFrame<'a> {
     /// The rest shape posed where bending is counted from, and what of it is seen.
-    pub scene: &'a Scene<'a>,
+    pub body: &'a Body<'a>,
     /// Where the template's points are.
     pub matches: &'a [Match],
     /// The rest shape where the matches pose it: their depth is held to it.
@@ -116,7 +124,8 @@ pub struct NearFrame<'a> {
     pub photo: &'a Photograph<'a>,
 }
 
-/// Solve motion, prior and shading together, from a shape near the solution.
+/// Solve motion, prior and shading together, from a shape near the solution. An exposure that is held
+/// and scales all of the surface is taken for unknown.
 pub fn join_near(
     memory: &mut VideoMemory,
     frame: &NearFrame,
@@ -124,46 +133,82 @@ pub fn join_near(
     joint: &JointOptions,
     video: &VideoOptions,
 ) -> Carried {
-    let joint = JointOptions { max_samples: video.max_samples, ..joint.clone() };
+    let (told, held) = near_told(memory, frame, near, joint, video);
+    if !held || !scaled(frame.body.scene(), &told.vertices) {
+        return told;
+    }
+    let photo = &Photograph { exposure: None, ..*frame.photo };
+    let (free, _) = near_told(memory, &NearFrame { photo, ..*frame }, near, joint, video);
+    Carried { exposure_changed: true, ..free }
+}
+
+/// Solve with the exposure as the photograph tells it; `true` where brightness told distance.
+fn near_told(
+    memory: &mut VideoMemory,
+    frame: &NearFrame,
+    near: Near,
+    joint: &JointOptions,
+    video: &VideoOptions,
+) -> (Carried, bool) {
+    let joint = &JointOptions { max_samples: video.max_samples, ..joint.clone() };
     let solver = Options {
         max_steps: video.steps,
         cost_tolerance: video.tolerance,
         reduction: video.reduction,
         ..Options::default()
     };
-    let start = Unknowns { vertices: near.shape.to_vec(), globals: vec![0.0, near.ambient] };
+    let NearFrame { body, matches, posed, photo, .. } = *frame;
+    let (scene, light) = (body.scene(), &photo.light.light);
     let VideoMemory { workspace, rings } = memory;
     let rings = &*rings.get_or_insert_with(|| {
-        let rings = FaceRings::of(&frame.scene.rest.topology);
+        let rings = FaceRings::of(&scene.rest.topology);
         // Whatever face comes into view, the system has its blocks.
         *workspace = Workspace::reserved(near.shape.len(), 2, rings.stencils());
         rings
     });
-    let mut found = (start, 0, 0.0, 0);
+    let mut state = Unknowns { vertices: near.shape.to_vec(), globals: vec![0.0, near.ambient] };
+    let (mut samples, mut residual, mut steps, mut told) = (0, 0.0, 0, None);
     let before = if near.gap { &video.blurs_after_gap[..] } else { &[] };
-    let (matches, light) = (frame.matches, &frame.photo.light.light);
-    let hold = hold(frame.scene, matches, frame.posed, frame.depth_sigma, light, &joint, 1.0);
     for (stage, &blur) in before.iter().chain([&video.blur]).enumerate() {
         // Coarse stages have yet to bring the matches within reach.
         let match_px = if stage < before.len() { joint.match_px } else { video.match_px };
-        let (mut state, _, _, steps) = found;
-        let NearFrame { scene, photo, .. } = *frame;
-        let body = Body::plain(scene);
-        let look = look(photo, scene.rest, &state.vertices, blur, &joint);
-        let seen = Seen::of(look, &body, &state.vertices, None, &joint);
+        let full = body.carried(&state.vertices);
+        let look = look(photo, body.full().rest, &full, blur, joint);
+        // Where only the pose puts the matches: a shape that a wrong exposure has moved agrees with it.
+        let at = || AtMatches::of(&look, scene, matches, [posed; 2]);
+        let at_matches = if stage == 0 { at() } else { None };
+        let seen = Seen::of(look, body, &state.vertices, joint);
+        let Told { gain, hold, options, .. } = told.get_or_insert_with(|| {
+            let (sigma, ambient) = (joint.gain_sigma, joint.ambient_sigma);
+            // The many matches of a followed frame tell the exposure themselves where they are at rest.
+            let here = at_matches.filter(AtMatches::calm).map(|at| at.log_gain);
+            let here = |e: Exposure| Exposure { log_gain: here.unwrap_or(e.log_gain), ..e };
+            let exposure = photo.exposure.map(here);
+            let gain = GainPrior::of(exposure, seen.log_gain, at_matches, sigma, ambient);
+            let slack = gain.slack(sigma);
+            let hold = hold(scene, matches, posed, frame.depth_sigma, light, joint, slack);
+            Told { gain, at_matches, hold, options: joint.told(&gain, light) }
+        });
+        samples = seen.samples.len();
         let topology = &scene.rest.topology;
-        let (image, samples) = (&seen.image, seen.samples);
-        let count = samples.len();
-        let shading = Photometric::new(photo.camera, photo.light, image, rings, samples);
+        let shading = Photometric::new(photo.camera, photo.light, &seen.image, rings, seen.samples);
         state.globals[0] = shading.log_gain(topology, &state.vertices, state.globals[1]);
-        let expected = photo.exposure.map_or(seen.log_gain, |e| e.log_gain);
-        let held = held(scene, matches, match_px, 2, &joint);
-        let gain = GainPrior::free(expected, joint.gain_sigma, joint.ambient_sigma);
-        let problem = shaded(held, scene, hold.clone(), shading.clone(), gain, &joint);
-        let (state, summary) = problem.minimise_in(workspace, state, &solver);
-        let residual = shading.mean_residual(topology, &state.vertices, &state.globals);
-        found = (state, count, residual, steps + summary.iterations);
+        let held = held(scene, matches, match_px, 2, options);
+        let problem = shaded(held, scene, hold.clone(), shading.clone(), *gain, options);
+        let (next, summary) = problem.minimise_in(workspace, state, &solver);
+        state = next;
+        residual = shading.mean_residual(topology, &state.vertices, &state.globals);
+        steps += summary.iterations;
     }
-    let (state, samples, residual, steps) = found;
-    Carried { vertices: state.vertices, ambient: state.globals[1], samples, residual, steps }
+    let Told { gain, at_matches, .. } = told.expect("there is at least one blur");
+    let carried = Carried {
+        vertices: state.vertices,
+        ambient: state.globals[1],
+        samples,
+        residual,
+        steps,
+        at_matches,
+        exposure_changed: gain.changed,
+    };
+    (carried, joint.tells_distance(&gain, light))
 }

@@ -1,5 +1,6 @@
 //! A surface looked at in its frame, and judged.
 
+use super::exposed::Shown;
 use super::look::{Look, edge_px};
 use super::prepare::View;
 use super::tracker::{Clock, Draft, Tracker};
@@ -7,6 +8,7 @@ use super::verdict::{Known, evidence};
 use super::{Surface, Way};
 use crate::geometry::Point3;
 use crate::verdict::{Compared, Looked, Says, Verdict, judge, look, regions};
+use std::cmp::Ordering;
 use std::sync::Arc;
 
 /// A surface with its judgement.
@@ -15,6 +17,25 @@ pub(super) struct Candidate {
     pub(super) surface: Surface,
     pub(super) look: Arc<Look>,
     pub(super) ambient: f64,
+    pub(super) shown: Shown,
+    pub(super) jumped: bool,
+}
+
+impl Candidate {
+    /// Whether it shows the frame better than another: by its verdict, else by the brightness it leaves
+    /// unexplained, else by what looks alike.
+    pub(super) fn beats(&self, other: &Self) -> bool {
+        let (a, b) = (&self.surface, &other.surface);
+        let alike = || match (a.photometric, b.photometric) {
+            (Some(a), Some(b)) => a < b,
+            _ => a.agreement > b.agreement,
+        };
+        match self.verdict.level.cmp(&other.verdict.level) {
+            Ordering::Less => true,
+            Ordering::Greater => false,
+            Ordering::Equal => alike(),
+        }
+    }
 }
 
 impl Tracker<'_> {
@@ -32,7 +53,7 @@ impl Tracker<'_> {
         });
         let [agreeing, places] =
             clock.time("agree", || look.agreement(&view.seen, self.limits().correlation));
-        let ambient = draft.ambient;
+        let Draft { ambient, shown, jumped, .. } = draft;
         let looked = clock.time("compare", || self.compared(view, &draft));
         let camera = &self.working.compared;
         let says = |p: &Point3| looked.as_ref().map_or(Says::Nothing, |l| l.at(camera, p));
@@ -60,7 +81,7 @@ impl Tracker<'_> {
             let known = Known { before, residual, camera, appearance, usual, folds };
             judge(&evidence(rest, self.camera, &surface, &known), self.limits())
         });
-        Candidate { verdict, surface, look: Arc::new(look), ambient }
+        Candidate { verdict, surface, look: Arc::new(look), ambient, shown, jumped }
     }
 
     /// Image beside prediction, as single frames are looked at.

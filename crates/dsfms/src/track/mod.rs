@@ -6,7 +6,9 @@
 //! found anew by its descriptors. Every surface is then looked at: where the frame does not agree
 //! with the albedo rendered at it, it is not shown as good.
 
+mod attempts;
 mod awake;
+mod exposed;
 mod judged;
 pub mod look;
 mod mips;
@@ -21,7 +23,7 @@ mod verdict;
 use crate::geometry::{Isometry, Point3};
 use crate::options::{Documented, OptionError, check, commented, from_zero, positive};
 use crate::pipeline::{Method, ReconstructOptions};
-use crate::refine::{JointOptions, VideoOptions};
+use crate::refine::VideoOptions;
 use crate::register::Match;
 use crate::verdict::{Reason, Region};
 pub use prepare::{Preparation, Prepared, Regions};
@@ -52,25 +54,13 @@ pub struct TrackOptions {
 impl Default for TrackOptions {
     fn default() -> Self {
         Self {
-            reconstruct: ReconstructOptions { joint: exposure_unknown(), ..Default::default() },
+            reconstruct: ReconstructOptions::default(),
             video: VideoOptions::default(),
             correlation: 0.7,
             patience: 10,
             search_every: 10,
             awake: false,
         }
-    }
-}
-
-/// Joint weights of frames whose exposure counts as unknown: a stronger prior holds what brightness
-/// cannot tell, and smooth errors of it are a field.
-fn exposure_unknown() -> JointOptions {
-    JointOptions {
-        stretch: 4e3,
-        strain: 0.2,
-        smooth_gain: 0.01,
-        blurs: vec![0.018, 0.009, 0.0045, 0.0045],
-        ..JointOptions::default()
     }
 }
 
@@ -134,14 +124,19 @@ impl TrackOptions {
 }
 
 /// Where the fields of the options are documented.
-const TABLES: [Documented; 7] = [
+const TABLES: [Documented; 8] = [
     ("", include_str!("mod.rs"), "TrackOptions"),
     ("video", include_str!("../refine/video.rs"), "VideoOptions"),
     ("reconstruct.verdict", include_str!("../verdict/thresholds.rs"), "Thresholds"),
     ("reconstruct", include_str!("../pipeline/reconstruct.rs"), "ReconstructOptions"),
     ("reconstruct.register", include_str!("../register/options.rs"), "RegisterOptions"),
     ("reconstruct.refine", include_str!("../refine/options.rs"), "RefineOptions"),
-    ("reconstruct.joint", include_str!("../refine/joint.rs"), "JointOptions"),
+    ("reconstruct.joint", include_str!("../refine/joint_options.rs"), "JointOptions"),
+    (
+        "reconstruct.joint.exposure_unknown",
+        include_str!("../refine/joint_options.rs"),
+        "ExposureUnknown",
+    ),
 ];
 
 /// Replace what another table names, table by table.

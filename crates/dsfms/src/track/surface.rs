@@ -1,9 +1,13 @@
 //! The surface that matches give: anew, or from the shape of the frame before.
 
+use super::Way;
+use super::exposed::Shown;
 use super::look::edge_px;
 use super::prepare::View;
 use super::tracker::{Clock, Draft, Last, Tracker};
+use crate::camera::Camera;
 use crate::geometry::{Isometry, Point2, Point3, align_rigid_robust, point_at};
+use crate::image::diagonal;
 use crate::light::LightModel;
 use crate::pipeline::Method;
 use crate::refine::{Near, NearFrame, Photograph, join, join_near};
@@ -30,19 +34,26 @@ impl Tracker<'_> {
             .time("pose", || pose(self.camera, rest, &matches, &options.register, options.seed));
         let posed = posed.map_err(|error| error.to_string())?;
         let memory = &mut self.memory.register;
-        let (scene, coarse) = clock.time("register", || {
-            let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
-            let scene = Scene::new(self.camera, rest, rigid);
-            let coarse = register_in(memory, &scene, &matches, &posed, &options.register);
-            (scene, coarse)
+        let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
+        let scene = clock.time("register", || Scene::new(self.camera, rest, rigid));
+        let body = Body::new(&scene, &self.deformable);
+        let on_body = body.matches(&matches);
+        let coarse = clock.time("register", || {
+            register_in(memory, body.scene(), &on_body, &posed, &options.register)
         });
-        let mut draft = Draft::of(&scene, &posed, matches, coarse);
+        let mut draft = Draft::of(&body, &posed, &matches, &coarse, options.register.anchor);
         if let Some(photo) = self.photograph(view, &draft.vertices) {
-            let kept = draft.kept();
-            let (start, hold) = (&draft.vertices, draft.depth_uncertainty * scene.radius());
+            let kept = coarse.kept.iter().zip(&*on_body).filter(|m| *m.0);
+            let kept: Vec<Match> = kept.map(|m| *m.1).collect();
+            let (start, hold) = (&coarse.vertices, coarse.depth_sigma);
             let joined = clock.time("joint", || {
-                join(&Body::plain(&scene), start, hold, &kept, &photo, &options.joint)
+                let mut joined = join(&body, start, hold, &kept, &photo, &options.joint);
+                joined.vertices = options
+                    .comparison(&body, &kept, &photo)
+                    .kept(&body.scene().posed, joined.vertices);
+                joined.settled(&body, options.register.anchor)
             });
+            draft.shown = Shown { at_matches: joined.at_matches, changed: joined.exposure_changed };
             (draft.vertices, draft.ambient) = (joined.vertices, joined.ambient);
             draft.photometric = (joined.samples > 0).then_some(joined.residual);
             draft.measure(&scene);
@@ -55,9 +66,10 @@ impl Tracker<'_> {
         &mut self,
         view: &View,
         matches: Vec<Match>,
+        way: Way,
         clock: &mut Clock,
     ) -> Result<Draft, String> {
-        self.beside_last(view, matches, clock, |tracker, last, matches| {
+        self.beside_last(view, matches, way, clock, |tracker, last, matches| {
             let options = &tracker.options.reconstruct.register;
             let to = |matches: &[Match], points: &[Point3], start: Isometry| {
                 let pixels: Vec<Point2> = matches.iter().map(|m| m.pixel).collect();
@@ -81,7 +93,7 @@ impl Tracker<'_> {
         matches: Vec<Match>,
         clock: &mut Clock,
     ) -> Result<Draft, String> {
-        self.beside_last(view, matches, clock, |tracker, last, matches| {
+        self.beside_last(view, matches, Way::Found, clock, |tracker, last, matches| {
             let options = &tracker.options.reconstruct;
             let (rest, register) = (&tracker.template.mesh, &options.register);
             let posed = pose(tracker.camera, rest, matches, register, options.seed)?;
@@ -95,6 +107,7 @@ impl Tracker<'_> {
         &mut self,
         view: &View,
         matches: Vec<Match>,
+        way: Way,
         clock: &mut Clock,
         start: impl FnOnce(&Self, &Last, &[Match]) -> Result<Start, RegisterError>,
     ) -> Result<Draft, String> {
@@ -102,7 +115,7 @@ impl Tracker<'_> {
         let last = self.last.as_ref().ok_or("nothing to follow")?;
         let near = clock.time("pose", || start(self, last, &matches));
         let near = near.map_err(|error| error.to_string())?;
-        Ok(self.solved(view, matches, near, clock))
+        Ok(self.solved(view, matches, near, way, clock))
     }
 
     /// A shape like the last moved by a motion, as a start.
@@ -137,6 +150,7 @@ impl Tracker<'_> {
         view: &View,
         matches: Vec<Match>,
         near: Start,
+        way: Way,
         clock: &mut Clock,
     ) -> Draft {
         let mut memory = std::mem::take(&mut self.memory);
@@ -147,43 +161,70 @@ impl Tracker<'_> {
         });
         let options = &self.options.reconstruct;
         let register = &options.register;
+        let body = Body::new(&scene, &self.deformable);
+        let on_body = body.matches(&matches);
+        let start = body.restricted(&shape);
+        let jumped = self.out_of_reach(body.scene(), &on_body, &start);
+        let gap = gap || jumped;
         let draft = match self.photograph(view, &shape) {
             None => {
                 let memory = &mut memory.register;
                 let coarse = clock.time("register", || {
-                    register_near(memory, &scene, &matches, &posed, &shape, register)
+                    register_near(memory, body.scene(), &on_body, &posed, &start, register)
                 });
-                Draft::of(&scene, &posed, matches, coarse)
+                Draft::of(&body, &posed, &matches, &coarse, register.anchor)
             }
             Some(photo) => {
-                let depth_sigma = depth_tolerance(&scene, &matches, &posed, &shape, register);
+                let scene = body.scene();
+                let depth_sigma = depth_tolerance(scene, &on_body, &posed, &start, register);
                 let by_matches: Vec<Point3> =
-                    rest.positions.iter().map(|p| posed.pose * p).collect();
+                    scene.rest.positions.iter().map(|p| posed.pose * p).collect();
                 let found = clock.time("joint", || {
-                    let (scene, photo) = (&scene, &photo);
-                    let (matches, posed) = (&matches, &by_matches);
-                    let frame = NearFrame { scene, matches, posed, depth_sigma, photo };
-                    let near = Near { shape: &shape, ambient, gap };
+                    let (body, photo) = (&body, &photo);
+                    let (matches, posed) = (&*on_body, &by_matches);
+                    let frame = NearFrame { body, matches, posed, depth_sigma, photo };
+                    let near = Near { shape: &start, ambient, gap };
                     let (joint, video) = (&options.joint, &self.options.video);
                     join_near(&mut memory.video, &frame, near, joint, video)
                 });
-                let (kept, residual_px) = explained(&scene, &matches, &found.vertices, register);
+                let (kept, residual_px) = explained(scene, &on_body, &found.vertices, register);
+                let vertices = match way {
+                    Way::Followed => found.vertices,
+                    Way::Found => {
+                        let kept = kept.iter().zip(&*on_body).filter(|m| *m.0);
+                        let kept: Vec<Match> = kept.map(|m| *m.1).collect();
+                        let comparison = options.comparison(&body, &kept, &photo);
+                        clock.time("joint", || comparison.kept(&scene.posed, found.vertices))
+                    }
+                };
                 let mut draft = Draft {
-                    vertices: found.vertices,
+                    vertices: body.carried(&vertices).into_owned(),
                     pose: posed.pose,
-                    matches: matches.into_iter().zip(kept).collect(),
+                    matches: matches.iter().copied().zip(kept).collect(),
                     residual_px,
                     reprojection_px: 0.0,
                     depth_uncertainty: depth_sigma / scene.radius(),
                     photometric: (found.samples > 0).then_some(found.residual),
                     ambient: found.ambient,
+                    jumped: false,
+                    shown: Shown { at_matches: found.at_matches, changed: found.exposure_changed },
                 };
-                draft.measure(&scene);
+                draft.measure(body.full());
                 draft
             }
         };
+        let draft = Draft { jumped, ..draft };
         self.memory = memory;
         draft
+    }
+
+    /// Whether a tenth of the matches moved on from a shape by more than the blur of its solve: shading
+    /// must be brought within reach by coarser ones.
+    fn out_of_reach(&self, scene: &Scene, matches: &[Match], shape: &[Point3]) -> bool {
+        let mut errors = errors_px(scene, matches, shape);
+        errors.sort_unstable_by(f64::total_cmp);
+        let tenth = errors.get(9 * errors.len() / 10);
+        tenth.is_some_and(|&e| e > self.options.video.blur * diagonal(self.camera.size()))
     }
 
     /// The points of matches on a shape.
@@ -212,7 +253,7 @@ impl Tracker<'_> {
             outline: None,
             light: &self.light,
             albedo: &self.albedo.for_edge(2.0 * edge).texels,
-            exposure: self.template.exposure(),
+            exposure: self.expected_exposure(),
         })
     }
 }
@@ -231,18 +272,21 @@ struct Start {
 }
 
 impl Draft {
-    fn of(scene: &Scene, posed: &Posed, matches: Vec<Match>, coarse: Registered) -> Self {
+    fn of(body: &Body, posed: &Posed, matches: &[Match], coarse: &Registered, anchor: f64) -> Self {
+        let settled = body.settled(coarse.vertices.clone(), anchor);
         let mut draft = Self {
-            vertices: coarse.vertices,
+            vertices: body.carried(&settled).into_owned(),
             pose: posed.pose,
-            matches: matches.into_iter().zip(coarse.kept).collect(),
+            matches: matches.iter().copied().zip(coarse.kept.iter().copied()).collect(),
             residual_px: coarse.residual_px,
             reprojection_px: 0.0,
-            depth_uncertainty: coarse.depth_sigma / scene.radius(),
+            depth_uncertainty: coarse.depth_sigma / body.scene().radius(),
             photometric: None,
             ambient: 0.0,
+            shown: Shown::default(),
+            jumped: false,
         };
-        draft.measure(scene);
+        draft.measure(body.full());
         draft
     }
 

@@ -1,6 +1,7 @@
 //! The state between frames, and one frame's way through find, follow and verdict.
 
 use super::awake::awake;
+use super::exposed::{Exposed, Shown};
 use super::judged::Candidate;
 use super::look::{Anchor, Look, Working};
 use super::mips::Mips;
@@ -16,9 +17,8 @@ use crate::mesh::laplacian::Laplacian;
 use crate::pipeline::Method;
 use crate::refine::VideoMemory;
 use crate::register::find::{Search, agreeing};
-use crate::register::{Match, RegisterMemory};
-use crate::template::Template;
-use crate::verdict::intrinsics::other_camera;
+use crate::register::{Deformable, Match, RegisterMemory};
+use crate::template::{Exposure, Template};
 use crate::verdict::{Reason, Thresholds};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -30,13 +30,6 @@ const STRAY_PX: f64 = 1.5;
 
 /// Where a place was last is another start than where it is expected, px of the working image.
 const APART_PX: f64 = 4.0;
-
-/// Features of a frame that are looked up at most; more tell little.
-const MOST_FEATURES: usize = 2000;
-
-/// Searches beside a degraded surface that found nothing better make the next one this much rarer at
-/// most.
-const RAREST: usize = 16;
 
 /// Follows a template through the frames of one camera.
 ///
@@ -64,7 +57,7 @@ const RAREST: usize = 16;
 pub struct Tracker<'a> {
     pub(super) template: &'a Template,
     pub(super) albedo: Mips,
-    search: Search<'a>,
+    pub(super) search: Search<'a>,
     pub(super) light: Coated,
     pub(super) camera: &'a CameraModel,
     pub(super) method: Method,
@@ -72,18 +65,20 @@ pub struct Tracker<'a> {
     pub(super) working: Working,
     /// Of the rest shape.
     pub(super) laplacian: Laplacian,
+    pub(super) deformable: Deformable,
     pub(super) memory: Memory,
     preparation: Preparation,
     pub(super) last: Option<Last>,
     pub(super) usual: Usual,
+    exposed: Exposed,
     /// See [`other_camera`]; of the last search by descriptors.
     pub(super) other_camera: Option<(f64, [f64; 2])>,
     /// Frames given.
     pub(super) count: usize,
     /// Frame of the last search by descriptors beside a degraded surface.
-    searched: Option<usize>,
+    pub(super) searched: Option<usize>,
     /// How much rarer such searches have become, since they found nothing better.
-    rarer: usize,
+    pub(super) rarer: usize,
 }
 
 /// What outlives a frame, for speed alone.
@@ -115,6 +110,9 @@ pub(super) struct Draft {
     pub(super) depth_uncertainty: f64,
     pub(super) photometric: Option<f64>,
     pub(super) ambient: f64,
+    pub(super) shown: Shown,
+    /// The matches moved on from the last shape by more than the blur of its solve.
+    pub(super) jumped: bool,
 }
 
 /// Wall times.
@@ -161,10 +159,12 @@ impl<'a> Tracker<'a> {
             options,
             working,
             laplacian: Laplacian::new(&template.mesh),
+            deformable: Deformable::of(&template.mesh),
             memory: Memory::default(),
             preparation,
             last: None,
             usual: Usual::default(),
+            exposed: Exposed::default(),
             other_camera: None,
             count: 0,
             searched: None,
@@ -219,122 +219,13 @@ impl<'a> Tracker<'a> {
         self.settle(outcome, clock.0)
     }
 
-    /// Follow, and find where that is not good enough; the better of both.
-    fn attempts(
-        &mut self,
-        frame: &Frame,
-        view: &View,
-        clock: &mut Clock,
-    ) -> Result<Candidate, String> {
-        let fresh =
-            |last: &Last| (self.count - last.frame <= self.options.patience).then_some(last.frame);
-        let followed = match self.last.as_ref().and_then(fresh) {
-            Some(_) => {
-                let matches = clock.time("follow", || self.followed(view));
-                let draft = self.carried(view, matches, clock);
-                draft.map(|draft| self.judged(view, draft, Way::Followed, clock))
-            }
-            None => Err("not found yet".to_owned()),
-        };
-        let due = |at: usize| self.count >= at + self.rarer * self.options.search_every;
-        match &followed {
-            Ok(c) if c.verdict.level == TrackStatus::Ok => {
-                self.rarer = 1;
-                return followed;
-            }
-            Ok(c) if c.verdict.level == TrackStatus::Degraded => {
-                // What covers a part, or veils all, is no matter of where the template is.
-                let veil =
-                    |r: &Reason| matches!(r, Reason::RegionContradicted(_) | Reason::Faint { .. });
-                if c.verdict.reasons.iter().all(veil) || !self.searched.is_none_or(due) {
-                    return followed;
-                }
-            }
-            _ => {}
-        }
-        if matches!(&followed, Ok(c) if c.verdict.level == TrackStatus::Degraded) {
-            self.searched = Some(self.count);
-        }
-        let seed = self.options.reconstruct.seed;
-        let matches = clock.time("find", || {
-            let seen = view.features(frame, &self.working, MOST_FEATURES);
-            let options = &self.options.reconstruct.register;
-            self.search.matches(self.camera, &seen, options, seed)
-        });
-        let found = matches
-            .map_err(|error| error.to_string())
-            .and_then(|matches| self.found(view, matches, clock));
-        let rank = |c: &Result<Candidate, String>| {
-            c.as_ref().map_or(0.0, |c| match c.verdict.level {
-                TrackStatus::Ok => 2.0 + c.surface.agreement,
-                TrackStatus::Degraded => 1.0 + c.surface.agreement,
-                TrackStatus::Lost => 0.0,
-            })
-        };
-        let keep = rank(&followed) >= rank(&found) && rank(&followed) > 0.0;
-        self.rarer = if keep { (2 * self.rarer).min(RAREST) } else { 1 };
-        if keep { followed } else { found }
-    }
-
-    /// The surface where the template was found: bent as it was last, and where that does not hold, from
-    /// nothing.
-    fn found(
-        &mut self,
-        view: &View,
-        matches: Vec<Match>,
-        clock: &mut Clock,
-    ) -> Result<Candidate, String> {
-        let options = &self.options.reconstruct;
-        self.other_camera = self.template.camera.as_ref().and_then(|own| {
-            let (limit, cameras) = (options.verdict.camera, [self.camera, own]);
-            let rest = &self.template.mesh;
-            other_camera(cameras, limit, rest, &matches, &options.register, options.seed)
-        });
-        if self.last.is_some() {
-            let again = self.again(view, matches.clone(), clock);
-            if let Ok(c) = again.map(|draft| self.judged(view, draft, Way::Found, clock))
-                && c.verdict.level == TrackStatus::Ok
-            {
-                return Ok(c);
-            }
-        }
-        let draft = self.anew(view, matches, clock)?;
-        let first = self.judged(view, draft, Way::Found, clock);
-        Ok(self.followed_at_once(view, first, clock))
-    }
-
-    /// A surface found from nothing, followed within its own frame: its look finds more matches than descriptors
-    /// do. The first where following it ends worse.
-    fn followed_at_once(&mut self, view: &View, first: Candidate, clock: &mut Clock) -> Candidate {
-        if first.verdict.level == TrackStatus::Lost {
-            return first;
-        }
-        let vertices = first.surface.vertices.clone();
-        let earlier = self.last.replace(Last {
-            frame: self.count,
-            ahead: vertices.clone(),
-            vertices,
-            pose: first.surface.pose,
-            ambient: first.ambient,
-            look: first.look.clone(),
-        });
-        let matches = clock.time("follow", || self.followed(view));
-        let again = self.carried(view, matches, clock);
-        let again = again.map(|draft| self.judged(view, draft, Way::Found, clock));
-        self.last = earlier;
-        match again {
-            Ok(again) if again.verdict.level <= first.verdict.level => again,
-            _ => first,
-        }
-    }
-
     /// Where this frame may show the last shape.
     pub(super) fn expected<'b>(&self, last: &'b Last) -> &'b [Point3] {
         if last.frame + 1 == self.count { &last.ahead } else { &last.vertices }
     }
 
     /// Matches of the last shape's anchors, carried on by its motion and then by their look.
-    fn followed(&self, view: &View) -> Vec<Match> {
+    pub(super) fn followed(&self, view: &View) -> Vec<Match> {
         let Some(last) = &self.last else { return Vec::new() };
         let (faces, start) = (&self.template.mesh.topology.faces, self.expected(last));
         let (render, frame) = (&last.look.render, &view.seen.pyramid);
@@ -368,6 +259,11 @@ impl<'a> Tracker<'a> {
         agreeing.into_iter().map(|i| matches[i]).collect()
     }
 
+    /// What is known of the exposure of this frame.
+    pub(super) fn expected_exposure(&self) -> Option<Exposure> {
+        self.exposed.expected(self.template.exposure())
+    }
+
     pub(super) fn limits(&self) -> &Thresholds {
         &self.options.reconstruct.verdict
     }
@@ -387,6 +283,7 @@ impl<'a> Tracker<'a> {
                 {
                     self.usual.add(residual);
                 }
+                self.exposed.add(&c.shown);
                 let before = self
                     .last
                     .as_ref()
