@@ -100,23 +100,21 @@ def to_surface(true, visible, v, f):
     return found.closest(true / scale)[0] * scale
 
 
-def frame_errors(scene, i, path, rigid, surface):
-    """Mean errors in zone, visible and hidden (None where empty); with `rigid`, the deviation from that pose too.
+def frame_errors(scene, i, v, rigid=None, faces=None):
+    """Mean errors of vertices `v` in zone, visible and hidden (None where empty); with `rigid` vertices, the deviation from that pose too.
 
-    `surface`: distances to the surface after one scale, for a template of other vertices."""
+    `faces`: distances to the surface (v, faces) after one scale, for a template of other vertices."""
     folder = scene / "ground_truth/deformed_meshes_cam"
     true, _ = read_ply(folder / f"frame_{i:03d}.ply")
     info = np.load(folder / f"frame_{i:03d}_vertices.npz")
     visible, moved = info["visible"], info["displacement"]
     largest = moved[visible].max()
     zone = (moved >= 0.5 * largest) & (largest > 0.1)
-    v, f = read_ply(path)
-    error = to_surface(true, visible, v, f) if surface else np.linalg.norm(v - true, axis=1)
+    error = to_surface(true, visible, v, faces) if faces is not None else np.linalg.norm(v - true, axis=1)
     mean = lambda e, m: float(e[m].mean()) if m.any() else None
     out = dict(zone=mean(error, zone), visible=mean(error, visible), hidden=mean(error, ~visible))
     if rigid is not None:
-        base, _ = read_ply(rigid)
-        away = np.linalg.norm(v - base, axis=1)
-        seen = visible if not surface else np.ones(len(v), bool)
+        away = np.linalg.norm(v - rigid, axis=1)
+        seen = visible if faces is None else np.ones(len(v), bool)
         out.update(rest_seen=mean(away, seen), rest_hidden=mean(away, ~seen))
     return out

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from measure import frame_errors
+from measure import frame_errors, read_ply
 
 METHODS = "rigid,dsfm,dsfms,joint"
 ROOT = Path(__file__).resolve().parents[2]
@@ -130,7 +130,9 @@ def score(a, scene, road, method, rigid):
         ply = out / f"out/frame_{i:03d}.ply"
         if ply.exists():
             pose = Path(rigid["folder"]) / f"out/frame_{i:03d}.ply" if rigid and i == 0 else None
-            frames[i] = frame_errors(scene, i, ply, pose if pose and pose.exists() else None, road == "frames")
+            pose = read_ply(pose)[0] if pose and pose.exists() else None
+            vertices, faces = read_ply(ply)
+            frames[i] = frame_errors(scene, i, vertices, pose, faces if road == "frames" else None)
     mean = lambda k: float(np.mean([f[k] for i, f in frames.items() if i and f.get(k) is not None])) if frames else None
     figures = dict(
         zone=mean("zone"),

@@ -1,0 +1,54 @@
+//! What a near light tells of distance: as much as the exposure is known, and nothing where it has changed.
+
+use dsfms::geometry::{Isometry, Point3, median};
+use dsfms::light::{LightModel, PointLight, Spot};
+use dsfms::synth::{Case, CaseOptions, Draw, RenderOptions, render};
+use dsfms::template::View;
+use dsfms::{Method, Observation, ReconstructOptions, reconstruct};
+
+/// A pull under a near light, after an exploration of six frames of one exposure.
+fn case() -> Case {
+    let light = LightModel::Point(PointLight {
+        positions: vec![Point3::new(3.0, 0.0, 0.0)],
+        reference_distance: 75.0,
+        spot: Spot::Isotropic,
+    });
+    let draw = Draw { count: 25, sigma_px: 0.3 };
+    let options = CaseOptions { vertices: 300, extension: 0.05, light, draw, pull: true };
+    let mut case = Case::new(&options, 5);
+    let view = |k: usize| View {
+        name: format!("frame_{k}"),
+        camera_from_template: Isometry::identity(),
+        gain: [0.998, 1.002][k % 2],
+        reprojection_px: 0.0,
+    };
+    case.template.views = (0..6).map(view).collect();
+    case
+}
+
+/// Median error in depth over what is seen of the frame under a gain, mm, and the gain found.
+fn depth_off(case: &Case, gain: f64) -> (f64, f64) {
+    let template = &case.template;
+    let (light, albedo) = (template.light.as_ref().unwrap(), template.albedo.as_ref().unwrap());
+    let shape = template.mesh.with_positions(case.truth.clone());
+    let look = RenderOptions { gain, noise: 1.0, seed: 3, ..RenderOptions::default() };
+    let frame = render(&case.camera, light, &shape, albedo, &look);
+    let observation = Observation::new(&frame, &case.camera).matches(&case.matches);
+    let options = ReconstructOptions::default();
+    let found = reconstruct(template, &observation, Method::Joint, &options).unwrap();
+    let seen = (0..case.truth.len()).filter(|&v| case.visible[v]);
+    let mut off: Vec<f64> = seen.map(|v| found.vertices[v].z - case.truth[v].z).collect();
+    (median(&mut off).unwrap(), found.gain)
+}
+
+#[test]
+fn another_exposure_than_the_explorations_is_told_and_moves_nothing() {
+    let case = case();
+    for gain in [1.0, 0.8, 1.25, 1.06] {
+        let (off, found) = depth_off(&case, gain);
+        eprintln!("gain {gain}: found {found:.3}, depth off by {off:.2} mm");
+        // Held to the exploration's, a gain of 1.25 moves a surface at 75 mm by 8 mm.
+        assert!(off.abs() < 0.5, "gain {gain}: depth off by {off:.2} mm");
+        assert!((found / gain).ln().abs() < 0.02, "gain {gain}: found {found:.3}");
+    }
+}
