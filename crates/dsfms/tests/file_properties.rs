@@ -257,7 +257,15 @@ proptest! {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("camera.json");
         write_camera(&path, &file).unwrap();
-        prop_assert_eq!(read_camera(&path).unwrap(), file);
+        let found = read_camera(&path).unwrap();
+        // An exponent below one, which in files is that of the encoding, comes back as its table.
+        let light = |file: &CameraFile| file.tone.as_ref().map(ToneCurve::table);
+        prop_assert_eq!(light(&found), light(&file));
+        let tone = match &file.tone {
+            Some(ToneCurve::Gamma(g)) if *g < 1.0 => found.tone.clone(),
+            tone => tone.clone(),
+        };
+        prop_assert_eq!(found, CameraFile { tone, ..file });
     }
 
     #[test]

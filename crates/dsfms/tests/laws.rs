@@ -141,8 +141,13 @@ fn the_order_of_the_matches_says_nothing() {
             let found = solve(&case, Method::Dsfm).unwrap();
             case.matches = order.iter().map(|&k| case.matches[k]).collect();
             let other = solve(&case, Method::Dsfm).unwrap();
-            let apart = apart(&found.vertices, &other.vertices);
-            prop_assert!(apart < TOLERANCE, "{apart} mm");
+            let same = apart(&found.vertices, &other.vertices);
+            prop_assert!(same < TOLERANCE, "{same} mm");
+            // The yardstick: one of the 25 matches moved by two pixels is told.
+            case.matches[0].pixel.x += 2.0;
+            let moved = solve(&case, Method::Dsfm).unwrap();
+            let moved = apart(&found.vertices, &moved.vertices);
+            prop_assert!(moved > TOLERANCE, "{moved} mm");
             Ok(())
         })
         .unwrap();
