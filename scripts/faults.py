@@ -293,6 +293,15 @@ class Score:
             say(f"  FOUND {fault}, {command}: {text}")
 
 
+LISTS = ("frames.pvd",)
+
+
+def named(path):
+    """Files that a list of ParaView names."""
+    sets = xml.dom.minidom.parse(str(path)).getElementsByTagName("DataSet")
+    return [entry.getAttribute("file") for entry in sets]
+
+
 def after_fault(command, out, said, prepared):
     """What is wrong in the folder right after the fault."""
     wrong = []
@@ -308,7 +317,10 @@ def after_fault(command, out, said, prepared):
             wrong.append(f"{name} is not whole: {error}")
             continue
         expected = command.reference.get(name)
-        if name not in command.reference:
+        if name in LISTS:
+            # What a run that could not write every frame says of those it wrote.
+            wrong.extend(f"{name} names {f}, which is not there" for f in named(path) if not (out / f).exists())
+        elif name not in command.reference:
             wrong.append(f"{name} is no file of an undisturbed run")
         elif expected is not None and name != command.log and path.read_bytes() != expected:
             wrong.append(f"{name} has other bytes than after an undisturbed run")
