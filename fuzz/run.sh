@@ -24,10 +24,11 @@ export TMPDIR="$scratch"
 
 one() {
     local name=$1 places
-    mkdir -p "corpus/$name" "artifacts/$name"
-    places=("corpus/$name")
+    mkdir -p "corpus/$name" "artifacts/$name" "$scratch/$name"
+    places=("corpus/$name" "$scratch/$name")
     for seeds in "seeds/$name" "../crates/dsfms/tests/corpus/$name"; do
-        if [ -d "$seeds" ]; then places+=("$seeds"); fi
+        # Large files make every mutant of them slow.
+        if [ -d "$seeds" ]; then find "$seeds" -type f -size -17k -exec cp {} "$scratch/$name" \;; fi
     done
     local words=()
     if [ -f "dictionaries/$name.dict" ]; then words=("-dict=dictionaries/$name.dict"); fi

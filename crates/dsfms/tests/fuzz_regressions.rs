@@ -9,6 +9,7 @@ mod targets;
 use dsfms::geometry::Point3;
 use dsfms::image::Frame;
 use dsfms::io::igtl::{Head, Plane, image as image_message, string};
+use dsfms::io::images::decode_bytes;
 use image::ImageFormat;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -150,6 +151,27 @@ fn every_file_of_the_corpus_ends_in_time() {
         let accepted = files.iter().filter(|(file, bytes)| timed(file, target, bytes)).count();
         assert!(accepted > 0, "{name}: no seed is accepted");
     }
+}
+
+/// Few bytes must not cost a decoder much: pixels that they cannot hold, scans without end.
+#[test]
+fn a_jpeg_of_more_pixels_or_scans_than_its_bytes_can_hold_is_refused() {
+    // One colour, the least that a picture needs.
+    let flat = image::RgbImage::from_pixel(1600, 1200, image::Rgb([90, 60, 50]));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    flat.write_to(&mut bytes, ImageFormat::Jpeg).unwrap();
+    let good = bytes.into_inner();
+    assert!(decode_bytes(&good).is_ok(), "{} bytes", good.len());
+    let marker = |kind: u8| good.windows(2).position(|w| w == [0xff, kind]).unwrap();
+    // Height and width lie behind the start of the frame.
+    let (frame, mut lies) = (marker(0xc0), good.clone());
+    lies[frame + 5..frame + 9].copy_from_slice(&[0x1f, 0x40, 0x1f, 0x40]);
+    let reason = decode_bytes(&lies).unwrap_err();
+    assert!(reason.contains("states 8000x8000 px"), "{reason}");
+    let (scan, mut scans) = (marker(0xda), good.clone());
+    scans.splice(scan..scan, good[scan..scan + 14].repeat(64));
+    let reason = decode_bytes(&scans).unwrap_err();
+    assert!(reason.contains("65 scans"), "{reason}");
 }
 
 /// xorshift64*.
