@@ -29,7 +29,7 @@ fn small(seed: u64) -> Case {
         extension: 0.03,
         light: LightModel::Collinear,
         draw: Draw { count: 25, sigma_px: 1.0 },
-        pull: seed % 2 == 0,
+        pull: seed.is_multiple_of(2),
     };
     Case::new(&options, seed)
 }
