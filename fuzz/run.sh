@@ -22,6 +22,12 @@ scratch=$(mktemp -d -p "$(test -d /dev/shm && echo /dev/shm || echo /tmp)")
 trap 'rm -rf "$scratch"' EXIT
 export TMPDIR="$scratch"
 
+# A fuzzer that cannot fail finds nothing.
+if DSFMS_FUZZ_CANARY=1 "target/$host/release/options" -runs=1 -artifact_prefix="$scratch/" >/dev/null 2>&1; then
+    echo "a panic does not end a target" >&2
+    exit 1
+fi
+
 one() {
     local name=$1 places
     mkdir -p "corpus/$name" "artifacts/$name" "$scratch/$name"

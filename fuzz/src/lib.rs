@@ -1,5 +1,7 @@
 //! What the targets share: the readers are those that `cargo test --test fuzz_regressions` replays.
 
+use std::sync::LazyLock;
+
 #[path = "../../crates/dsfms/tests/common/targets.rs"]
 pub mod targets;
 
@@ -8,13 +10,16 @@ pub fn prepare() {
     dsfms::guard::quiet_hook();
 }
 
+static CANARY: LazyLock<bool> = LazyLock::new(|| std::env::var_os("DSFMS_FUZZ_CANARY").is_some());
+
 /// The bytes through a reader.
 ///
 /// # Panics
 /// A target of that name does not exist; or the reader has a fault.
 pub fn run(name: &str, bytes: &[u8]) {
+    // What run.sh asks first: does a panic end the process?
+    assert!(!*CANARY, "the canary");
     let target = targets::TARGETS.iter().find(|t| t.0 == name);
     let (_, _, reader) = target.unwrap_or_else(|| panic!("no target is called {name}"));
-    // Where it was set in the meantime, the hook of the fuzzer lies within ours.
     std::hint::black_box(reader(bytes));
 }
