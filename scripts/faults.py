@@ -475,6 +475,8 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", help="commands whose name holds this text")
     options = parser.parse_args()
+    # So that nothing stays mounted.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     binary, draw, score = options.binary.resolve(), random.Random(options.seed), Score()
     with tempfile.TemporaryDirectory(prefix="dsfms-faults-") as folder:
         work = Path(folder)
