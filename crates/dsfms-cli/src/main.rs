@@ -1,5 +1,21 @@
 //! The command line of dsfms: one file per subcommand, no mathematics.
 
+/// As that of the standard library, but a reader of standard error who goes away (`2>&1 | head`) ends no run.
+macro_rules! eprintln {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr(), $($text)*);
+    }};
+}
+
+/// Likewise.
+macro_rules! eprint {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = write!(std::io::stderr(), $($text)*);
+    }};
+}
+
 mod args;
 mod commands;
 mod demo;

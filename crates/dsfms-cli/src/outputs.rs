@@ -43,6 +43,15 @@ pub fn prepare_folder(folder: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// [`prepare_folder`] for the folder of a file.
+///
+/// # Errors
+/// A folder that cannot be made or written to.
+pub fn prepare_for(file: &Path) -> anyhow::Result<()> {
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+    prepare_folder(folder.unwrap_or(Path::new(".")))
+}
+
 /// `frame_NNN` for every input: NNN is the last number in its name where all have one and no two
 /// the same, else its place in the sequence.
 pub fn output_names(inputs: &[String]) -> Vec<String> {

@@ -50,6 +50,30 @@ fn a_frame_that_fails_leaves_no_surface_of_an_older_run() {
 }
 
 #[test]
+fn what_a_killed_run_left_goes_beside_single_files_too() {
+    let case = Case::new();
+    case.template();
+    let commands: [(&str, &[&str]); 4] = [
+        ("told", &["evaluate", "truth", "truth", "--json", "told/errors.json"]),
+        ("drawn", &["figure", "truth", "-o", "drawn/plate.svg"]),
+        ("meshes", &["export", "organ.template", "--mesh", "meshes/a.ply"]),
+        (
+            "cases/ext10/case_0000/truth",
+            &["synth", "--vertices", "100", "--ext", "10", "--count", "1", "-o", "cases"],
+        ),
+    ];
+    for (folder, arguments) in commands {
+        let partial = case.path(folder).join(".partial-4294967294-abc");
+        fs::create_dir_all(case.path(folder)).unwrap();
+        fs::write(&partial, "of a killed run").unwrap();
+        fs::write(case.path(folder).join("notes.txt"), "the user's").unwrap();
+        case.dsfms(arguments).assert().success();
+        assert!(!partial.exists(), "{arguments:?}");
+        assert!(case.path(folder).join("notes.txt").exists());
+    }
+}
+
+#[test]
 fn results_do_not_go_into_the_input_nor_over_files_of_others() {
     let case = Case::new();
     case.template();

@@ -3,17 +3,17 @@
 //!
 //! `DSFMS_FUZZ_SECONDS=600 cargo test --release --test fuzz_regressions -- --ignored --nocapture`
 
-#[path = "common/mp4.rs"]
-mod mp4;
 #[path = "common/targets.rs"]
 mod targets;
 
 use dsfms::geometry::Point3;
 use dsfms::image::Frame;
 use dsfms::io::igtl::{Head, Plane, image as image_message, string};
+use dsfms::io::images::decode_bytes;
+use image::ImageFormat;
 use std::path::Path;
 use std::time::{Duration, Instant};
-use targets::{TARGETS, Target};
+use targets::{TARGETS, Target, mp4, template_parts};
 
 /// For one input on a busy machine; a reader takes milliseconds.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -27,32 +27,45 @@ fn corpus(target: &str) -> Vec<(String, Vec<u8>)> {
         .map(|entry| entry.unwrap().path())
         .map(|path| (path.display().to_string(), std::fs::read(&path).unwrap()))
         .collect();
-    files.extend(made(target).map(|bytes| ("made".into(), bytes)));
+    files.extend(made(target));
     files.sort();
     assert!(!files.is_empty(), "no corpus for {target}");
     files
 }
 
-fn made(target: &str) -> Option<Vec<u8>> {
+/// Names and bytes of the seeds that are written here.
+fn made(target: &str) -> Vec<(String, Vec<u8>)> {
+    let one = |name: &str, bytes: Vec<u8>| vec![(name.to_owned(), bytes)];
     let picture =
         image::RgbImage::from_fn(24, 16, |x, y| image::Rgb([x as u8 * 9, y as u8 * 11, 77]));
-    let mut bytes = std::io::Cursor::new(Vec::new());
+    let written = |picture: image::DynamicImage, format| {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        picture.write_to(&mut bytes, format).unwrap();
+        bytes.into_inner()
+    };
+    let colours = |format| written(picture.clone().into(), format);
     match target {
-        "image" => picture.write_to(&mut bytes, image::ImageFormat::Png).unwrap(),
+        "image" => [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Tiff]
+            .map(|format| (format.extensions_str()[0].to_owned(), colours(format)))
+            .into(),
+        "mask" => {
+            let halves =
+                image::GrayImage::from_fn(24, 16, |x, _| image::Luma([255 * (x / 12) as u8]));
+            [ImageFormat::Png, ImageFormat::Tiff]
+                .map(|f| (f.extensions_str()[0].to_owned(), written(halves.clone().into(), f)))
+                .into()
+        }
         "mjpeg" => {
-            picture.write_to(&mut bytes, image::ImageFormat::Jpeg).unwrap();
-            let one = bytes.into_inner();
-            return Some([&b"--boundary\r\n\r\n"[..], &one, b"\r\n", &one].concat());
+            let jpeg = colours(ImageFormat::Jpeg);
+            one("two.mjpeg", [&b"--boundary\r\n\r\n"[..], &jpeg, b"\r\n", &jpeg].concat())
         }
-        "mp4" => {
-            let grey = |k: u8| vec![[60 + 40 * k; 3]; 32 * 16];
-            return Some(mp4::video([32, 16], &[grey(0), grey(1), grey(2)]).bytes);
-        }
+        "mp4" => one("three.mp4", clip().bytes),
+        "h264" => one("three.h264", mp4::annex_b([48, 32], &clip())),
         "igtl" => {
             let frame = Frame { name: String::new(), size: [4, 3], rgb: vec![[9, 8, 7]; 12] };
             let (head, axes) = (Head { device: "a", time: None }, [[0.0; 3]; 3]);
             let image = image_message(head, &frame, &Plane { axes, centre: [0.0; 3] });
-            return Some([image, string(head, "text")].concat());
+            one("two.igtl", [image, string(head, "text")].concat())
         }
         "npz" => {
             let folder = tempfile::tempdir().unwrap();
@@ -61,11 +74,62 @@ fn made(target: &str) -> Option<Vec<u8>> {
             file.push(Some(&[Point3::new(1.0, 2.0, 3.0), Point3::new(4.0, 5.0, 6.0)]), &[], 0)
                 .unwrap();
             file.finish().unwrap();
-            return Some(std::fs::read(path).unwrap());
+            one("vertices.npz", std::fs::read(path).unwrap())
         }
-        _ => return None,
+        "template" => {
+            template_parts().into_iter().map(|(name, bytes)| (name.to_owned(), bytes)).collect()
+        }
+        "off" => one(
+            "two.off",
+            b"OFF # units mm\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0.5\n3 0 1 2\n3 0 2 3\n".into(),
+        ),
+        "vtk" | "vtp" => surface_of_vtk(target),
+        _ => Vec::new(),
     }
-    Some(bytes.into_inner())
+}
+
+/// Three pictures that need no other.
+fn clip() -> mp4::Video {
+    let grey = |k: u8| vec![[60 + 40 * k; 3]; 48 * 32];
+    mp4::video([48, 32], &[grey(0), grey(1), grey(2)])
+}
+
+fn surface_of_vtk(target: &str) -> Vec<(String, Vec<u8>)> {
+    let mesh = dsfms::synth::patch(16, 1).mesh;
+    if target == "vtp" {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.vtp");
+        let extras = dsfms::io::vtk::VtkExtras::default();
+        let unit = dsfms::LengthUnit::Millimetre;
+        dsfms::io::vtk::write_vtp(&path, &mesh.topology, &mesh.positions, unit, &extras).unwrap();
+        return vec![("packed.vtp".into(), std::fs::read(path).unwrap())];
+    }
+    let head = |kind| {
+        format!("# vtk DataFile Version 3.0\nunits mm\n{kind}\nDATASET POLYDATA\nPOINTS 4 float\n")
+    };
+    let text = head("ASCII") + "0 0 0 1 0 0 1 1 0 0 1 0.5\nPOLYGONS 1 5\n4 0 1 2 3\n";
+    let mut binary = head("BINARY").into_bytes();
+    let points = [0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.5f32];
+    binary.extend(points.iter().flat_map(|v| v.to_be_bytes()));
+    binary.extend(b"\nPOLYGONS 3 6\nOFFSETS vtktypeint64\n");
+    binary.extend([0i64, 3, 6].iter().flat_map(|v| v.to_be_bytes()));
+    binary.extend(b"\nCONNECTIVITY vtktypeint64\n");
+    binary.extend([0i64, 1, 2, 0, 2, 3].iter().flat_map(|v| v.to_be_bytes()));
+    vec![("text.vtk".into(), text.into_bytes()), ("binary.vtk".into(), binary)]
+}
+
+/// The seeds that are written here, as files for the targets of `fuzz/`.
+#[test]
+#[ignore = "writes them into DSFMS_FUZZ_SEEDS"]
+fn seeds_for_other_fuzzers() {
+    let folder = std::env::var_os("DSFMS_FUZZ_SEEDS").expect("DSFMS_FUZZ_SEEDS names a folder");
+    for (target, _, _) in TARGETS {
+        for (name, bytes) in made(target) {
+            let to = Path::new(&folder).join(target);
+            std::fs::create_dir_all(&to).unwrap();
+            std::fs::write(to.join(name), bytes).unwrap();
+        }
+    }
 }
 
 fn timed(name: &str, target: Target, bytes: &[u8]) -> bool {
@@ -87,6 +151,27 @@ fn every_file_of_the_corpus_ends_in_time() {
         let accepted = files.iter().filter(|(file, bytes)| timed(file, target, bytes)).count();
         assert!(accepted > 0, "{name}: no seed is accepted");
     }
+}
+
+/// Few bytes must not cost a decoder much: pixels that they cannot hold, scans without end.
+#[test]
+fn a_jpeg_of_more_pixels_or_scans_than_its_bytes_can_hold_is_refused() {
+    // One colour, the least that a picture needs.
+    let flat = image::RgbImage::from_pixel(1600, 1200, image::Rgb([90, 60, 50]));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    flat.write_to(&mut bytes, ImageFormat::Jpeg).unwrap();
+    let good = bytes.into_inner();
+    assert!(decode_bytes(&good).is_ok(), "{} bytes", good.len());
+    let marker = |kind: u8| good.windows(2).position(|w| w == [0xff, kind]).unwrap();
+    // Height and width lie behind the start of the frame.
+    let (frame, mut lies) = (marker(0xc0), good.clone());
+    lies[frame + 5..frame + 9].copy_from_slice(&[0x1f, 0x40, 0x1f, 0x40]);
+    let reason = decode_bytes(&lies).unwrap_err();
+    assert!(reason.contains("states 8000x8000 px"), "{reason}");
+    let (scan, mut scans) = (marker(0xda), good.clone());
+    scans.splice(scan..scan, good[scan..scan + 14].repeat(64));
+    let reason = decode_bytes(&scans).unwrap_err();
+    assert!(reason.contains("65 scans"), "{reason}");
 }
 
 /// xorshift64*.

@@ -3,7 +3,7 @@
 mod told;
 
 use crate::exit::{Outcome, Usage};
-use crate::outputs::write_json;
+use crate::outputs::{prepare_for, write_json};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use dsfms::camera::CameraModel;
@@ -107,6 +107,7 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<Outcome> {
     }
     super::to_stdout(&table(&results))?;
     if let Some(path) = &args.json {
+        prepare_for(path)?;
         write_json(path, &results)?;
     }
     Ok(match (results.is_empty(), missing) {

@@ -3,6 +3,7 @@
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
 use crate::formats::write_material;
+use crate::outputs::{prepare_folder, prepare_for};
 use crate::pictures::template::write_pictures;
 use crate::progress::Reporter;
 use anyhow::Context;
@@ -95,6 +96,7 @@ fn colmap(template: &Template, folder: &Path, args: &ExportArgs) -> anyhow::Resu
         )
         .into());
     }
+    prepare_folder(folder)?;
     write_model(folder, &model, if args.binary { Format::Binary } else { Format::Text })?;
     let sightings: usize = model.points.iter().map(|p| p.track.len()).sum();
     Ok(format!(
@@ -141,6 +143,7 @@ fn kind(path: &Path) -> Option<Kind> {
 }
 
 fn mesh(template: &Template, path: &Path) -> anyhow::Result<()> {
+    prepare_for(path)?;
     let (mesh, unit) = (&template.mesh, template.unit);
     let uv = template.flattening.as_ref().map(|f| f.corners.as_slice());
     match kind(path) {

@@ -4,7 +4,7 @@ use crate::draw::{self, CIVIDIS, SideView};
 use crate::exit::{Outcome, Usage};
 use crate::figure::panel::{Layer, Row, Scale, View, camera, panel, reach};
 use crate::figure::{Anchor, Item, Sheet, TEXT, text_width};
-use crate::outputs::{write_png, write_text};
+use crate::outputs::{prepare_for, write_png, write_text};
 use crate::report::chart::nice;
 use crate::report::folder::{Column, columns};
 use anyhow::Context;
@@ -130,6 +130,7 @@ pub fn run(args: &FigureArgs) -> anyhow::Result<Outcome> {
     let rows = rows(args)?;
     let template = args.template.as_deref().map(read_template).transpose()?;
     let sheet = sheet(args, &rows, template.as_ref())?;
+    prepare_for(&args.output)?;
     match extension.as_str() {
         "png" => write_png(&args.output, &sheet.pixels())?,
         _ => write_text(&args.output, &sheet.svg()?)?,

@@ -170,7 +170,9 @@ fn amplitude(case: &Case) -> f64 {
 }
 
 fn write(folder: &Path, case: &Case) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder.join("truth"))?;
+    for folder in [folder, &folder.join("truth")] {
+        prepare_folder(folder)?;
+    }
     let at = |name: &str| folder.join(name);
     let (mesh, unit) = (&case.template.mesh, LengthUnit::Millimetre);
     write_png(&at("frame_000.png"), &picture(&case.frame))?;

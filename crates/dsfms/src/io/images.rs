@@ -148,26 +148,48 @@ pub fn decode_bytes(bytes: &[u8]) -> Result<DynamicImage, String> {
         return Err("the JPEG data ends too early (truncated file)".into());
     }
     let image = guard::caught(|| decode_as(bytes, format))?
-        .map_err(|error| format!("{error} (truncated or damaged {format:?} file?)"))?;
+        .map_err(|reason| format!("{reason} (truncated or damaged {format:?} file?)"))?;
     if image.width() == 0 || image.height() == 0 {
         return Err("the image has no pixels".into());
     }
     Ok(image)
 }
 
-fn decode_as(bytes: &[u8], format: image::ImageFormat) -> image::ImageResult<DynamicImage> {
+fn decode_as(bytes: &[u8], format: image::ImageFormat) -> Result<DynamicImage, String> {
+    let told = |error: image::ImageError| error.to_string();
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(guard::MOST_IMAGE_SIDE);
     limits.max_image_height = Some(guard::MOST_IMAGE_SIDE);
     limits.max_alloc = Some(guard::MOST_IMAGE_BYTES);
     let mut reader = image::ImageReader::with_format(Cursor::new(bytes), format);
     reader.limits(limits.clone());
-    let mut decoder = reader.into_decoder()?;
-    limits.reserve(decoder.total_bytes())?;
-    let upright = decoder.orientation()?;
-    let mut image = DynamicImage::from_decoder(decoder)?;
+    let mut decoder = reader.into_decoder().map_err(told)?;
+    limits.reserve(decoder.total_bytes()).map_err(told)?;
+    if format == Jpeg {
+        jpeg_can_hold(bytes, decoder.dimensions())?;
+    }
+    let upright = decoder.orientation().map_err(told)?;
+    let mut image = DynamicImage::from_decoder(decoder).map_err(told)?;
     image.apply_orientation(upright);
     Ok(image)
+}
+
+/// Most px that a byte of a JPEG can stand for: every block of 8 x 8 px has a code of at least one bit.
+const MOST_PIXELS_A_BYTE: u64 = 512;
+/// Most scans of a JPEG, each of which may go over all of its pixels; progressive files have about ten.
+const MOST_SCANS: usize = 64;
+
+/// Refuse what costs a decoder much more than its bytes: pixels that they cannot hold, and scans without end.
+fn jpeg_can_hold(bytes: &[u8], (width, height): (u32, u32)) -> Result<(), String> {
+    let length = bytes.len() as u64;
+    if u64::from(width) * u64::from(height) > MOST_PIXELS_A_BYTE * length {
+        return Err(format!("it states {width}x{height} px, which its {length} bytes cannot hold"));
+    }
+    let scans = bytes.windows(2).filter(|w| *w == [0xff, 0xda]).count();
+    if scans > MOST_SCANS {
+        return Err(format!("it has {scans} scans; at most {MOST_SCANS} are read"));
+    }
+    Ok(())
 }
 
 /// Decoders fill the missing end of a JPEG with grey, which would pass for image content: ask for

@@ -51,6 +51,50 @@ pub fn encode(parts: &[([usize; 2], Vec<Coded>)], shift: &[i32]) -> Video {
     Video { bytes, samples }
 }
 
+/// A stream with start codes as the pictures of an mp4 whose description is that of a video of `size`; a unit
+/// with a slice ends its picture.
+pub fn of_annex_b(size: [usize; 2], stream: &[u8]) -> Vec<u8> {
+    let mut starts: Vec<usize> =
+        (3..=stream.len()).filter(|&k| stream[k - 3..k] == [0, 0, 1]).collect();
+    starts.push(stream.len() + 3);
+    let mut bytes = [boxed(b"ftyp", &[b"isom\0\0\0\x01isom"]), b"\0\0\0\0mdat".to_vec()].concat();
+    let (start, mut samples) = (bytes.len() - 8, Vec::new());
+    let mut from = bytes.len();
+    for bounds in starts.windows(2) {
+        let nal = &stream[bounds[0]..(bounds[1] - 3).max(bounds[0])];
+        bytes.extend(unit(nal));
+        if nal.first().is_some_and(|head| matches!(head & 31, 1 | 5)) {
+            samples.push(from..bytes.len());
+            from = bytes.len();
+        }
+    }
+    if from < bytes.len() {
+        samples.push(from..bytes.len());
+    }
+    let length = (bytes.len() - start) as u32;
+    bytes[start..start + 4].copy_from_slice(&length.to_be_bytes());
+    let keys: Vec<u32> = (1..=samples.len() as u32).collect();
+    bytes.extend(moov(size, &samples, &keys, &[]));
+    bytes
+}
+
+/// The pictures of a video with start codes, and the sets that describe it before them.
+pub fn annex_b(size: [usize; 2], video: &Video) -> Vec<u8> {
+    let mut stream = Vec::new();
+    let mut put = |nal: &[u8]| stream.extend([&[0, 0, 0, 1], nal].concat());
+    put(&sps(size));
+    put(&pps());
+    for sample in &video.samples {
+        let mut rest = &video.bytes[sample.clone()];
+        while let Some((length, after)) = rest.split_first_chunk::<4>() {
+            let (nal, after) = after.split_at(u32::from_be_bytes(*length) as usize);
+            put(nal);
+            rest = after;
+        }
+    }
+    stream
+}
+
 /// Ticks of a picture; 25 pictures a second.
 const TICKS: u32 = 40;
 

@@ -78,6 +78,9 @@ impl VideoArgs<'_> {
 pub fn make(args: &VideoArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
     prepare_folder(args.folder)?;
     claim(args)?;
+    for part in ["frames", "exploration", "truth/instruments", "truth"] {
+        prepare_folder(&args.path(part))?;
+    }
     let seed = args.options.seed;
     let clip = Clip::new(&args.organ.part(args.vertices, seed)?, &args.options);
     let tone = Some(ToneCurve::Srgb);

@@ -72,6 +72,11 @@ pub(super) fn write(tone: &ToneCurve) -> Value {
     match tone {
         ToneCurve::Linear => json!("linear"),
         ToneCurve::Srgb => json!("srgb"),
+        // Below one it would be read as the exponent of the encoding.
+        ToneCurve::Gamma(gamma) if *gamma < 1.0 => {
+            let table: Vec<f64> = (0..256).map(|v| tone.decode(f64::from(v) / 255.0)).collect();
+            json!({ "table": table })
+        }
         ToneCurve::Gamma(gamma) => json!({ "gamma": gamma }),
         ToneCurve::Table(table) => json!({ "table": table }),
     }

@@ -1,0 +1,250 @@
+//! Laws of eq. 3 on drawn cases: finite in, finite out; order of matches, unit, axes and vertex order of the
+//! template say nothing; threads change no bit of any method.
+
+use dsfms::geometry::{Isometry, Point2, Point3, Vector3};
+use dsfms::pipeline::{
+    Method, Observation, ReconstructError, ReconstructOptions, Reconstruction, reconstruct,
+};
+use dsfms::synth::{Case, CaseOptions, Draw};
+use dsfms::{Match, Mesh, light::LightModel};
+use proptest::prelude::*;
+use proptest::test_runner::{Config, RngSeed, TestRunner};
+use std::cell::Cell;
+
+/// The same draws in every run, without files of failures: the message holds the input.
+fn runner(cases: u32) -> TestRunner {
+    let rng_seed = RngSeed::Fixed(0x7E57);
+    TestRunner::new(Config { cases, rng_seed, failure_persistence: None, ..Config::default() })
+}
+
+fn solve(case: &Case, method: Method) -> Result<Reconstruction, ReconstructError> {
+    let seen = Observation::new(&case.frame, &case.camera).matches(&case.matches);
+    let options = ReconstructOptions::default();
+    Reconstruction::even_refused(reconstruct(&case.template, &seen, method, &options))
+}
+
+fn small(seed: u64) -> Case {
+    let options = CaseOptions {
+        vertices: 120,
+        extension: 0.03,
+        light: LightModel::Collinear,
+        draw: Draw { count: 25, sigma_px: 1.0 },
+        pull: seed.is_multiple_of(2),
+    };
+    Case::new(&options, seed)
+}
+
+/// What is done to the input of a case; every number stays finite.
+#[derive(Clone, Debug)]
+struct Abuse {
+    seed: u64,
+    /// Lengths of the template, as a power of ten.
+    scale: i32,
+    /// Focal length, as a power of ten.
+    focal: f64,
+    /// Of every match.
+    matches: Vec<MatchAbuse>,
+    /// All vertices pulled so far towards the first: 1 is a point.
+    collapse: f64,
+}
+
+#[derive(Clone, Debug)]
+enum MatchAbuse {
+    None,
+    Elsewhere([f64; 2]),
+    Far(f64),
+    SameAs(usize),
+    Outside([f64; 3]),
+}
+
+fn abuse() -> impl Strategy<Value = Abuse> {
+    let of_match = prop_oneof![
+        4 => Just(MatchAbuse::None),
+        1 => [0.0..720.0, 0.0..576.0].prop_map(MatchAbuse::Elsewhere),
+        1 => (-1e12..1e12).prop_map(MatchAbuse::Far),
+        1 => (0usize..25).prop_map(MatchAbuse::SameAs),
+        1 => [-3.0..3.0, -3.0..3.0, -3.0..3.0].prop_map(MatchAbuse::Outside),
+    ];
+    let collapse = prop_oneof![3 => Just(0.0), 1 => 0.0..1.0, 1 => Just(1.0)];
+    let matches = prop::collection::vec(of_match, 0..=25);
+    (0u64..50, -4i32..5, 1.0..6.0, matches, collapse).prop_map(
+        |(seed, scale, focal, matches, collapse)| Abuse { seed, scale, focal, matches, collapse },
+    )
+}
+
+fn abused(abuse: &Abuse) -> Case {
+    let mut case = small(abuse.seed);
+    let factor = 10f64.powi(abuse.scale);
+    let mesh = &case.template.mesh;
+    let first = mesh.positions[0];
+    let place = |p: &Point3| (p + (first - p) * abuse.collapse) * factor;
+    case.template.mesh = mesh.with_positions(mesh.positions.iter().map(place).collect());
+    // Half of the draws keep the true focal length.
+    if abuse.focal < 3.5 {
+        case.camera.focal = [10f64.powf(abuse.focal); 2];
+    }
+    let given = case.matches.clone();
+    for (m, abuse) in case.matches.iter_mut().zip(&abuse.matches) {
+        match abuse {
+            MatchAbuse::None => {}
+            MatchAbuse::Elsewhere([x, y]) => m.pixel = Point2::new(*x, *y),
+            MatchAbuse::Far(x) => m.pixel.x = *x,
+            MatchAbuse::SameAs(k) => *m = given[*k],
+            MatchAbuse::Outside(b) => m.barycentric = *b,
+        }
+    }
+    case
+}
+
+#[test]
+fn no_finite_input_gives_a_surface_that_is_not_finite() {
+    let surfaces = Cell::new(0);
+    runner(40)
+        .run(&abuse(), |abuse| {
+            let Ok(found) = solve(&abused(&abuse), Method::Dsfm) else { return Ok(()) };
+            surfaces.set(surfaces.get() + 1);
+            let finite = |p: &Point3| p.iter().all(|c| c.is_finite());
+            prop_assert!(found.vertices.iter().all(finite));
+            prop_assert!(found.pose.to_homogeneous().iter().all(|c| c.is_finite()));
+            let errors = found.confidence.unwrap_or_default();
+            prop_assert!(errors.iter().all(|e| e.is_finite() && *e >= 0.0));
+            Ok(())
+        })
+        .unwrap();
+    assert!(surfaces.get() >= 10, "only {} of 40 gave a surface to look at", surfaces.get());
+}
+
+/// Root mean square of the differences, mm.
+fn apart(a: &[Point3], b: &[Point3]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let squares = a.iter().zip(b).map(|(a, b)| (a - b).norm_squared());
+    (squares.sum::<f64>() / a.len() as f64).sqrt()
+}
+
+/// What the stopping rule of eq. 3 may leave open, mm: a match of 1 px is worth 0.1 mm here.
+const TOLERANCE: f64 = 0.01;
+
+fn shuffled(count: usize) -> impl Strategy<Value = Vec<usize>> {
+    Just((0..count).collect::<Vec<_>>()).prop_shuffle()
+}
+
+#[test]
+fn the_order_of_the_matches_says_nothing() {
+    runner(6)
+        .run(&(0u64..40, shuffled(25)), |(seed, order)| {
+            let mut case = small(seed);
+            let found = solve(&case, Method::Dsfm).unwrap();
+            case.matches = order.iter().map(|&k| case.matches[k]).collect();
+            let other = solve(&case, Method::Dsfm).unwrap();
+            let same = apart(&found.vertices, &other.vertices);
+            prop_assert!(same < TOLERANCE, "{same} mm");
+            // The yardstick: half a pixel is told.
+            case.matches.iter_mut().for_each(|m| m.pixel.x += 0.5);
+            let moved = solve(&case, Method::Dsfm).unwrap();
+            let moved = apart(&found.vertices, &moved.vertices);
+            prop_assert!(moved > TOLERANCE, "{moved} mm");
+            Ok(())
+        })
+        .unwrap();
+}
+
+#[test]
+fn the_unit_of_the_template_is_that_of_the_surface() {
+    runner(6)
+        .run(&(0u64..40, -6.0..6.0f64), |(seed, power)| {
+            let mut case = small(seed);
+            let found = solve(&case, Method::Dsfm).unwrap();
+            let factor = power.exp();
+            let mesh = &case.template.mesh;
+            let scaled = mesh.positions.iter().map(|p| p * factor).collect();
+            case.template.mesh = mesh.with_positions(scaled);
+            let other = solve(&case, Method::Dsfm).unwrap();
+            let back: Vec<Point3> = other.vertices.iter().map(|p| p / factor).collect();
+            let apart = apart(&found.vertices, &back);
+            prop_assert!(apart < TOLERANCE, "{apart} mm at {factor}");
+            Ok(())
+        })
+        .unwrap();
+}
+
+#[test]
+fn the_axes_of_the_template_say_nothing() {
+    let motion = ([-90.0..90.0, -90.0..90.0, -90.0..90.0], [-3.0..3.0, -3.0..3.0, -3.0..3.0]);
+    runner(6)
+        .run(&(0u64..40, motion), |(seed, (shift, turn))| {
+            let mut case = small(seed);
+            let found = solve(&case, Method::Dsfm).unwrap();
+            let motion = Isometry::new(Vector3::from(shift), Vector3::from(turn));
+            let mesh = &case.template.mesh;
+            let moved = mesh.positions.iter().map(|p| motion * p).collect();
+            case.template.mesh = mesh.with_positions(moved);
+            let other = solve(&case, Method::Dsfm).unwrap();
+            let apart = apart(&found.vertices, &other.vertices);
+            prop_assert!(apart < TOLERANCE, "{apart} mm");
+            // The pose takes the motion back.
+            let pose = other.pose * motion;
+            let off = (pose.translation.vector - found.pose.translation.vector).norm();
+            prop_assert!(off < 1e-3 * (1.0 + motion.translation.vector.norm()), "{off} mm");
+            Ok(())
+        })
+        .unwrap();
+}
+
+#[test]
+fn the_numbers_of_the_vertices_say_nothing() {
+    let case = small(4);
+    let count = case.template.mesh.positions.len();
+    let found = solve(&case, Method::Dsfm).unwrap();
+    runner(6)
+        .run(&(shuffled(count), 0usize..3), |(place, turn)| {
+            let mut other = case.clone();
+            let mesh = &case.template.mesh;
+            let mut positions = mesh.positions.clone();
+            for (old, &new) in place.iter().enumerate() {
+                positions[new] = mesh.positions[old];
+            }
+            // Every face begins with another of its corners.
+            let mut face = |f: &[u32; 3]| {
+                let mut f = f.map(|v| place[v as usize] as u32);
+                f.rotate_left(turn);
+                f
+            };
+            let faces = mesh.topology.faces.iter().map(&mut face).collect();
+            other.template.mesh = Mesh::new(positions, faces).unwrap();
+            let moved = |m: &Match| {
+                let mut barycentric = m.barycentric;
+                barycentric.rotate_left(turn);
+                Match { barycentric, ..*m }
+            };
+            other.matches = case.matches.iter().map(moved).collect();
+            other.template.albedo = None;
+            let again = solve(&other, Method::Dsfm).unwrap();
+            let back: Vec<Point3> = place.iter().map(|&new| again.vertices[new]).collect();
+            let apart = apart(&found.vertices, &back);
+            prop_assert!(apart < TOLERANCE, "{apart} mm");
+            Ok(())
+        })
+        .unwrap();
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit_of_any_method() {
+    let case = small(7);
+    for method in [Method::Rigid, Method::Sfs, Method::Dsfm, Method::Dsfms, Method::Joint] {
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let found = pool.install(|| solve(&case, method)).unwrap();
+            let bits = |p: &Point3| [p.x.to_bits(), p.y.to_bits(), p.z.to_bits()];
+            let vertices: Vec<_> = found.vertices.iter().map(bits).collect();
+            let told =
+                (found.visible, found.regions, found.gain.to_bits(), found.ambient.to_bits());
+            let errors =
+                found.confidence.map(|c| c.into_iter().map(f64::to_bits).collect::<Vec<_>>());
+            (vertices, told, errors, found.verdict)
+        };
+        let one = on(1);
+        for threads in [2, 4] {
+            assert!(one == on(threads), "{method:?}: {threads} threads give other bits");
+        }
+    }
+}
