@@ -302,7 +302,7 @@ def named(path):
     return [entry.getAttribute("file") for entry in sets]
 
 
-def after_fault(command, out, said, prepared):
+def after_fault(command, out, said, prepared, shorter=()):
     """What is wrong in the folder right after the fault."""
     wrong = []
     if "panicked" in said:
@@ -322,7 +322,7 @@ def after_fault(command, out, said, prepared):
             wrong.extend(f"{name} names {f}, which is not there" for f in named(path) if not (out / f).exists())
         elif name not in command.reference:
             wrong.append(f"{name} is no file of an undisturbed run")
-        elif expected is not None and name != command.log and path.read_bytes() != expected:
+        elif expected is not None and name not in (command.log, *shorter) and path.read_bytes() != expected:
             wrong.append(f"{name} has other bytes than after an undisturbed run")
     if prepared:
         for name in command.replaced:
@@ -411,7 +411,8 @@ def full(binary, command, place, part, temporary):
         out.mkdir()
         environment = {**os.environ, **({"TMPDIR": str(place)} if temporary else {})}
         code, said = command.run(binary, out, env=environment)
-        wrong = after_fault(command, out, said, False)
+        # `track` ends with the shapes of the frames that were done, and says so.
+        wrong = after_fault(command, out, said, False, ("vertices.npz",) if code == 1 else ())
         complete = set(files(out)) >= set(command.reference)
         if code in (0, 2) and code == command.code and not complete:
             wrong.append(f"exit {code}, but files are missing")
