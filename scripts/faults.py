@@ -20,6 +20,7 @@ import json
 import math
 import os
 import random
+import re
 import shutil
 import signal
 import struct
@@ -474,7 +475,7 @@ def main():
     parser.add_argument("--binary", type=Path, required=True, help="dsfms, as released")
     parser.add_argument("--count", type=int, default=36, help="kills; default 36")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", help="commands whose name holds this text")
+    parser.add_argument("--only", help="a regular expression of names of commands")
     options = parser.parse_args()
     # So that nothing stays mounted.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
@@ -482,7 +483,7 @@ def main():
     with tempfile.TemporaryDirectory(prefix="dsfms-faults-") as folder:
         work = Path(folder)
         everything = commands(work, binary, options.count >= 100)
-        chosen = [c for c in everything if (options.only or "") in c.name]
+        chosen = [c for c in everything if re.search(options.only or "", c.name)]
         for command in chosen:
             measure(binary, command, work)
             say(f"{command.name}: {command.seconds:.1f} s, {command.size} bytes, exit {command.code}")
