@@ -20,6 +20,7 @@ import json
 import math
 import os
 import random
+import re
 import shutil
 import signal
 import struct
@@ -302,7 +303,7 @@ def named(path):
     return [entry.getAttribute("file") for entry in sets]
 
 
-def after_fault(command, out, said, prepared):
+def after_fault(command, out, said, prepared, shorter=()):
     """What is wrong in the folder right after the fault."""
     wrong = []
     if "panicked" in said:
@@ -322,7 +323,7 @@ def after_fault(command, out, said, prepared):
             wrong.extend(f"{name} names {f}, which is not there" for f in named(path) if not (out / f).exists())
         elif name not in command.reference:
             wrong.append(f"{name} is no file of an undisturbed run")
-        elif expected is not None and name != command.log and path.read_bytes() != expected:
+        elif expected is not None and name not in (command.log, *shorter) and path.read_bytes() != expected:
             wrong.append(f"{name} has other bytes than after an undisturbed run")
     if prepared:
         for name in command.replaced:
@@ -411,7 +412,8 @@ def full(binary, command, place, part, temporary):
         out.mkdir()
         environment = {**os.environ, **({"TMPDIR": str(place)} if temporary else {})}
         code, said = command.run(binary, out, env=environment)
-        wrong = after_fault(command, out, said, False)
+        # `track` ends with the shapes of the frames that were done, and says so.
+        wrong = after_fault(command, out, said, False, ("vertices.npz",) if code == 1 else ())
         complete = set(files(out)) >= set(command.reference)
         if code in (0, 2) and code == command.code and not complete:
             wrong.append(f"exit {code}, but files are missing")
@@ -473,7 +475,7 @@ def main():
     parser.add_argument("--binary", type=Path, required=True, help="dsfms, as released")
     parser.add_argument("--count", type=int, default=36, help="kills; default 36")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", help="commands whose name holds this text")
+    parser.add_argument("--only", help="a regular expression of names of commands")
     options = parser.parse_args()
     # So that nothing stays mounted.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
@@ -481,7 +483,7 @@ def main():
     with tempfile.TemporaryDirectory(prefix="dsfms-faults-") as folder:
         work = Path(folder)
         everything = commands(work, binary, options.count >= 100)
-        chosen = [c for c in everything if (options.only or "") in c.name]
+        chosen = [c for c in everything if re.search(options.only or "", c.name)]
         for command in chosen:
             measure(binary, command, work)
             say(f"{command.name}: {command.seconds:.1f} s, {command.size} bytes, exit {command.code}")

@@ -153,6 +153,21 @@ fn every_file_of_the_corpus_ends_in_time() {
     }
 }
 
+/// `fuzz/` has a program of every target, and no other.
+#[test]
+fn every_target_is_one_of_the_fuzzer() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz");
+    let manifest = std::fs::read_to_string(folder.join("Cargo.toml")).unwrap();
+    for (name, _, _) in TARGETS {
+        let program = folder.join("fuzz_targets").join(format!("{name}.rs"));
+        let text = std::fs::read_to_string(&program).unwrap_or_else(|_| panic!("no {name}.rs"));
+        assert!(text.contains(&format!("run(\"{name}\"")), "{text}");
+        assert!(manifest.contains(&format!("name = \"{name}\"\n")), "{name} in fuzz/Cargo.toml");
+    }
+    let programs = std::fs::read_dir(folder.join("fuzz_targets")).unwrap().count();
+    assert_eq!(programs, TARGETS.len());
+}
+
 /// Few bytes must not cost a decoder much: pixels that they cannot hold, scans without end.
 #[test]
 fn a_jpeg_of_more_pixels_or_scans_than_its_bytes_can_hold_is_refused() {
