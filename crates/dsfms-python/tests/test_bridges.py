@@ -24,7 +24,7 @@ def test_trimesh(which: str, request: pytest.FixtureRequest) -> None:
 
 
 def test_pyvista(surface: dsfms.Surface, template: dsfms.Template) -> None:
-    pytest.importorskip("pyvista")
+    pytest.importorskip("pyvista", exc_type=ImportError)
     mesh = surface.to_pyvista()
     assert np.array_equal(mesh.points.astype(np.float64), surface.vertices)
     assert np.array_equal(mesh.regular_faces, surface.faces)
@@ -36,7 +36,7 @@ def test_pyvista(surface: dsfms.Surface, template: dsfms.Template) -> None:
 
 
 def test_open3d(surface: dsfms.Surface, template: dsfms.Template) -> None:
-    pytest.importorskip("open3d")
+    pytest.importorskip("open3d", exc_type=ImportError)
     mesh = surface.to_open3d()
     assert np.array_equal(np.asarray(mesh.vertices), surface.vertices)
     assert np.array_equal(np.asarray(mesh.triangles), surface.faces)
@@ -47,7 +47,7 @@ def test_open3d(surface: dsfms.Surface, template: dsfms.Template) -> None:
 def test_pycolmap_and_back(
     template: dsfms.Template, scene: Path, camera: dsfms.Camera, tmp_path: Path
 ) -> None:
-    pycolmap = pytest.importorskip("pycolmap")
+    pycolmap = pytest.importorskip("pycolmap", exc_type=ImportError)
     model = template.to_pycolmap()
     assert len(model.images) == len(template.poses) and len(model.points3D) == len(template.points)
     model.write(str(tmp_path))
@@ -80,7 +80,7 @@ def test_pycolmap_and_back(
     ],
 )
 def test_cameras_of_pycolmap(model: str, params: list[float], names: dict[str, float]) -> None:
-    pycolmap = pytest.importorskip("pycolmap")
+    pycolmap = pytest.importorskip("pycolmap", exc_type=ImportError)
     theirs = pycolmap.Camera(model=model, width=640, height=480, params=params)
     ours = bridges.camera_from_pycolmap(theirs)
     point = np.array([[0.2, -0.1, 1.0]])
