@@ -10,7 +10,7 @@ use crate::geometry::{Isometry, Point2, Point3, align_rigid_robust, point_at};
 use crate::image::diagonal;
 use crate::light::LightModel;
 use crate::pipeline::Method;
-use crate::refine::{Near, NearFrame, Photograph, join, join_near};
+use crate::refine::{Near, NearFrame, Photograph, VideoMemory, join, join_near};
 use crate::register::objective::{depth_tolerance, errors_px, explained};
 use crate::register::{
     Body, Match, Posed, RegisterError, Registered, Scene, pose, pose_near, register_in,
@@ -154,67 +154,71 @@ impl Tracker<'_> {
         clock: &mut Clock,
     ) -> Draft {
         let mut memory = std::mem::take(&mut self.memory);
-        let Start { shape, ambient, gap, posed, rigid, visible } = near;
         let rest = &self.template.mesh;
         let scene = clock.time("pose", || {
+            let (rigid, visible) = (near.rigid.clone(), near.visible.clone());
             Scene::seen(self.camera, rest, rigid, visible, self.laplacian.clone())
         });
-        let options = &self.options.reconstruct;
-        let register = &options.register;
         let body = Body::new(&scene, &self.deformable);
-        let on_body = body.matches(&matches);
-        let start = body.restricted(&shape);
-        let jumped = self.out_of_reach(body.scene(), &on_body, &start);
-        let gap = gap || jumped;
-        let draft = match self.photograph(view, &shape) {
+        let draft = match self.photograph(view, &near.shape) {
             None => {
-                let memory = &mut memory.register;
+                let (memory, start) = (&mut memory.register, body.restricted(&near.shape));
+                let options = &self.options.reconstruct.register;
                 let coarse = clock.time("register", || {
-                    register_near(memory, body.scene(), &on_body, &posed, &start, register)
+                    let on_body = body.matches(&matches);
+                    register_near(memory, body.scene(), &on_body, &near.posed, &start, options)
                 });
-                Draft::of(&body, &posed, &matches, &coarse, register.anchor)
+                Draft::of(&body, &near.posed, &matches, &coarse, options.anchor)
             }
-            Some(photo) => {
-                let scene = body.scene();
-                let depth_sigma = depth_tolerance(scene, &on_body, &posed, &start, register);
-                let by_matches: Vec<Point3> =
-                    scene.rest.positions.iter().map(|p| posed.pose * p).collect();
-                let found = clock.time("joint", || {
-                    let (body, photo) = (&body, &photo);
-                    let (matches, posed) = (&*on_body, &by_matches);
-                    let frame = NearFrame { body, matches, posed, depth_sigma, photo };
-                    let near = Near { shape: &start, ambient, gap };
-                    let (joint, video) = (&options.joint, &self.options.video);
-                    join_near(&mut memory.video, &frame, near, joint, video)
-                });
-                let (kept, residual_px) = explained(scene, &on_body, &found.vertices, register);
-                let vertices = match way {
-                    Way::Followed => found.vertices,
-                    Way::Found => {
-                        let kept = kept.iter().zip(&*on_body).filter(|m| *m.0);
-                        let kept: Vec<Match> = kept.map(|m| *m.1).collect();
-                        let comparison = options.comparison(&body, &kept, &photo);
-                        clock.time("joint", || comparison.kept(&scene.posed, found.vertices))
-                    }
-                };
-                let mut draft = Draft {
-                    vertices: body.carried(&vertices).into_owned(),
-                    pose: posed.pose,
-                    matches: matches.iter().copied().zip(kept).collect(),
-                    residual_px,
-                    reprojection_px: 0.0,
-                    depth_uncertainty: depth_sigma / scene.radius(),
-                    photometric: (found.samples > 0).then_some(found.residual),
-                    ambient: found.ambient,
-                    jumped: false,
-                    shown: Shown { at_matches: found.at_matches, changed: found.exposure_changed },
-                };
-                draft.measure(body.full());
-                draft
+            Some(photo) => clock.time("joint", || {
+                self.shaded(&mut memory.video, &body, &matches, &near, &photo, way)
+            }),
+        };
+        self.memory = memory;
+        draft
+    }
+
+    /// The joint solve from a start.
+    fn shaded(
+        &self,
+        memory: &mut VideoMemory,
+        body: &Body,
+        matches: &[Match],
+        near: &Start,
+        photo: &Photograph,
+        way: Way,
+    ) -> Draft {
+        let (options, video) = (&self.options.reconstruct, &self.options.video);
+        let (scene, posed) = (body.scene(), &near.posed);
+        let (on_body, start) = (body.matches(matches), body.restricted(&near.shape));
+        let jumped = self.out_of_reach(scene, &on_body, &start);
+        let depth_sigma = depth_tolerance(scene, &on_body, posed, &start, &options.register);
+        let by_matches: Vec<Point3> = scene.rest.positions.iter().map(|p| posed.pose * p).collect();
+        let frame = NearFrame { body, matches: &on_body, posed: &by_matches, depth_sigma, photo };
+        let near = Near { shape: &start, ambient: near.ambient, gap: near.gap || jumped };
+        let found = join_near(memory, &frame, near, &options.joint, video);
+        let (kept, residual_px) = explained(scene, &on_body, &found.vertices, &options.register);
+        let vertices = match way {
+            Way::Followed => found.vertices,
+            Way::Found => {
+                let kept = kept.iter().zip(&*on_body).filter(|m| *m.0);
+                let kept: Vec<Match> = kept.map(|m| *m.1).collect();
+                options.comparison(body, &kept, photo).kept(&scene.posed, found.vertices)
             }
         };
-        let draft = Draft { jumped, ..draft };
-        self.memory = memory;
+        let mut draft = Draft {
+            vertices: body.carried(&vertices).into_owned(),
+            pose: posed.pose,
+            matches: matches.iter().copied().zip(kept).collect(),
+            residual_px,
+            reprojection_px: 0.0,
+            depth_uncertainty: depth_sigma / scene.radius(),
+            photometric: (found.samples > 0).then_some(found.residual),
+            ambient: found.ambient,
+            shown: Shown { at_matches: found.at_matches, changed: found.exposure_changed },
+            jumped,
+        };
+        draft.measure(body.full());
         draft
     }
 
