@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Is anything wrong shown as good? Disturbs frames of clips of known truth in some 70 ways and stretches of
-them in 21, reconstructs and tracks them and scores the verdicts: status, true error in the deformed zone,
+"""Is anything wrong shown as good? Disturbs frames of clips of known truth in some 75 ways and stretches of
+them in 24, reconstructs and tracks them and scores the verdicts: status, true error in the deformed zone,
 stated error.
 
     for s in "uterus 101" "liver 102" "patch 103"; do set -- $s
@@ -16,6 +16,7 @@ medians alone count. Prints tables as Markdown; scored/rows.json and clips.json 
 and pillow.
 """
 import argparse
+import io
 import json
 import shutil
 import subprocess
@@ -153,6 +154,14 @@ def pictures(clip, other, k):
     def noise():
         return np.clip(image + np.random.default_rng(k).normal(0, 20, image.shape), 0, 255).astype(np.uint8)
 
+    def compressed():
+        buffer = io.BytesIO()
+        Image.fromarray(image).save(buffer, "JPEG", quality=5)
+        return np.asarray(Image.open(buffer))
+
+    def coarse(factor):
+        return np.asarray(Image.fromarray(image).reduce(factor).resize((w, h), Image.BICUBIC))
+
     found = {
         "other organ": lambda: foreign,
         "mirrored": lambda: image[:, ::-1],
@@ -163,7 +172,13 @@ def pictures(clip, other, k):
         "white balance": lambda: encoded(light * [1.3, 1.0, 0.7]),
         "tone: linear values": lambda: (255 * light).astype(np.uint8),
         "noise of 20 grey values": noise,
+        "grey picture": lambda: image.mean(2, keepdims=True).round().astype(np.uint8).repeat(3, 2),
+        "JPEG of quality 5": compressed,
+        "ghost: half of another moment": lambda: encoded((light + linear(late)) / 2),
+        "interlaced with another moment": lambda: np.where((y % 2 == 1)[..., None], late, image),
     }
+    for factor in (3, 6):
+        found[f"resolution / {factor}"] = lambda f=factor: coarse(f)
     for veil in (0.4, 0.6, 0.8):
         found[f"fog {veil:.0%}"] = lambda v=veil: encoded(light * (1 - v) + 0.35 * v)
         found[f"smoke {veil:.0%}"] = lambda v=veil: smoke(v)
@@ -316,6 +331,7 @@ STRETCHES = [
     "fog 80%", "smoke 60%", "blood 30%", "blood 60%", "blur 2 px", "blur 8 px", "exposure x 0.3", "white balance",
     "noise of 20 grey values", "occluder grey disc 50%", "occluder dark side 70%", "occluder tissue disc 30%",
     "occluder tissue side 90%", "focal length x 1.5", "instruments without masks",
+    "ghost: half of another moment", "resolution / 3", "grey picture",
 ]  # fmt: skip
 LENGTH, FROM = 12, 5
 

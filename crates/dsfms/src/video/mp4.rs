@@ -6,6 +6,7 @@
 
 mod boxes;
 mod fragments;
+mod lists;
 mod samples;
 mod track;
 
@@ -15,6 +16,7 @@ use crate::guard::caught;
 use rust_h264::decoder::{ChromaFormat, Decoder, Frame};
 use rust_h264::error::DecodeError;
 use rust_h264::nal::{NalUnit, NalUnitType, parse_avcc, parse_avcc_config, parse_sps_info};
+use lists::Lists;
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
 use track::{Track, read_at};
@@ -121,6 +123,7 @@ enum Outcome {
 /// The decoder and what it is in the middle of.
 struct Coded<'c> {
     decoder: Decoder,
+    lists: Lists,
     parameters: Vec<NalUnit<'c>>,
     length_size: usize,
     /// Matrix, and 1 for the full range.
@@ -148,6 +151,7 @@ impl<'c> Coded<'c> {
         let info = sps.transpose().map_err(damaged)?.and_then(Result::ok);
         let mut coded = Self {
             decoder: Decoder::new(),
+            lists: Lists::default(),
             parameters: config.sps_nals.into_iter().chain(config.pps_nals).collect(),
             length_size: config.length_size,
             colour: info.map_or([2, 0], |i| [i.matrix, u8::from(i.full_range)]),
@@ -163,10 +167,11 @@ impl<'c> Coded<'c> {
 
     /// A fresh decoder with the parameter sets of the container.
     fn restart(&mut self) -> Result<(), Stop> {
-        self.decoder = Decoder::new();
+        (self.decoder, self.lists) = (Decoder::new(), Lists::default());
         self.open = None;
         for nal in &self.parameters {
             bounded(nal).map_err(Stop::Unsupported)?;
+            self.lists.check(nal).map_err(Stop::Damaged)?;
             let decoder = &mut self.decoder;
             let fed = caught(|| decoder.decode_nal(nal)).map_err(Stop::Damaged)?;
             fed.map_err(|error| stop(error, "parameter sets"))?;
@@ -225,6 +230,7 @@ impl<'c> Coded<'c> {
     /// One unit; a decoder that panicked is replaced.
     fn feed(&mut self, nal: &NalUnit) -> Result<Option<Frame>, Stop> {
         bounded(nal).map_err(Stop::Unsupported)?;
+        self.lists.check(nal).map_err(Stop::Damaged)?;
         let decoder = &mut self.decoder;
         match caught(|| decoder.decode_nal(nal)) {
             Ok(fed) => fed.map_err(|error| stop(error, "its coded data")),
