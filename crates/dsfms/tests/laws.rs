@@ -1,5 +1,5 @@
-//! Laws of eq. 3 on drawn cases: finite in, finite out; order of matches, unit, axes and vertex order of the
-//! template say nothing; threads change no bit of any method.
+//! Laws of eqs. 3 and 4 and the joint solve on drawn cases: finite in, finite out; order of matches, unit, axes
+//! and vertex order of the template say nothing; threads change no bit of any method.
 
 use dsfms::geometry::{Isometry, Point2, Point3, Vector3};
 use dsfms::pipeline::{
@@ -121,8 +121,15 @@ fn apart(a: &[Point3], b: &[Point3]) -> f64 {
     (squares.sum::<f64>() / a.len() as f64).sqrt()
 }
 
-/// What the stopping rule of eq. 3 may leave open, mm: a match of 1 px is worth 0.1 mm here.
+/// What the stopping rule may leave open, mm: a match of 1 px is worth 0.1 mm here.
 const TOLERANCE: f64 = 0.01;
+
+/// Eqs. 3 and 4, and both at once.
+const METHODS: [Method; 3] = [Method::Dsfm, Method::Dsfms, Method::Joint];
+
+fn method() -> impl Strategy<Value = Method> {
+    proptest::sample::select(&METHODS[..])
+}
 
 fn shuffled(count: usize) -> impl Strategy<Value = Vec<usize>> {
     Just((0..count).collect::<Vec<_>>()).prop_shuffle()
@@ -130,19 +137,19 @@ fn shuffled(count: usize) -> impl Strategy<Value = Vec<usize>> {
 
 #[test]
 fn the_order_of_the_matches_says_nothing() {
-    runner(6)
-        .run(&(0u64..40, shuffled(25)), |(seed, order)| {
+    runner(12)
+        .run(&(0u64..40, method(), shuffled(25)), |(seed, method, order)| {
             let mut case = small(seed);
-            let found = solve(&case, Method::Dsfm).unwrap();
+            let found = solve(&case, method).unwrap();
             case.matches = order.iter().map(|&k| case.matches[k]).collect();
-            let other = solve(&case, Method::Dsfm).unwrap();
+            let other = solve(&case, method).unwrap();
             let same = apart(&found.vertices, &other.vertices);
-            prop_assert!(same < TOLERANCE, "{same} mm");
+            prop_assert!(same < TOLERANCE, "{same} mm, {method:?}");
             // The yardstick: half a pixel is told.
             case.matches.iter_mut().for_each(|m| m.pixel.x += 0.5);
-            let moved = solve(&case, Method::Dsfm).unwrap();
+            let moved = solve(&case, method).unwrap();
             let moved = apart(&found.vertices, &moved.vertices);
-            prop_assert!(moved > TOLERANCE, "{moved} mm");
+            prop_assert!(moved > TOLERANCE, "{moved} mm, {method:?}");
             Ok(())
         })
         .unwrap();
@@ -150,18 +157,18 @@ fn the_order_of_the_matches_says_nothing() {
 
 #[test]
 fn the_unit_of_the_template_is_that_of_the_surface() {
-    runner(6)
-        .run(&(0u64..40, -6.0..6.0f64), |(seed, power)| {
+    runner(12)
+        .run(&(0u64..40, method(), -6.0..6.0f64), |(seed, method, power)| {
             let mut case = small(seed);
-            let found = solve(&case, Method::Dsfm).unwrap();
+            let found = solve(&case, method).unwrap();
             let factor = power.exp();
             let mesh = &case.template.mesh;
             let scaled = mesh.positions.iter().map(|p| p * factor).collect();
             case.template.mesh = mesh.with_positions(scaled);
-            let other = solve(&case, Method::Dsfm).unwrap();
+            let other = solve(&case, method).unwrap();
             let back: Vec<Point3> = other.vertices.iter().map(|p| p / factor).collect();
             let apart = apart(&found.vertices, &back);
-            prop_assert!(apart < TOLERANCE, "{apart} mm at {factor}");
+            prop_assert!(apart < TOLERANCE, "{apart} mm at {factor}, {method:?}");
             Ok(())
         })
         .unwrap();
@@ -170,21 +177,21 @@ fn the_unit_of_the_template_is_that_of_the_surface() {
 #[test]
 fn the_axes_of_the_template_say_nothing() {
     let motion = ([-90.0..90.0, -90.0..90.0, -90.0..90.0], [-3.0..3.0, -3.0..3.0, -3.0..3.0]);
-    runner(6)
-        .run(&(0u64..40, motion), |(seed, (shift, turn))| {
+    runner(12)
+        .run(&(0u64..40, method(), motion), |(seed, method, (shift, turn))| {
             let mut case = small(seed);
-            let found = solve(&case, Method::Dsfm).unwrap();
+            let found = solve(&case, method).unwrap();
             let motion = Isometry::new(Vector3::from(shift), Vector3::from(turn));
             let mesh = &case.template.mesh;
             let moved = mesh.positions.iter().map(|p| motion * p).collect();
             case.template.mesh = mesh.with_positions(moved);
-            let other = solve(&case, Method::Dsfm).unwrap();
+            let other = solve(&case, method).unwrap();
             let apart = apart(&found.vertices, &other.vertices);
-            prop_assert!(apart < TOLERANCE, "{apart} mm");
+            prop_assert!(apart < TOLERANCE, "{apart} mm, {method:?}");
             // The pose takes the motion back.
             let pose = other.pose * motion;
             let off = (pose.translation.vector - found.pose.translation.vector).norm();
-            prop_assert!(off < 1e-3 * (1.0 + motion.translation.vector.norm()), "{off} mm");
+            prop_assert!(off < 1e-3 * (1.0 + motion.translation.vector.norm()), "{off} mm, {method:?}");
             Ok(())
         })
         .unwrap();
