@@ -191,7 +191,10 @@ fn the_axes_of_the_template_say_nothing() {
             // The pose takes the motion back.
             let pose = other.pose * motion;
             let off = (pose.translation.vector - found.pose.translation.vector).norm();
-            prop_assert!(off < 1e-3 * (1.0 + motion.translation.vector.norm()), "{off} mm, {method:?}");
+            prop_assert!(
+                off < 1e-3 * (1.0 + motion.translation.vector.norm()),
+                "{off} mm, {method:?}"
+            );
             Ok(())
         })
         .unwrap();

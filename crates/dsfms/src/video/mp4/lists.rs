@@ -22,9 +22,9 @@ impl Lists {
     /// parsed passes: the decoder refuses it by the same parser.
     pub(super) fn check(&mut self, nal: &NalUnit) -> Result<(), String> {
         match caught(|| self.listed(nal)) {
-            Ok(Some(listed)) if listed > MOST_LISTED => {
-                Err(format!("a reference list of {listed} pictures; H.264 has at most {MOST_LISTED}"))
-            }
+            Ok(Some(listed)) if listed > MOST_LISTED => Err(format!(
+                "a reference list of {listed} pictures; H.264 has at most {MOST_LISTED}"
+            )),
             _ => Ok(()),
         }
     }
