@@ -30,7 +30,7 @@ fn main() {
         return;
     };
     let folder = tempfile::tempdir().expect("a temporary folder");
-    for (vertices, frames) in [(1000, 20), (5000, 1)] {
+    for (vertices, frames) in [(1000, 20), (10_000, 1)] {
         let case = folder.path().join(format!("v{vertices}"));
         prepare(&case, vertices, frames);
         let page = case.join("out/report.html");
@@ -39,7 +39,7 @@ fn main() {
             "\n{frames} frames of {vertices} vertices: report.html {:.2} MB",
             bytes as f64 / 1e6
         );
-        let mut browser = Browser::start(program, &case.join("profile"), [1400, 900]);
+        let mut browser = Browser::start(program, &case.join("profile"), [1440, 900]);
         for visit in ["first", "second"] {
             browser.open(&format!("file://{}", page.display()), READY);
             let paint = browser.eval(

@@ -27,7 +27,7 @@ const FILES: [&str; 9] = [
 const ENDINGS: [&str; 7] =
     [".ply", ".json", "_overlay.png", "_structures.png", ".vtp", ".obj", ".stl"];
 /// Folders of a file or more a frame.
-const FOLDERS: [&str; 2] = ["overlay", "structures"];
+const FOLDERS: [&str; 3] = ["overlay", "structures", "view"];
 
 #[derive(Serialize)]
 struct Mark<'a> {

@@ -3,7 +3,7 @@
 // in data.unit; surfaces are in camera axes (x right, y down, z forward).
 const $ = (id) => document.getElementById(id);
 const data = JSON.parse($("data").textContent);
-if (!data.frames.length || !window.THREE) return;
+if (!data.frames.some((f) => f.surfaces) || !window.THREE) return;
 const T = window.THREE;
 const unit = data.unit;
 
@@ -21,8 +21,11 @@ const structureFaces = data.structures.map((s) => new Uint32Array(bytes(s.faces)
 const pixelsOf = (text, size) => Float32Array.from(words(text), (w, i) => (w === 65535 ? NaN : ((3 * w) / 65534 - 1) * size[i % 2]));
 
 const known = new Map();
-/** Surface of method k in frame f, unpacked once; null where the method failed. */
+/** Whether a frame is here: `dsfms view` sends those of long clips when they are asked for. */
+const present = (f) => !!data.frames[f].surfaces;
+/** Surface of method k in frame f, unpacked once; null where the method failed or the frame is not here. */
 function surface(f, k) {
+  if (!present(f)) return null;
   const key = f * data.methods.length + k;
   if (known.has(key)) return known.get(key);
   const packed = data.frames[f].surfaces[k];

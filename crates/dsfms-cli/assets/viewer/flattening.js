@@ -1,6 +1,7 @@
 // --- Legends, flattening ---------------------------------------------------------------------
 function legend(layer, bar, ticks) {
-  if (!layer.values) { bar.hidden = true; ticks.innerHTML = ""; return; }
+  bar.parentElement.hidden = !layer.values;
+  if (!layer.values) return;
   if (layer.flags) {
     bar.hidden = true;
     ticks.innerHTML = `<span><b style="color:rgb(${SEEN})">■</b> seen</span><span><b style="color:rgb(${HIDDEN})">■</b> hidden or outside</span>`;

@@ -1,35 +1,47 @@
-// --- The image -------------------------------------------------------------------------------
+// --- The image's overlay -----------------------------------------------------------------------
+/** The method whose surface lies over the image, and that surface. */
+const overlaid = () => { const k = +$("overlay-method").value || 0; return { k, s: surface(state.frame, k) }; };
 function drawOverlay() {
-  const frame = data.frames[state.frame], k = +$("overlay-method").value || 0, s = surface(state.frame, k);
+  const frame = data.frames[state.frame], { k, s } = overlaid();
   const image = $("photo"), out = $("overlay"), kind = $("overlay-kind").value;
-  $("image-pane").hidden = !data.frames.some((f) => f.image);
-  document.querySelector(".panes").classList.toggle("single", $("image-pane").hidden);
-  if ($("image-pane").hidden) return;
+  if ($("image-pane").hidden || !present(state.frame)) return;
   const source = frame.image || "";
   if (image.getAttribute("src") !== source) { if (source) image.src = source; else image.removeAttribute("src"); }
   image.alt = `Image of ${frame.name}`;
-  image.width = frame.size[0]; image.height = frame.size[1];
-  const scale = Math.max(1, 960 / frame.size[0]); // fine lines on small images
-  out.width = frame.size[0] * scale; out.height = frame.size[1] * scale;
+  placeFilm();
+  const { scale, shift, wide, high } = filmMap(), ratio = Math.min(devicePixelRatio, 2);
+  out.width = wide * ratio; out.height = high * ratio;
   const ink = out.getContext("2d");
-  // Pixel centres are at integers; the canvas has its origin at a corner.
-  ink.setTransform(scale, 0, 0, scale, 0.5 * scale, 0.5 * scale);
-  if (!s || !s.pixels || kind === "none") return;
+  paintOverlay(ink, { k, s, kind }, scale * ratio, shift.map((v) => v * ratio), ratio);
+}
+/** Draw into a canvas where image px q stands at (q + 0.5) * scale + shift; `fine`: canvas px of a line. */
+function paintOverlay(ink, { k, s, kind }, scale, shift, fine) {
+  const out = ink.canvas;
+  // Pixel centres are at integers; the image has its origin at a corner.
+  ink.setTransform(scale, 0, 0, scale, shift[0] + 0.5 * scale, shift[1] + 0.5 * scale);
+  if (!s || !s.pixels) return;
   const seen = (v) => (!s.visible || s.visible[v]) && Number.isFinite(s.pixels[2 * v]);
   const at = (v) => [s.pixels[2 * v], s.pixels[2 * v + 1]];
   ink.globalAlpha = $("opacity").value / 100;
   if (kind === "structures") drawBuried(ink, s, out);
-  else if (kind === "colours" && !state.layer.texture) fillFaces(ink, s, k, seen, at);
-  else {
-    const picture = new ImageData(out.width, out.height), pixel = (v) => at(v).map((x) => (x + 0.5) * scale);
+  else if (kind === "colours" && !state.layer.texture) {
+    // Opaque on a sheet of its own, so that faces that meet show no seam.
+    const sheet = Object.assign(document.createElement("canvas"), { width: out.width, height: out.height }), pen = sheet.getContext("2d");
+    pen.setTransform(ink.getTransform());
+    fillFaces(pen, s, k, seen, at, fine / scale);
+    ink.save(); ink.setTransform(1, 0, 0, 1, 0, 0); ink.drawImage(sheet, 0, 0); ink.restore();
+  }
+  else if (kind !== "none") {
+    const picture = new ImageData(out.width, out.height), pixel = (v) => at(v).map((x, c) => (x + 0.5) * scale + shift[c]);
     for (const [a, b] of edgeList) if (seen(a) && seen(b)) thinLine(picture, pixel(a), pixel(b), [90, 210, 255], 255 * ink.globalAlpha);
     ink.putImageData(picture, 0, 0);
   }
   ink.globalAlpha = 1;
-  if ($("matches").checked) drawMatches(ink, s.matches, frame.size[0] / 640);
-  drawPins(ink, s, frame.size[0] / 640);
+  const r = (fine / scale) * Math.min(Math.max(Math.min(out.width, out.height) / (420 * fine), 0.7), 1.6);
+  if ($("matches").checked) drawMatches(ink, s.matches, r);
+  drawPins(ink, s, r);
 }
-function fillFaces(ink, s, k, seen, at) {
+function fillFaces(ink, s, k, seen, at, line) {
   const colours = cornerColours(state.layer, state.frame, k);
   // Far faces first, so that folds hide what is behind them.
   const order = [...Array(faceCount).keys()].filter((f) => corners(f).every(seen));
@@ -38,10 +50,10 @@ function fillFaces(ink, s, k, seen, at) {
   for (const f of order) {
     const c = [0, 1, 2].map((i) => Math.round((colours[9 * f + i] + colours[9 * f + 3 + i] + colours[9 * f + 6 + i]) / 3));
     ink.fillStyle = ink.strokeStyle = `rgb(${c})`;
-    ink.lineWidth = 0.4;
+    ink.lineWidth = line;
     ink.beginPath();
     corners(f).forEach((v, i) => (i ? ink.lineTo(...at(v)) : ink.moveTo(...at(v))));
-    ink.closePath(); ink.fill();
+    ink.closePath(); ink.fill(); ink.stroke();
   }
 }
 /** A line one pixel wide with soft sides: along its longer axis, the two pixels across share the opacity.
@@ -100,19 +112,6 @@ function drawBuried(ink, s, out) {
     replace(pen, solid, 0.85);
     ink.save(); ink.setTransform(1, 0, 0, 1, 0, 0); ink.drawImage(layer, 0, 0); ink.restore();
   });
-}
-/** Kept: discs. Refused: crosses. */
-function drawMatches(ink, matches, r) {
-  for (const [x, y, kept] of matches) {
-    ink.lineWidth = 1.2 * r; ink.strokeStyle = "#000";
-    ink.beginPath();
-    if (kept) {
-      ink.fillStyle = "#28dc5a"; ink.arc(x, y, 3 * r, 0, 7); ink.fill(); ink.stroke();
-      continue;
-    }
-    ink.moveTo(x - 4 * r, y - 4 * r); ink.lineTo(x + 4 * r, y + 4 * r); ink.moveTo(x + 4 * r, y - 4 * r); ink.lineTo(x - 4 * r, y + 4 * r);
-    ink.lineWidth = 3.4 * r; ink.stroke(); ink.lineWidth = 1.8 * r; ink.strokeStyle = "#ff5050"; ink.stroke();
-  }
 }
 function drawPins(ink, s, r) {
   state.picks.forEach((pick, i) => {

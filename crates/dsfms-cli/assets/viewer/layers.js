@@ -14,13 +14,14 @@ const ramp = (colours, t) => colours[Math.round(255 * Math.min(Math.max(t, 0), 1
 const methods = data.methods.map((_, k) => k);
 const estimated = methods.filter((k) => k !== data.truth);
 // Asked of the packed surfaces, so that nothing is unpacked before it is shown.
-const has = (test) => data.frames.some((frame) => frame.surfaces.some((s) => s && test(s, frame)));
+const has = (test) => data.frames.some((frame) => frame.surfaces && frame.surfaces.some((s) => s && test(s, frame)));
 /** Distance of every vertex from its true place; null where the truth is not known. */
 const errors = (f, k) => {
   const s = surface(f, k), t = data.truth === undefined ? null : surface(f, data.truth);
   if (!s || !t) return null;
   return (s.errors ??= Float32Array.from({ length: data.vertices }, (_, v) => apart(point(s.at, v), point(t.at, v))));
 };
+const depths = (p) => Float32Array.from({ length: p.length / 3 }, (_, v) => p[3 * v + 2]);
 const layers = [];
 const add = (present, layer) => present && layers.push(layer);
 add(has((s, frame) => s.pixels && s.visible && frame.image), { id: "image", name: "image (grey: not seen)", texture: true });
@@ -28,7 +29,8 @@ add(data.albedo && atlas, { id: "albedo", name: "albedo", texture: true });
 add(true, { id: "shape", name: "shape" });
 add(data.truth !== undefined, { id: "error", name: "error", unit, per: "vertex", values: errors });
 add(has((s) => s.confidence), { id: "confidence", name: "expected error", unit, per: "vertex", values: (f, k) => surface(f, k).confidence });
-add(has((s) => s.positions), { id: "strain", name: `strain against ${data.reference} (largest stretch of a face)`, unit: "%", per: "face", signed: true, least: 2, values: (f, k) => strain(surface(f, k).at) });
+add(has((s) => s.positions), { id: "strain", name: `strain against ${data.reference} (largest stretch of a face)`, unit: "%", per: "face", signed: true, least: 2, values: (f, k) => strainNow(surface(f, k).at) });
+add(has((s) => s.positions), { id: "depth", name: "depth from the camera", unit, per: "vertex", ranged: true, values: (f, k) => depths(surface(f, k).at) });
 add(has((s) => s.visible), { id: "seen", name: "seen or hidden", per: "vertex", flags: true, values: (f, k) => surface(f, k).visible });
 data.scalars.forEach((s) => layers.push({ id: s.name, name: s.name.toLowerCase(), unit: s.unit, per: "vertex", values: () => numbers(s.values) }));
 if (data.flattening) {
@@ -38,21 +40,33 @@ if (data.flattening) {
   layers.push({ id: "area", name: "area distortion of the flattening", unit: "%", per: "face", signed: true, values: () => area });
 }
 
+/** Of the frames that are here, some, evenly spaced. */
+function samples() {
+  const here = data.frames.flatMap((_, f) => (present(f) ? [f] : [])), step = Math.ceil(here.length / 24);
+  return here.filter((_, i) => i % step === 0);
+}
+/** The least value of a layer, rounded down. */
+function nearest(layer) {
+  let least = Infinity;
+  samples().forEach((f) => estimated.forEach((k) => { if (surface(f, k)) for (const v of layer.values(f, k)) least = Math.min(least, v); }));
+  const step = 10 ** Math.floor(Math.log10(Math.max(Math.abs(least), 1e-6)));
+  return Number.isFinite(least) ? (Math.floor((10 * least) / step) * step) / 10 : 0;
+}
 /** A round number that covers all but the extreme of a layer's values. Of errors: that of the better
  * half of the methods, so that one that went astray does not drown the others. */
 function usualLimit(layer) {
+  if (layer.ranged) layer.low = nearest(layer);
   const base = layer.low || 0; // the flattening's ratios start at 1
-  const step = Math.ceil(data.frames.length / 24); // of long videos, some frames
   const reach = estimated.map((k) => {
     const all = [];
-    data.frames.forEach((_, f) => {
-      if (f % step || !surface(f, k)) return;
+    samples().forEach((f) => {
+      if (!surface(f, k)) return;
       for (const v of layer.values(f, k) || []) if (Number.isFinite(v)) all.push(Math.abs(v) - base);
     });
     return Float64Array.from(all).sort()[Math.floor(0.95 * (all.length - 1))];
   }).filter(Number.isFinite).sort((a, b) => a - b);
   const v = Math.max(reach[layer.signed ? reach.length - 1 : (reach.length - 1) >> 1] ?? 1, layer.least || 1e-6), decade = 10 ** Math.floor(Math.log10(v));
-  return base + [1, 1.5, 2, 3, 4, 5, 6, 8, 10].find((s) => s * decade >= v * 0.999) * decade;
+  return Number((base + [1, 1.5, 2, 3, 4, 5, 6, 8, 10].find((s) => s * decade >= v * 0.999) * decade).toPrecision(6));
 }
 const limitOf = (layer) => (layer.limit ??= usualLimit(layer));
 function colourOf(layer, v) {
@@ -67,6 +81,6 @@ const text = (v, digits = 3) => {
 };
 
 // --- State -----------------------------------------------------------------------------------
-const state = { frame: 0, layer: layers[0], shown: [data.chosen], picks: [], playing: 0 };
+const state = { frame: Math.max(data.frames.findIndex((f) => f.surfaces), 0), layer: layers[0], shown: [data.chosen], picks: [], playing: 0 };
 // A template is not one image's: its own albedo first.
 if (data.moving_camera || !has((s, frame) => frame.image)) state.layer = layers.find((l) => l.id === "albedo") || state.layer;

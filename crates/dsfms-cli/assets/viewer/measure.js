@@ -36,16 +36,7 @@ const atVertex = (v) => {
   return c < 0 ? null : { face: Math.floor(c / 3), b: [0, 1, 2].map((i) => (i === c % 3 ? 1 : 0)) };
 };
 function pickAt(x, y) {
-  const box = canvas.getBoundingClientRect(), px = x - box.left, py = y - box.top;
-  const cell = cells().find((c) => px >= c.x && px < c.x + c.w && py >= c.y && py < c.y + c.h);
-  if (!cell || !surface(state.frame, cell.k)) return;
-  aim(cell);
-  const ray = new T.Raycaster(), mesh = columns[cell.k].mesh;
-  ray.setFromCamera(new T.Vector2((2 * (px - cell.x)) / cell.w - 1, 1 - (2 * (py - cell.y)) / cell.h), eye);
-  const hit = ray.intersectObject(mesh)[0];
-  if (!hit) return;
-  const face = Math.floor(hit.face.a / 3), q = mesh.worldToLocal(hit.point.clone()).toArray(), p = surface(state.frame, cell.k).at;
-  const c = corners(face).map((v) => point(p, v)), n = cross(sub(c[1], c[0]), sub(c[2], c[0])), nn = dot(n, n);
-  const b1 = dot(cross(sub(c[2], c[1]), sub(q, c[1])), n) / nn, b2 = dot(cross(sub(c[0], c[2]), sub(q, c[2])), n) / nn;
-  pick({ face, b: [b1, b2, 1 - b1 - b2] });
+  const hit = hitAt(x, y), camera = hit && cameraAt(hit);
+  if (camera) go(camera.frame);
+  else if (hit && hit.b) pick({ face: hit.face, b: hit.b });
 }

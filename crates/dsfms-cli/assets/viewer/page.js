@@ -17,9 +17,7 @@ function readout() {
   $("readout").textContent = `${frame.name}. ${parts.join(". ")}.`;
 }
 function refresh() {
-  $("frame").value = state.frame;
-  $("frame").setAttribute("aria-valuetext", data.frames[state.frame].name);
-  $("frame-name").textContent = `${data.frames[state.frame].name} (${state.frame + 1} of ${data.frames.length})`;
+  tellFrame();
   legend(state.layer, $("ramp"), $("ticks"));
   $("legend-name").textContent = state.layer.name; // on paper there is no select
   const scaled = !!state.layer.values && !state.layer.flags;
@@ -29,14 +27,8 @@ function refresh() {
   if (data.moving_camera) buildRig();
   readout();
   measured();
-}
-function go(f) { state.frame = (f + data.frames.length) % data.frames.length; refresh(); }
-function play(on) {
-  clearInterval(state.playing);
-  state.playing = on ? setInterval(() => go(state.frame + 1), Math.min(Math.max(15000 / data.frames.length, 80), 700)) : 0;
-  $("play").setAttribute("aria-pressed", String(on));
-  $("play").textContent = on ? "Pause" : "Play";
-  $("readout").setAttribute("aria-live", on ? "off" : "polite"); // a reader cannot follow the film
+  if (!live) drawStatuses();
+  changed();
 }
 function wire_up() {
   const option = (value, name) => Object.assign(document.createElement("option"), { value, textContent: name });
@@ -61,48 +53,49 @@ function wire_up() {
   const show = (name, yes) => document.querySelectorAll(name).forEach((e) => { e.hidden = !yes; });
   show(".has-rest", has((s) => s.pose)); show(".has-truth", data.truth !== undefined);
   show(".has-camera", data.camera); show(".has-points", data.points); show(".has-structures", data.structures.length);
+  show(".has-path", data.camera && posedFrames().length > 1);
   show(".matches", has((s) => s.matches.length)); show("[data-view=all]", data.camera);
+  $("image-pane").hidden = !data.frames.some((f) => f.image);
+  document.querySelector(".panes").classList.toggle("single", $("image-pane").hidden);
   if (!data.camera) document.querySelector("[data-view=camera]").textContent = "Front";
+  pointKinds.forEach(([id, name]) => $("points-by").append(option(id, name)));
+  $("speed").value = data.frames.length > 12 ? 10 : 2;
   $("structure-names").innerHTML = data.structures.map((s, i) => `<span><b style="color:${BURIED[i % 4]}">●</b> ${escape(s.name)}</span>`).join("");
   if (data.structures.length) { $("overlay-kind").value = "structures"; $("matches").checked = false; }
   else $("overlay-kind").querySelector("[value=structures]").remove();
   document.querySelectorAll(".unit").forEach((e) => { e.textContent = unit; });
   ["vertex-a", "vertex-b"].forEach((id) => { $(id).max = data.vertices - 1; });
-  if (!has((s) => s.pixels)) document.querySelector("#image-pane figcaption").hidden = true;
+  if (!has((s) => s.pixels)) ["overlay-kind", "opacity", "wipe"].forEach((id) => { $(id).closest("label").hidden = true; });
+  residualLegend();
 
   $("frame").oninput = (e) => go(+e.target.value);
   $("previous").onclick = () => go(state.frame - 1);
   $("next").onclick = () => go(state.frame + 1);
   $("play").onclick = () => play(!state.playing);
+  $("speed").onchange = () => { if (state.playing) play(true); changed(); };
   $("turntable").onclick = () => turntable(!turning);
   $("layer").onchange = (e) => { state.layer = layers.find((l) => l.id === e.target.value); refresh(); };
   $("limit").onchange = (e) => { if (+e.target.value > (state.layer.low || 0)) { state.layer.limit = +e.target.value; state.layer.chosen = true; } refresh(); };
   $("flat-layer").onchange = drawFlattening;
-  for (const id of ["overlay-kind", "overlay-method", "opacity", "matches"]) $(id).addEventListener("input", drawOverlay);
-  for (const id of ["edges", "ghost", "truth", "rig", "points", "solid"]) $(id).addEventListener("input", draw);
+  for (const id of ["overlay-kind", "overlay-method", "opacity", "matches"]) $(id).addEventListener("input", () => { drawOverlay(); changed(); });
+  for (const id of ["edges", "ghost", "truth", "rig", "path", "points", "solid", "shading", "cut", "cut-axis"]) $(id).addEventListener("input", () => { draw(); changed(); });
+  $("points-by").oninput = () => { $("points").checked = true; paintPoints(); changed(); };
   document.querySelectorAll("[data-view]").forEach((b) => { b.onclick = () => { turntable(false); view(b.dataset.view); }; });
   const typed = () => pickVertices(["vertex-a", "vertex-b"].map((id) => ($(id).value === "" ? null : +$(id).value)));
   $("vertex-a").onchange = $("vertex-b").onchange = typed;
   $("radius").onchange = measured;
   $("clear").onclick = () => { state.picks = []; $("vertex-a").value = $("vertex-b").value = ""; measured(); };
-  $("csv").onclick = () => save("measurements.csv", csv());
+  $("csv").onclick = saveCsv;
   let down = null;
   canvas.addEventListener("pointerdown", (e) => { down = [e.clientX, e.clientY]; turntable(false); });
   canvas.addEventListener("pointerup", (e) => {
     if (down && Math.hypot(e.clientX - down[0], e.clientY - down[1]) < 5) pickAt(e.clientX, e.clientY);
     down = null;
   });
-  canvas.addEventListener("keydown", (e) => {
-    const turn = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[e.key];
-    if (turn) orbit(turn[0] * 0.12, turn[1] * 0.12);
-    else if (e.key === "+" || e.key === "=") zoom(0.9);
-    else if (e.key === "-") zoom(1 / 0.9);
-    else if (e.key === "," || e.key === ".") go(state.frame + (e.key === "." ? 1 : -1));
-    else return;
-    e.preventDefault();
-  });
+  wireFilm(); wireHover(); wireKeys(); wireExport();
   new ResizeObserver(draw).observe(canvas);
-  const theme = () => { wallpaper(); buildRig(); if (renderer) render(); };
+  new ResizeObserver(drawStatuses).observe($("statuses"));
+  const theme = () => { wallpaper(); buildRig(); drawStatuses(); drawOverlay(); if (renderer) render(); };
   for (const medium of ["(prefers-color-scheme: dark)", "print"]) matchMedia(medium).addEventListener("change", theme);
 }
 function orbit(yaw, pitch) {
@@ -111,38 +104,53 @@ function orbit(yaw, pitch) {
   eye.position.set(Math.sin(level) * Math.cos(rise), Math.sin(rise), Math.cos(level) * Math.cos(rise)).multiplyScalar(r).add(controls.target);
   controls.update(); drawMoving();
 }
-function zoom(factor) { eye.position.sub(controls.target).multiplyScalar(factor).add(controls.target); controls.update(); draw(); }
+function zoom(factor) { eye.position.sub(controls.target).multiplyScalar(factor).add(controls.target); controls.update(); draw(); changed(); }
 
 /** What must stay as it is for new frames to be taken over in place. */
 const kept = (d) => JSON.stringify([d.faces, d.methods, d.unit, d.structures.length,
-  ["positions", "pixels", "visible", "confidence"].map((key) => d.frames.some((f) => f.surfaces.some((s) => s && s[key])))]);
+  !!d.stream,
+  ["positions", "pixels", "visible", "confidence"].map((key) => d.frames.some((f) => f.surfaces && f.surfaces.some((s) => s && s[key])))]);
 /** Take over the frames and the texts of a newer page (`dsfms view`); false where it must be loaded anew.
  * Who looks at the last frame goes on to the newest. */
 function update(page) {
   const next = JSON.parse(page.getElementById("data").textContent);
   if (kept(next) !== kept(data)) return false;
   for (const id of ["summary", "sections"]) $(id).innerHTML = page.getElementById(id).innerHTML;
-  const name = data.frames[state.frame].name, follow = state.frame === data.frames.length - 1;
+  readCharts();
+  const name = data.frames[wanted ?? state.frame].name, follow = state.frame === data.frames.length - 1;
+  const shownNow = { ...data.frames[state.frame] };
   data.frames = next.frames;
-  known.clear();
-  const same = data.frames.findIndex((f) => f.name === name);
-  state.frame = follow || same < 0 ? data.frames.length - 1 : same;
+  known.clear(); held.clear(); own.clear();
+  if (live) data.frames.forEach((_, f) => present(f) && own.add(f));
+  const same = data.frames.findIndex((f) => f.name === name), f = follow || same < 0 ? data.frames.length - 1 : same;
+  // Until its successor is here the shown frame stays.
+  if (!present(f)) data.frames[f] = { ...shownNow, name: data.frames[f].name };
+  const late = live && !own.has(f);
+  state.frame = f;
   layers.forEach((l) => { if (!l.chosen) l.limit = undefined; });
   $("time").hidden = data.frames.length < 2;
   $("frame").max = data.frames.length - 1;
   refresh();
+  if (late) { forget(f); wanted = f; bring(); }
+  drawStatuses();
   return true;
 }
 
-$("viewer").hidden = false;
+$("tools").hidden = false;
 measureScene();
 wallpaper();
 $("radius").value = Number((0.2 * radius).toPrecision(1));
 wire_up();
 buildRig();
-refresh();
-drawFlattening();
+readCharts();
 if (controls) { controls.addEventListener("change", drawMoving); controls.rotateSpeed = 0.9; view("camera"); }
+refresh();
+paintPoints();
+drawStatuses();
+restore(location.hash);
+addEventListener("hashchange", () => { if (location.hash !== told) restore(location.hash); });
 $("viewer").dataset.ready = "yes";
+// Text that lies below the stage waits until the stage is drawn.
+setTimeout(drawFlattening, 50);
 // For tests and the curious.
-window.dsfms = { state, data, render, csv, orbit, update, measures, pickVertices, place: () => eye.position.toArray(), sharpness: () => coarse };
+window.dsfms = { state, data, render, csv, orbit, update, measures, pickVertices, lens, link, go, place: () => eye.position.toArray(), cameraPlace, sharpness: () => coarse };

@@ -29,7 +29,7 @@ const picture = (source) => Object.assign(new Image(), { src: source });
 const photoTextures = new Map(), MOST_PHOTOS = 32;
 const photoTexture = (f) => {
   const source = data.frames[f].image;
-  if (!source) return null;
+  if (!source) return null; // none, or the frame is not here
   const known = photoTextures.get(source) || texture(picture(source), false);
   photoTextures.delete(source);
   photoTextures.set(source, known);
@@ -42,11 +42,11 @@ const photoTexture = (f) => {
 const albedoImage = data.albedo && picture(data.albedo);
 const albedoTexture = albedoImage && texture(albedoImage, false);
 
-const surfaceOf = (more) => material({ side: T.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1, ...more });
+const surfaceOf = (more) => material({ sliced: true, side: T.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1, ...more });
 const painted = surfaceOf({ lit: true, painted: true });
 const photographed = surfaceOf({});
 const bare = surfaceOf({ lit: true, map: albedoTexture || null });
-const edgeInk = material({ colour: 0x101418, opacity: 0.35 });
+const edgeInk = material({ colour: 0x101418, opacity: 0.35, sliced: true });
 const ghostInk = material({ colour: 0x2b6cb0, opacity: 0.55 });
 const truthInk = material({ colour: 0x1f8a55, opacity: 0.7 });
 // Transparent, so that they are drawn after all other lines.
@@ -77,12 +77,16 @@ const setPoints = (object, p) => {
   object.geometry.computeBoundingSphere();
 };
 
-/** One method's objects. Faces have corners of their own, so that a colour can belong to a face. */
-const columns = data.methods.map(() => {
+const geometryOf = (count) => {
   const geometry = new T.BufferGeometry();
   for (const [name, width] of [["position", 3], ["normal", 3], ["color", 3], ["uv", 2]])
-    geometry.setAttribute(name, new T.BufferAttribute(new Float32Array(3 * width * faceCount), width));
-  const group = new T.Group(), mesh = new T.Mesh(geometry, [painted, painted]);
+    geometry.setAttribute(name, new T.BufferAttribute(new Float32Array(width * count), width));
+  return geometry;
+};
+/** One method's objects. Faces share their vertices, or have corners of their own where a colour belongs to
+ * a face or the albedo's charts meet: six times as many, which a software renderer feels. */
+const columns = data.methods.map(() => {
+  const group = new T.Group(), mesh = new T.Mesh(geometryOf(0), [painted, painted]);
   const pins = ["A", "B"].map(() => new T.Mesh(new T.SphereGeometry(1, 16, 12), pinInk));
   const path = new T.LineSegments(new T.BufferGeometry(), pathInk);
   const column = { group, mesh, pins, path, edges: wire(edgeInk), ghost: wire(ghostInk), truth: wire(truthInk), buried: [] };
@@ -95,65 +99,4 @@ const columns = data.methods.map(() => {
   group.add(mesh, column.edges, column.ghost, column.truth, path, ...pins, ...column.buried);
   root.add(group);
   return column;
-});
-
-const linearOf = Float32Array.from({ length: 256 }, (_, v) => { const s = v / 255; return s <= 0.04045 ? s / 12.92 : ((s + 0.055) / 1.055) ** 2.4; });
-/** Colour of every corner, 0 to 255; clay or grey where the layer has no values. */
-function cornerColours(layer, f, k) {
-  const out = new Uint8Array(9 * faceCount);
-  const values = layer.values && layer.values(f, k);
-  const hidden = layer.id === "image" ? HIDDEN : CLAY;
-  for (let c = 0; c < 3 * faceCount; c++) {
-    const v = layer.per === "face" ? Math.floor(c / 3) : faces[c];
-    out.set(values ? colourOf(layer, values[v]) : hidden, 3 * c);
-  }
-  return out;
-}
-
-function paint(k) {
-  const column = columns[k], s = surface(state.frame, k), layer = state.layer;
-  column.group.visible = !!s;
-  if (!s) return;
-  const g = column.mesh.geometry, normals = vertexNormals(s.at);
-  const position = g.attributes.position.array, normal = g.attributes.normal.array, uv = g.attributes.uv.array;
-  faces.forEach((v, c) => {
-    for (let i = 0; i < 3; i++) { position[3 * c + i] = s.at[3 * v + i]; normal[3 * c + i] = normals[3 * v + i]; }
-  });
-  cornerColours(layer, state.frame, k).forEach((v, i) => { g.attributes.color.array[i] = linearOf[v]; });
-  const photo = layer.id === "image" && s.pixels && s.visible && photoTexture(state.frame);
-  const size = data.frames[state.frame].size;
-  if (photo) faces.forEach((v, c) => {
-    uv[2 * c] = (s.pixels[2 * v] + 0.5) / size[0];
-    uv[2 * c + 1] = 1 - (s.pixels[2 * v + 1] + 0.5) / size[1];
-  });
-  else if (atlas) uv.set(atlas);
-  // The part that the image does not show comes last, in grey.
-  const seen = photo ? [] : null, unseen = [];
-  for (let f = 0; f < faceCount; f++)
-    (photo && corners(f).every((v) => s.visible[v]) ? seen : unseen).push(3 * f, 3 * f + 1, 3 * f + 2);
-  const order = (seen || []).concat(unseen);
-  g.setIndex(new T.BufferAttribute(Uint32Array.from(order), 1));
-  g.clearGroups();
-  const first = seen ? seen.length : 0;
-  if (first) g.addGroup(0, first, 0);
-  g.addGroup(first, order.length - first, 1);
-  column.photo = photo || null;
-  column.mesh.material = [photographed, layer.id === "albedo" ? bare : painted];
-  for (const a of Object.values(g.attributes)) a.needsUpdate = true;
-  g.computeBoundingSphere();
-  setPoints(column.edges, s.at);
-  const truth = data.truth !== undefined && surface(state.frame, data.truth);
-  if (truth) setPoints(column.truth, truth.at);
-  if (s.pose) setPoints(column.ghost, posed(s.pose, rest));
-  column.buried.forEach((mesh, i) => {
-    mesh.visible = !!s.structures[i];
-    if (!mesh.visible) return;
-    mesh.geometry.setAttribute("position", new T.BufferAttribute(s.structures[i].at, 3));
-    mesh.geometry.computeVertexNormals();
-    mesh.geometry.computeBoundingSphere();
-  });
-}
-const posed = (m, p) => Float32Array.from(p, (_, j) => {
-  const v = 3 * Math.floor(j / 3), r = m[j % 3];
-  return r[0] * p[v] + r[1] * p[v + 1] + r[2] * p[v + 2] + r[3];
 });

@@ -16,7 +16,7 @@ function measured() {
   const title = `${B ? "Between A and B" : "Around A; pick a second point for distances"}, ${data.frames[state.frame].name}${against}`;
   table.caption.textContent = state.picks.length ? title : "Pick two points to measure";
   const head = ["", ...(B ? [`straight, ${unit}`, `along the surface, ${unit}`, "change"] : []), `patch area, ${unit}²`, "change", "mean strain"];
-  table.tHead.innerHTML = state.picks.length ? `<tr>${head.map((h) => `<th scope="col">${h}</th>`).join("")}</tr>` : "";
+  table.tHead.innerHTML = state.picks.length ? `<tr>${head.map((h) => (h ? `<th scope="col">${h}</th>` : "<td></td>")).join("")}</tr>` : "";
   const line = (name, m, change) => {
     const c = (a, b) => (change ? percent(100 * (a / b - 1)) : "");
     const sd = m.sd || {}, give = (v, s) => (Number.isFinite(s) ? `${text(v, 4)} ± ${text(s, 2)}` : text(v, 4));
@@ -45,28 +45,42 @@ function placePins(column, s, row) {
   column.path.geometry = new T.BufferGeometry();
   column.path.geometry.setAttribute("position", new T.BufferAttribute(Float32Array.from(list), 3));
 }
-function csv() {
+/** The rows of the CSV: `head`, and those `of` a frame. */
+function csvRows() {
   const list = patch(), [A, B] = state.picks;
   const place = (s) => (s ? [s.face, ...s.b.map((v) => v.toFixed(6))] : ["", "", "", ""]);
   const u = unit === "mm" ? "mm" : "units";
-  const rows = [["frame", "method", "status", "a_face", "a_b1", "a_b2", "a_b3", "b_face", "b_b1", "b_b2", "b_b3", `straight_${u}`, `straight_sd_${u}`, `along_surface_${u}`, `along_surface_sd_${u}`, `patch_radius_${u}`, `patch_area_${u}2`, `patch_area_sd_${u}2`, "patch_mean_strain_percent", "patch_mean_strain_sd_percent"]];
+  const header = ["frame", "method", "status", "a_face", "a_b1", "a_b2", "a_b3", "b_face", "b_b1", "b_b2", "b_b3", `straight_${u}`, `straight_sd_${u}`, `along_surface_${u}`, `along_surface_sd_${u}`, `patch_radius_${u}`, `patch_area_${u}2`, `patch_area_sd_${u}2`, "patch_mean_strain_percent", "patch_mean_strain_sd_percent"];
   const number = (v) => (Number.isFinite(v) ? v.toPrecision(7) : "");
-  const push = (frame, name, status, p, confidence) => {
-    const m = measureOn(p, confidence, list), sd = m.sd || {};
-    rows.push([frame, name, status, ...place(A), ...place(B), number(m.straight), number(sd.straight), number(m.along && m.along.length), number(sd.along), $("radius").value, list.length ? number(m.area) : "", number(sd.area), number(m.strain), number(sd.strain)]);
-  };
-  if (A) {
-    if (!data.moving_camera) push("", data.reference, "", rest, null);
-    data.frames.forEach((frame, f) => methods.forEach((k) => {
-      const s = surface(f, k);
-      if (s) push(frame.name, data.methods[k], frame.status[k], s.at, s.confidence);
-    }));
-  }
   const quoted = (v) => (/[",\n]/.test(v) ? `"${String(v).replace(/"/g, '""')}"` : v);
-  return rows.map((r) => r.map(quoted).join(",")).join("\n") + "\n";
+  const row = (frame, name, status, p, confidence) => {
+    const m = measureOn(p, confidence, list), sd = m.sd || {};
+    const cells = [frame, name, status, ...place(A), ...place(B), number(m.straight), number(sd.straight), number(m.along && m.along.length), number(sd.along), $("radius").value, list.length ? number(m.area) : "", number(sd.area), number(m.strain), number(sd.strain)];
+    return `${cells.map(quoted).join(",")}\n`;
+  };
+  const of = (f) => (A ? methods : []).map((k) => {
+    const s = surface(f, k);
+    return s ? row(data.frames[f].name, data.methods[k], data.frames[f].status[k], s.at, s.confidence) : "";
+  }).join("");
+  return { head: `${header.join(",")}\n${A && !data.moving_camera ? row("", data.reference, "", rest, null) : ""}`, of };
 }
-function save(name, content) {
-  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(new Blob([content], { type: "text/csv" })), download: name });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+/** Of the frames that are here. */
+function csv() {
+  const { head, of } = csvRows();
+  return head + data.frames.map((_, f) => of(f)).join("");
+}
+let saving = false;
+/** Of all frames; those of a long clip are brought one by one, and a second press ends it. */
+async function saveCsv() {
+  const button = $("csv"), label = button.textContent;
+  if (saving) { saving = false; return; }
+  const { head, of } = csvRows(), parts = [head];
+  saving = true;
+  for (let f = 0; f < data.frames.length && saving; f++) {
+    if (present(f)) parts.push(of(f));
+    else { await load(f); parts.push(of(f)); button.textContent = `${f + 1} of ${data.frames.length}; stop`; }
+  }
+  button.textContent = label;
+  if (saving) saveBlob("measurements.csv", new Blob(parts, { type: "text/csv" }));
+  saving = false;
 }

@@ -19,7 +19,7 @@ function view(kind) {
   eye.near = radius / 100; eye.far = 40 * (radius + own);
   controls.target.copy(target);
   controls.update();
-  draw();
+  draw(); changed();
 }
 
 let turning = 0;
@@ -42,22 +42,23 @@ let due = false;
 function draw() {
   if (due || !renderer) return;
   due = true;
-  requestAnimationFrame(() => { due = false; render(); });
+  requestAnimationFrame(() => { due = false; render(false); });
 }
 // Where a slow machine turns the view, it draws fewer pixels until it keeps up, and all of them again
 // when the view comes to rest.
 let coarse = 1, moving = false, resting = 0, before = 0, slow = 0;
-const SLOW_MS = 36, QUICK_MS = 18, REST_MS = 180, COARSEST = 0.4;
+let finest = 1, raised = false; // what proved too fine is not tried again before the view rests
+const SLOW_MS = 19, QUICK_MS = 17.2, REST_MS = 180, COARSEST = 0.4;
 function drawMoving() {
   const now = performance.now(), took = now - before;
   before = now;
   if (moving) slow += took > SLOW_MS ? 1 : took < QUICK_MS ? -0.05 : 0;
-  if (slow > 3) { coarse = Math.max(0.75 * coarse, COARSEST); slow = 0; }
-  if (slow < -3) { coarse = Math.min(coarse / 0.75, 1); slow = 0; }
+  if (slow > 3) { coarse = Math.max(0.75 * coarse, COARSEST); slow = 0; if (raised) finest = coarse; }
+  if (slow < -3) { raised = coarse < finest; coarse = Math.min(coarse / 0.75, finest); slow = 0; }
   moving = true;
   clearTimeout(resting);
-  resting = setTimeout(() => { moving = false; if (coarse < 1) draw(); }, REST_MS);
-  draw();
+  resting = setTimeout(() => { moving = raised = false; finest = 1; if (coarse < 1) draw(); }, REST_MS);
+  draw(); changed();
 }
 /** The grid in which n cells are largest. */
 function grid(n, w, h) {
@@ -91,16 +92,19 @@ function fitCanvas(w, h) {
 function wallpaper() {
   if (renderer) renderer.setClearColor(getComputedStyle(document.documentElement).getPropertyValue("--space").trim(), 1);
 }
-function render() {
+/** `asIs`: into a drawing buffer whose size was set by the caller. */
+function render(asIs) {
   const w = canvas.clientWidth, h = canvas.clientHeight;
   if (!w || !h) return;
-  fitCanvas(w, h);
+  if (!asIs) fitCanvas(w, h);
   // A grid may have a cell too many.
   renderer.setScissorTest(false);
   renderer.clear();
   renderer.setScissorTest(true);
   const solid = data.structures.length ? $("solid").value / 100 : 1;
   for (const m of [painted, photographed, bare]) { m.uniforms.opacity.value = solid; m.transparent = solid < 1; m.depthWrite = solid === 1; }
+  for (const m of [painted, bare]) m.uniforms.lit.value = +$("shading").checked;
+  placeCut();
   const labels = [];
   clearSight();
   for (const cell of cells()) {
@@ -128,13 +132,14 @@ function cellLabel(cell) {
   const name = data.methods.length > 1 || !data.moving_camera ? escape(data.methods[cell.k]) : "";
   const note = surface(state.frame, cell.k) ? summaryOf(cell.k) : "no surface";
   const mark = status === "ok" ? "" : ` <b class="${status}" style="position:static;border:0">${status}</b>`;
-  let html = name ? `<span style="left:${cell.x}px;top:${cell.y}px">${name}${mark} ${note}</span>` : "";
+  let html = name ? `<span style="left:${cell.x}px;top:${cell.y}px;max-width:${cell.w}px">${name}${mark} ${note}</span>` : "";
   columns[cell.k].pins.forEach((pin, i) => {
     if (!pin.visible || !columns[cell.k].group) return;
     const p = pin.getWorldPosition(new T.Vector3()).project(eye);
     html += `<i style="left:${cell.x + (0.5 + 0.5 * p.x) * cell.w}px;top:${cell.y + (0.5 - 0.5 * p.y) * cell.h}px">${"AB"[i]}</i>`;
   });
-  return html + scaleBar(cell);
+  // All cells are drawn alike: one bar serves them.
+  return cell.k === state.shown[state.shown.length - 1] ? html + scaleBar(cell) : html;
 }
 /** A length at the distance of the orbit's centre. */
 function scaleBar(cell) {

@@ -1,5 +1,7 @@
 //! `dsfms reconstruct`: frames of the deformed organ to surfaces.
 
+mod page;
+
 use crate::args::Global;
 use crate::exit::{self, Outcome};
 use crate::formats::{Format, Formats, Shape};
@@ -7,9 +9,9 @@ use crate::inputs::{self, Source};
 use crate::outputs::{self, FrameFiles, FrameReport};
 use crate::place;
 use crate::progress::Reporter;
+use crate::report::clip;
 use crate::report::data::ShownFrame;
-use crate::report::frames::frames_page;
-use crate::report::template::chosen;
+use crate::report::template::{MOST_FRAMES, chosen};
 use crate::structures::{Placed, Structures};
 use clap::{Args, ValueEnum};
 use dsfms::camera::CameraModel;
@@ -26,6 +28,7 @@ use dsfms::register::{Deformable, Match, Prior};
 use dsfms::template::Template;
 use dsfms::verdict::intrinsics::apart_px;
 use dsfms::verdict::{Reason, Thresholds};
+use page::{Page, failed_frame};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -53,7 +56,8 @@ Written to OUT for every frame: frame_NNN.ply (the template's faces and vertex
 order, camera axes of the frame, unit in a header comment, visible per vertex),
 frame_NNN.json (status, pose, gain, cost of every energy term),
 frame_NNN_overlay.png; summary.csv; and report.html, one page with everything
-in 3D. With --formats also frame_NNN.vtp (ParaView, 3D Slicer), .obj, .stl, and
+in 3D (of more than 24 frames evenly spaced ones; view/frame_NNN.json has all of
+them for `dsfms view OUT`). With --formats also frame_NNN.vtp (ParaView, 3D Slicer), .obj, .stl, and
 frames.glb, an animation with one frame a second. NNN is the last number in the
 image's name where all have one and no two the same, else the place in the
 sequence.";
@@ -213,13 +217,15 @@ pub fn run(
     place::renew(&args.output, "reconstruct")?;
     let done = AtomicUsize::new(0);
     let shown = if args.no_report { Vec::new() } else { chosen(sources.len()) };
+    let beside = !args.no_report && sources.len() > MOST_FRAMES;
     reporter.step("frames", 0, sources.len());
     let done_frames: Vec<anyhow::Result<Done>> = sources
         .par_iter()
         .zip(&names)
         .enumerate()
         .map(|(i, (source, name))| {
-            let report = job.frame(source, name, i, shown.contains(&i));
+            let page = Page { holds: shown.contains(&i), beside };
+            let report = job.frame(source, name, i, page);
             reporter.step("frames", done.fetch_add(1, Ordering::Relaxed) + 1, sources.len());
             report
         })
@@ -312,12 +318,11 @@ impl Job<'_> {
     }
 
     /// One frame: its files are written whatever happens; an error means that they could not be.
-    /// With `shown`, also the frame for the page.
-    fn frame(&self, source: &Source, name: &str, i: usize, shown: bool) -> anyhow::Result<Done> {
+    fn frame(&self, source: &Source, name: &str, i: usize, page: Page) -> anyhow::Result<Done> {
         let input = source.name();
         let method = self.method;
         let files = FrameFiles { folder: &self.args.output, name };
-        let (mut page, mut shape) = (None, None);
+        let (mut shown, mut shape) = (None, None);
         let report = match self.attempt(source) {
             Ok((frame, result)) => {
                 files.write_surface(&self.template, &frame, &self.camera, &result)?;
@@ -328,12 +333,8 @@ impl Job<'_> {
                     report.doubts.push(Reason::Input { why: reason.into() });
                 }
                 let places = self.carry_structures(name, &frame, &result)?;
-                if shown {
-                    let mut part = ShownFrame::new(name, &frame)?;
-                    part.add(&report, Some(&result), &self.camera, 1.0);
-                    let buried = self.structures.as_ref();
-                    part.add_structures(buried.map_or(vec![], |s| s.places(&self.camera, &places)));
-                    page = Some(part);
+                if page.wants() {
+                    shown = Some(self.shown(name, &frame, (&report, &result), &places)?);
                 }
                 self.formats().write_frame(
                     name,
@@ -357,12 +358,15 @@ impl Job<'_> {
                     }
                     _ => FrameReport::failed(&input, method, unit, exit::advised(&error)),
                 };
-                if shown {
-                    page = Some(failed_frame(name, source, &report)?);
+                if page.wants() {
+                    shown = Some(failed_frame(name, source, &report)?);
                 }
                 report
             }
         };
+        if let Some(shown) = shown.as_ref().filter(|_| page.beside) {
+            clip::write(&self.args.output, shown)?;
+        }
         files.write_report(&report)?;
         for reason in &report.reasons {
             let what = format!("{name} ({input}) {}: {reason}", report.status);
@@ -371,7 +375,7 @@ impl Job<'_> {
                 _ => self.reporter.warn(&what),
             }
         }
-        Ok(Done { report, page, shape })
+        Ok(Done { report, page: shown.filter(|_| page.holds), shape })
     }
 
     /// Places of the hidden structures; their files and picture.
@@ -387,19 +391,6 @@ impl Job<'_> {
         let picture = structures.overlay(frame, &self.camera, result, &places);
         outputs::write_png(&self.args.output.join(format!("{name}_structures.png")), &picture)?;
         Ok(places)
-    }
-
-    fn write_page(
-        &self,
-        rows: &[(String, FrameReport)],
-        frames: Vec<ShownFrame>,
-    ) -> anyhow::Result<()> {
-        let template = self.args.template.file_name().unwrap_or_default().to_string_lossy();
-        let method = method_name(self.method);
-        let mut page =
-            frames_page((&template, &self.template), &self.camera, method, rows, frames)?;
-        page.data.structures = self.structures.as_ref().map_or(Vec::new(), Structures::shown);
-        page.write(&self.args.output.join("report.html"))
     }
 
     fn attempt(&self, source: &Source) -> anyhow::Result<(Frame, Reconstruction)> {
@@ -443,17 +434,6 @@ fn warn_of_camera(template: &Template, given: &CameraModel, path: &Path, reporte
             path.display()
         ));
     }
-}
-
-/// A frame without surface: its image, where it can be read.
-fn failed_frame(name: &str, source: &Source, report: &FrameReport) -> anyhow::Result<ShownFrame> {
-    let mut frame = match source.frame() {
-        Ok(frame) => ShownFrame::new(name, &frame)?,
-        Err(_) => ShownFrame::with(name, None, [640, 480]),
-    };
-    frame.surfaces.push(None);
-    frame.status.push(report.status);
-    Ok(frame)
 }
 
 fn conclude(rows: &[(String, FrameReport)], reporter: &Reporter) -> Outcome {

@@ -1,17 +1,20 @@
 //! `dsfms view`: the page of a report, template or mesh, from this machine to its own browser.
 
+mod live;
+
 use crate::exit::Outcome;
 use crate::report::folder::Source;
 use anyhow::Context;
 use clap::Args;
+use live::{Look, Watched, live};
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::{Duration, Instant, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -21,7 +24,8 @@ Examples:
 
 Serves one page on 127.0.0.1 under an address that nobody can guess, until
 Ctrl-C. The page is made again when the files change, so a running `dsfms
-track` can be watched: who looks at its last frame goes on to the newest.";
+track` can be watched: who looks at its last frame goes on to the newest. Of a
+long clip every frame is there; they are sent when they are looked at.";
 
 /// Show an output folder, a template or a mesh in the browser.
 #[derive(Debug, Args)]
@@ -61,12 +65,12 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<Outcome> {
     if !args.no_open {
         open(&url);
     }
-    serve(&listener, &args.path, &root);
+    serve(&listener, &Watched::new(&args.path), &root);
     Ok(Outcome::Ok)
 }
 
 /// Answer, each connection on a thread of its own.
-fn serve(listener: &TcpListener, path: &Path, root: &str) {
+fn serve(listener: &TcpListener, watched: &Watched, root: &str) {
     let open = Arc::new(AtomicUsize::new(0));
     for stream in listener.incoming() {
         let Ok(stream) = stream else {
@@ -78,11 +82,11 @@ fn serve(listener: &TcpListener, path: &Path, root: &str) {
         if open.fetch_add(1, Ordering::SeqCst) >= MOST_CONNECTIONS {
             continue;
         }
-        let (path, root) = (path.to_path_buf(), root.to_owned());
+        let (watched, root) = (watched.clone(), root.to_owned());
         std::thread::spawn(move || {
             let _place = place;
             // A browser that went away is no concern of the next one.
-            answer(stream, &path, &root).ok();
+            answer(stream, &watched, &root).ok();
         });
     }
 }
@@ -121,7 +125,7 @@ struct Request {
     hosts: Vec<String>,
 }
 
-fn answer(mut stream: TcpStream, path: &Path, root: &str) -> anyhow::Result<()> {
+fn answer(mut stream: TcpStream, watched: &Watched, root: &str) -> anyhow::Result<()> {
     let port = stream.local_addr()?.port();
     let Request { method, target, hosts } = request(&stream, Instant::now() + PATIENCE)?;
     // A page of elsewhere whose name was made to point here says its own name.
@@ -131,21 +135,48 @@ fn answer(mut stream: TcpStream, path: &Path, root: &str) -> anyhow::Result<()> 
     if method != "GET" {
         return respond(&mut stream, "405 Method Not Allowed", "text/plain", "");
     }
-    let source = Source::of(path);
-    let version = version(&source);
-    let html = match target.strip_prefix(root) {
-        Some("") => source.and_then(|s| s.html()),
-        Some("version") => return respond(&mut stream, "200 OK", "text/plain", &version),
-        _ => return respond(&mut stream, "404 Not Found", "text/plain", "not here\n"),
+    let Some(wanted) = target.strip_prefix(root).and_then(Wanted::of) else {
+        return respond(&mut stream, "404 Not Found", "text/plain", "not here\n");
     };
-    match html {
-        Ok(html) => {
-            respond(&mut stream, "200 OK", "text/html; charset=utf-8", &live(&html, &version))
-        }
+    match watched.look().and_then(|look| wanted.body(&look)) {
+        Ok(Some((kind, body))) => respond(&mut stream, "200 OK", kind, &body),
+        Ok(None) => respond(&mut stream, "404 Not Found", "text/plain", "no such frame\n"),
         Err(error) => {
             let text = crate::exit::describe(&error);
             respond(&mut stream, "500 Internal Server Error", "text/plain; charset=utf-8", &text)
         }
+    }
+}
+
+/// What can be asked for under the root.
+enum Wanted<'a> {
+    Page,
+    Version,
+    Frame(&'a str),
+}
+
+impl<'a> Wanted<'a> {
+    fn of(target: &'a str) -> Option<Self> {
+        match target {
+            "" => Some(Self::Page),
+            "version" => Some(Self::Version),
+            // The name only picks one of the frames that the source lists.
+            other => other.strip_prefix("frame/").map(Self::Frame),
+        }
+    }
+
+    /// Its type and text; `None` where the source has no such frame.
+    fn body(&self, look: &Look) -> anyhow::Result<Option<(&'static str, String)>> {
+        Ok(match self {
+            Self::Page => {
+                let page = live(&look.source.html()?, &look.version);
+                Some(("text/html; charset=utf-8", page))
+            }
+            Self::Version => Some(("text/plain", look.version.clone())),
+            Self::Frame(name) => {
+                look.source.frame(name)?.map(|json| ("application/json; charset=utf-8", json))
+            }
+        })
     }
 }
 
@@ -180,28 +211,6 @@ fn request(stream: &TcpStream, end: Instant) -> anyhow::Result<Request> {
     Ok(Request { method, target, hosts })
 }
 
-fn version(source: &anyhow::Result<Source>) -> String {
-    let changed = source.as_ref().ok().and_then(Source::changed);
-    let since = changed.and_then(|t| t.duration_since(UNIX_EPOCH).ok());
-    since.map_or(0, |d| d.as_millis()).to_string()
-}
-
-/// The page that takes over what changes in its files, in place where that can be done. A report
-/// itself may not connect to anything; here it may ask this server.
-fn live(html: &str, version: &str) -> String {
-    let script = format!(
-        "<script>(() => {{ let shown = \"{version}\", busy = false;\
-         const ask = async (path) => (await fetch(path)).text();\
-         const look = async () => {{ const now = await ask(\"version\"); if (now === shown) return;\
-         const page = new DOMParser().parseFromString(await ask(\"\"), \"text/html\");\
-         if (window.dsfms && dsfms.update(page)) shown = now; else location.reload(); }};\
-         setInterval(() => {{ if (busy) return; busy = true;\
-         look().catch(() => {{}}).finally(() => {{ busy = false; }}); }}, 1000); }})();</script></body>"
-    );
-    html.replacen("default-src 'none';", "default-src 'none'; connect-src 'self';", 1)
-        .replacen("</body>", &script, 1)
-}
-
 fn respond(stream: &mut TcpStream, status: &str, kind: &str, body: &str) -> anyhow::Result<()> {
     let head = format!(
         "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\n\
@@ -232,20 +241,13 @@ mod tests {
     }
 
     #[test]
-    fn only_the_served_page_may_connect() {
-        let page = "<meta content=\"default-src 'none'; img-src data:\"><body></body>";
-        let served = live(page, "7");
-        assert!(served.contains("connect-src 'self'") && served.contains("\"7\""), "{served}");
-    }
-
-    #[test]
     fn the_token_opens_the_page_and_nothing_else_does() {
         let folder = tempfile::tempdir().unwrap();
         let page = folder.path().join("report.html");
         std::fs::write(&page, "<body>here</body>").unwrap();
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let address = listener.local_addr().unwrap();
-        std::thread::spawn(move || serve(&listener, &page, "/secret/"));
+        std::thread::spawn(move || serve(&listener, &Watched::new(&page), "/secret/"));
         let port = address.port();
         let to = |host: &str, line: &str| {
             let mut stream = TcpStream::connect(address).unwrap();
@@ -258,6 +260,12 @@ mod tests {
         assert!(to(&own, "GET /secret/").contains("here"));
         assert!(to(&format!("host: LOCALHOST:{port}\r\n"), "GET /secret/").contains("here"));
         assert!(to(&own, "GET /").starts_with("HTTP/1.1 404"));
+        // Frames that nobody listed, and what is no frame.
+        let odd = ["frame/", "frame/frame_001", "frame/../report.html", "frame/%2e%2e", "frame"];
+        for name in odd {
+            let text = to(&own, &format!("GET /secret/{name}"));
+            assert!(text.starts_with("HTTP/1.1 404") && !text.contains("here<"), "{name}: {text}");
+        }
         assert!(to(&own, "POST /secret/").starts_with("HTTP/1.1 405"));
         // A name that was made to point here, another port, none, two.
         let others = [
@@ -305,7 +313,7 @@ mod tests {
         std::fs::write(&page, "<body>here</body>").unwrap();
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let address = listener.local_addr().unwrap();
-        std::thread::spawn(move || serve(&listener, &page, "/secret/"));
+        std::thread::spawn(move || serve(&listener, &Watched::new(&page), "/secret/"));
         let ask = || {
             let mut stream = TcpStream::connect(address).unwrap();
             stream.set_read_timeout(Some(Duration::from_secs(5))).unwrap();

@@ -60,6 +60,8 @@ pub struct Plot<'a> {
     pub against: &'a str,
     /// Names of the places 0, 1, …; empty = places are numbers.
     pub ticks: &'a [String],
+    /// The places are frames: the line of the current one is shown, a click goes to one.
+    pub by_frame: bool,
     /// Decades upwards instead of a line from zero; values that are not positive are left out.
     pub decades: bool,
 }
@@ -154,8 +156,18 @@ impl Axes {
         let points = thinned(&points);
         let path: Vec<String> =
             points.iter().map(|p| format!("{:.1},{:.1}", self.x(p.0), self.y(p.1))).collect();
-        let mut svg =
-            format!("<polyline class=\"line s{}\" points=\"{}\"/>", k % 6, path.join(" "));
+        let values: Vec<String> = points.iter().map(|p| format!("{}:{:.4e}", p.0, p.1)).collect();
+        let values = format!(
+            " data-label=\"{}\" data-points=\"{}\"",
+            escape(&series.label),
+            values.join(" ")
+        );
+        let mut svg = format!(
+            "<polyline class=\"line s{}\" points=\"{}\"{}/>",
+            k % 6,
+            path.join(" "),
+            values
+        );
         for p in points.iter().filter(|_| points.len() <= MARKED) {
             svg += &marker(k, self.x(p.0), self.y(p.1));
         }
@@ -179,9 +191,12 @@ impl Axes {
 pub fn lines(plot: &Plot, series: &[Series]) -> String {
     let axes = Axes::of(plot, series);
     let [value, against] = [plot.value, plot.against].map(escape);
+    let said =
+        said([TOP, FLOOR], axes.x, (!plot.ticks.is_empty()).then_some(plot.ticks), plot.by_frame);
     let mut svg = format!(
-        "<figure class=\"plot\"><svg class=\"chart\" role=\"img\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" \
-         xmlns=\"http://www.w3.org/2000/svg\"><title>{value} by {against}</title>{}",
+        "<figure class=\"plot\"><svg class=\"chart\" role=\"img\" aria-label=\"{value} by {against}\" \
+         viewBox=\"0 0 {WIDTH} {HEIGHT}\" {said} data-against=\"{against}\" \
+         xmlns=\"http://www.w3.org/2000/svg\">{}",
         axes.grid(plot)
     );
     for (k, s) in series.iter().enumerate() {
@@ -200,6 +215,23 @@ pub fn lines(plot: &Plot, series: &[Series]) -> String {
     svg + "</span></figcaption></figure>"
 }
 
+/// What the page's script must know of a chart: where it lies, and what its places mean.
+fn said(high: [f64; 2], span: [f64; 2], places: Option<&[String]>, by_frame: bool) -> String {
+    let places = places.map_or(String::new(), |names| {
+        let names = serde_json::Value::from(names).to_string();
+        format!(" data-places=\"{}\"", escape(&names))
+    });
+    format!(
+        "data-box=\"{LEFT},{},{},{}\" data-span=\"{},{}\"{places}{}",
+        WIDTH - RIGHT,
+        high[0],
+        high[1],
+        span[0],
+        span[1],
+        if by_frame { " data-by=\"frame\"" } else { "" }
+    )
+}
+
 /// Of more than [`MOST_POINTS`] points, the largest of each group.
 fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let group = points.len().div_ceil(MOST_POINTS).max(1);
@@ -207,14 +239,22 @@ fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     points.chunks(group).filter_map(largest).collect()
 }
 
-/// A strip along the frames: ok low, degraded halfway, anything else full height.
-pub fn status_strip(title: &str, statuses: &[&str]) -> String {
+/// A strip along the frames: ok low, degraded halfway, anything else full height. `names` of the
+/// frames; none where they are 0, 1, ….
+pub fn status_strip(title: &str, statuses: &[&str], names: Option<&[String]>) -> String {
     const TALL: f64 = 34.0;
     let count = statuses.len().max(1) as f64;
+    let runs: Vec<String> = statuses
+        .chunk_by(|a, b| a == b)
+        .map(|run| format!("{}:{}", escape(run[0]), run.len()))
+        .collect();
     let mut svg = format!(
-        "<figure class=\"plot\"><svg class=\"chart strip\" role=\"img\" viewBox=\"0 0 {WIDTH} 62\" \
-         xmlns=\"http://www.w3.org/2000/svg\"><title>{}</title>",
-        escape(title)
+        "<figure class=\"plot\"><svg class=\"chart strip\" role=\"img\" aria-label=\"{}\" \
+         viewBox=\"0 0 {WIDTH} 62\" {} data-against=\"frame\" data-runs=\"{}\" \
+         xmlns=\"http://www.w3.org/2000/svg\">",
+        escape(title),
+        said([4.0, 4.0 + TALL], [0.0, count], names, true),
+        runs.join(" ")
     );
     let wide = (WIDTH - LEFT - RIGHT) / count;
     let mut start = 0;
@@ -298,55 +338,4 @@ fn tick(v: f64, top: f64) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn axes_end_at_round_numbers() {
-        for (v, top) in
-            [(0.7, 0.8), (1.0, 1.0), (1.1, 1.5), (3.2, 4.0), (45.0, 50.0), (81.0, 100.0)]
-        {
-            assert!((nice(v) - top).abs() < 1e-9 * top, "{v}");
-        }
-        assert_eq!((tick(0.5, 2.0).as_str(), tick(25.0, 100.0).as_str()), ("0.5", "25"));
-        assert_eq!((tick(3.75, 15.0).as_str(), tick(0.225, 0.3).as_str()), ("3.75", "0.225"));
-    }
-
-    #[test]
-    fn names_cannot_break_a_plot() {
-        let series =
-            [Series { label: "<b>".into(), points: vec![(0.0, 1.0)], ..Default::default() }];
-        let ticks = ["<i>".to_string()];
-        let plot = Plot { value: "<u>", against: "<s>", ticks: &ticks, decades: false };
-        let svg = lines(&plot, &series);
-        for tag in ["<b>", "<i>", "<u>", "<s>"] {
-            assert!(!svg.contains(tag), "{tag}");
-        }
-    }
-
-    #[test]
-    fn decades_are_evenly_spaced() {
-        let plot = Plot { decades: true, ..Default::default() };
-        let points = vec![(0.0, 0.01), (1.0, 100.0), (2.0, 0.0)];
-        let axes = Axes::of(&plot, &[Series { points, ..Default::default() }]);
-        assert_eq!((axes.y(0.01), axes.y(100.0)), (FLOOR, TOP));
-        assert!((axes.y(1.0) - 0.5 * (FLOOR + TOP)).abs() < 1e-9);
-        assert_eq!(axes.levels().len(), 5);
-    }
-
-    #[test]
-    fn a_peak_survives_thinning() {
-        let mut points: Vec<(f64, f64)> = (0..5000).map(|i| (f64::from(i), 1.0)).collect();
-        points[3217].1 = 9.0;
-        let thin = thinned(&points);
-        assert!(thin.len() <= MOST_POINTS && thin.contains(&(3217.0, 9.0)));
-        assert_eq!(thinned(&points[..300]), points[..300]);
-    }
-
-    #[test]
-    fn runs_of_a_status_are_one_bar() {
-        let strip = status_strip("Status", &["ok", "ok", "lost", "ok"]);
-        assert_eq!(strip.matches("<rect").count(), 3);
-        assert!(strip.contains("status failed"));
-    }
-}
+mod tests;

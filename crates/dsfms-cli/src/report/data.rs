@@ -1,6 +1,6 @@
 //! What the page's viewer is given: surfaces, images and values, packed.
 
-use super::embed::{self, Cloud, Numbers};
+use super::embed::{self, Cloud, Numbers, base64};
 use crate::outputs::FrameReport;
 use dsfms::camera::{Camera, CameraModel};
 use dsfms::geometry::{Isometry, Point3};
@@ -8,8 +8,9 @@ use dsfms::image::Frame;
 use dsfms::light::LightModel;
 use dsfms::mesh::Mesh;
 use dsfms::pipeline::Reconstruction;
+use dsfms::register::Match;
 use dsfms::template::bake::bake;
-use dsfms::template::{LengthUnit, Template};
+use dsfms::template::{LengthUnit, SparsePoint, Template};
 use serde::Serialize;
 
 /// Side of the embedded albedo, px.
@@ -49,11 +50,41 @@ pub struct PageData {
     /// Sparse points of structure from motion, axes of `rest`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub points: Option<Cloud>,
+    /// What is known of them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub point_values: Option<PointValues>,
     /// Values of the vertices that do not change from frame to frame.
     pub scalars: Vec<Scalar>,
     /// The surface rests and the camera moves.
     pub moving_camera: bool,
     pub structures: Vec<ShownStructure>,
+    /// Most frames are names alone; `dsfms view` sends them when they are asked for.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub stream: bool,
+}
+
+/// Colour, error and sightings of the sparse points.
+#[derive(Clone, Debug, Serialize)]
+pub struct PointValues {
+    /// Three bytes a point.
+    rgb: String,
+    /// px.
+    error: Numbers,
+    /// Frames that saw it.
+    track: Numbers,
+}
+
+impl PointValues {
+    pub fn of(points: &[SparsePoint]) -> Self {
+        let each = |value: fn(&SparsePoint) -> f64| {
+            Numbers::of(&points.iter().map(value).collect::<Vec<_>>())
+        };
+        Self {
+            rgb: base64(&points.iter().flat_map(|p| p.rgb).collect::<Vec<_>>()),
+            error: each(|p| p.error_px),
+            track: each(|p| p.sightings.len() as f64),
+        }
+    }
 }
 
 /// A flattening with its distortion.
@@ -106,14 +137,27 @@ pub struct ShownFrame {
     pub name: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub image: Option<String>,
+    #[serde(skip_serializing_if = "is_unknown")]
     pub size: [usize; 2],
     /// `camera_from_rest`, 3 rows of 4, where the camera moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pose: Option<[[f64; 4]; 3]>,
-    /// One a method; `null` where it failed.
+    /// One a method; `null` where it failed. Empty: the frame is a name alone.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<Option<ShownSurface>>,
     /// One a method.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub status: Vec<&'static str>,
+}
+
+/// A match in the image.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum ShownMatch {
+    /// `x, y, kept`, and where the surface has the point.
+    Placed(f32, f32, bool, f32, f32),
+    /// Where that is behind the camera.
+    Alone(f32, f32, bool),
 }
 
 /// One surface in one frame; the default is the surface at rest.
@@ -129,8 +173,7 @@ pub struct ShownSurface {
     pub visible: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub confidence: Option<Numbers>,
-    /// `x, y, kept` of every match.
-    pub matches: Vec<(f32, f32, bool)>,
+    pub matches: Vec<ShownMatch>,
     /// `camera_from_template`, rigid part.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pose: Option<[[f64; 4]; 3]>,
@@ -179,6 +222,8 @@ impl PageData {
             scalars: Vec::new(),
             moving_camera: false,
             structures: Vec::new(),
+            point_values: None,
+            stream: false,
         }
     }
 
@@ -225,6 +270,11 @@ impl ShownFrame {
         Ok(Self::with(name, Some(embed::photograph(frame)?), frame.size))
     }
 
+    /// A name alone, for [`PageData::stream`].
+    pub fn named(name: &str) -> Self {
+        Self::with(name, None, [0, 0])
+    }
+
     /// A frame by its parts.
     pub fn with(name: &str, image: Option<String>, size: [usize; 2]) -> Self {
         let name = name.to_string();
@@ -236,11 +286,11 @@ impl ShownFrame {
         &mut self,
         report: &FrameReport,
         result: Option<&Reconstruction>,
-        camera: &CameraModel,
+        (camera, faces): (&CameraModel, &[[u32; 3]]),
         scale: f64,
     ) {
         self.status.push(report.status);
-        self.surfaces.push(result.map(|r| ShownSurface::of(r, camera, scale)));
+        self.surfaces.push(result.map(|r| ShownSurface::of(r, camera, faces, scale)));
     }
 }
 
@@ -254,7 +304,7 @@ impl ShownFrame {
 }
 
 impl ShownSurface {
-    fn of(result: &Reconstruction, camera: &CameraModel, scale: f64) -> Self {
+    fn of(result: &Reconstruction, camera: &CameraModel, faces: &[[u32; 3]], scale: f64) -> Self {
         let scaled: Vec<Point3> = result.vertices.iter().map(|p| p * scale).collect();
         let expected = result.confidence.as_ref();
         Self {
@@ -263,15 +313,35 @@ impl ShownSurface {
             visible: Some(embed::flags(&result.visible)),
             confidence: expected
                 .map(|c| Numbers::of(&c.iter().map(|v| v * scale).collect::<Vec<_>>())),
-            matches: result
-                .matches
-                .iter()
-                .map(|(m, kept)| (m.pixel.x as f32, m.pixel.y as f32, *kept))
-                .collect(),
+            matches: shown_matches(camera, faces, &result.vertices, &result.matches),
             pose: Some(rows(&result.pose, scale)),
             structures: Vec::new(),
         }
     }
+}
+
+/// Matches with the places where the surface has their points, to a hundredth of a pixel.
+pub fn shown_matches(
+    camera: &CameraModel,
+    faces: &[[u32; 3]],
+    vertices: &[Point3],
+    matches: &[(Match, bool)],
+) -> Vec<ShownMatch> {
+    let short = |v: f64| ((100.0 * v).round() / 100.0) as f32;
+    let shown = |(m, kept): &(Match, bool)| {
+        let [x, y] = [short(m.pixel.x), short(m.pixel.y)];
+        let corners = faces.get(m.face as usize).map(|f| f.map(|v| vertices[v as usize].coords));
+        let point = corners.map(|c| (0..3).map(|i| c[i] * m.barycentric[i]).sum());
+        match point.and_then(|p| camera.project(&Point3 { coords: p })) {
+            Some(q) => ShownMatch::Placed(x, y, *kept, short(q.pixel.x), short(q.pixel.y)),
+            None => ShownMatch::Alone(x, y, *kept),
+        }
+    };
+    matches.iter().map(shown).collect()
+}
+
+fn is_unknown(size: &[usize; 2]) -> bool {
+    *size == [0, 0]
 }
 
 /// Where points in camera axes appear.

@@ -103,6 +103,17 @@ pub fn photograph_within(picture: RgbImage, side: u32) -> anyhow::Result<String>
     jpeg(&image::imageops::resize(&picture, scaled(w), scaled(h), filter))
 }
 
+/// Like [`photograph_within`] by means of whole pixels: faster.
+pub fn thumbnail(picture: RgbImage, side: u32) -> anyhow::Result<String> {
+    let (w, h) = picture.dimensions();
+    let longest = w.max(h);
+    if longest <= side {
+        return jpeg(&picture);
+    }
+    let scaled = |n: u32| (n * side / longest).max(1);
+    jpeg(&image::imageops::thumbnail(&picture, scaled(w), scaled(h)))
+}
+
 /// A picture as a data URI.
 pub fn jpeg(picture: &RgbImage) -> anyhow::Result<String> {
     let mut bytes = Vec::new();

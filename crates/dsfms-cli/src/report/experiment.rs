@@ -60,7 +60,8 @@ fn cases_data(cases: &[(String, Case)], arms: &[Arm]) -> anyhow::Result<PageData
                 Ok(result) => FrameReport::of(name, arm.method, unit, result),
                 Err(error) => FrameReport::failed(name, arm.method, unit, error.to_string()),
             };
-            shown.add(&report, found.ok().as_ref(), &case.camera, 1.0);
+            let faces = &case.template.mesh.topology.faces;
+            shown.add(&report, found.ok().as_ref(), (&case.camera, faces), 1.0);
         }
         shown.surfaces.push(Some(ShownSurface {
             positions: Some(Cloud::of(&case.truth)),

@@ -1,9 +1,10 @@
 //! The page of what is on disk: an output folder, a template, a mesh file.
 
 use super::Page;
+use super::clip;
 use super::data::{PageData, ShownFrame, ShownSurface};
 use super::embed::{self, Cloud, Numbers};
-use super::template::{chosen, definition_list, still, template_page};
+use super::template::{MOST_FRAMES, definition_list, still, template_page};
 use anyhow::Context;
 use dsfms::io::images::read_frame;
 use dsfms::io::mesh::{MeshFile, MeshUnit, read_mesh};
@@ -71,13 +72,35 @@ impl Source {
         }
     }
 
-    /// The page.
+    /// The page; of a long clip with some of its frames, the others by [`Source::frame`].
     pub fn html(&self) -> anyhow::Result<String> {
         match self {
-            Self::Report(path) => std::fs::read_to_string(path)
-                .with_context(|| format!("cannot read {}", path.display())),
+            Self::Report(path) => {
+                let html = std::fs::read_to_string(path)
+                    .with_context(|| format!("cannot read {}", path.display()))?;
+                Ok(clip::streamed(html, &clip::names(path)))
+            }
             Self::Template(path) => template_page(&name(path), &read_template(path)?, &[])?.html(),
             Self::Meshes(columns) => meshes_page(columns)?.html(),
+        }
+    }
+}
+
+impl Source {
+    /// A frame of a long clip by its name; `None` where there is none of that name.
+    pub fn frame(&self, wanted: &str) -> anyhow::Result<Option<String>> {
+        match self {
+            Self::Report(path) => clip::read(path, wanted),
+            Self::Template(_) => Ok(None),
+            Self::Meshes(columns) => {
+                let file = format!("{wanted}.ply");
+                let all = &columns[0].paths;
+                if all.len() <= MOST_FRAMES || !all.iter().any(|p| name(p) == file) {
+                    return Ok(None);
+                }
+                let shown = frame(columns, &file, &read_mesh(&all[0])?)?;
+                Ok(Some(serde_json::to_string(&shown)?))
+            }
         }
     }
 }
@@ -138,8 +161,14 @@ fn meshes_page(columns: &[Column]) -> anyhow::Result<Page> {
         data.moving_camera = true;
     } else {
         data.reference = "the first frame";
-        for i in chosen(all.len()) {
-            data.frames.push(frame(columns, &name(&all[i]), &first)?);
+        data.stream = all.len() > MOST_FRAMES;
+        let here = clip::here(all.len());
+        for (i, path) in all.iter().enumerate() {
+            let whole = !data.stream || here.contains(&i);
+            data.frames.push(match whole {
+                true => frame(columns, &name(path), &first)?,
+                false => ShownFrame::named(stem(&name(path))),
+            });
         }
     }
     let (vertices, faces) = (first.mesh.positions.len(), first.mesh.topology.faces.len());
@@ -153,13 +182,21 @@ fn meshes_page(columns: &[Column]) -> anyhow::Result<Page> {
     })
 }
 
+fn stem(file: &str) -> &str {
+    file.strip_suffix(".ply").unwrap_or(file)
+}
+
 /// A reconstructed frame; the overlay of the first method is its image.
 fn frame(columns: &[Column], file: &str, first: &MeshFile) -> anyhow::Result<ShownFrame> {
-    let stem = file.trim_end_matches(".ply");
-    let overlay = columns[0].paths[0].with_file_name(format!("{stem}_overlay.png"));
-    let mut shown = match overlay.is_file() {
-        true => ShownFrame::new(stem, &read_frame(&overlay)?)?,
-        false => ShownFrame::with(stem, None, [640, 480]),
+    let stem = stem(file);
+    // As `reconstruct` and as `track` leave them.
+    let overlay = [format!("{stem}_overlay.png"), format!("overlay/{stem}.png")]
+        .map(|name| columns[0].paths[0].with_file_name(name))
+        .into_iter()
+        .find(|path| path.is_file());
+    let mut shown = match overlay {
+        Some(path) => ShownFrame::new(stem, &read_frame(&path)?)?,
+        None => ShownFrame::with(stem, None, [640, 480]),
     };
     for column in columns {
         let path = column.paths.iter().find(|p| name(p) == file);

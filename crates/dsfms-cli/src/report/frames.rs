@@ -50,7 +50,8 @@ fn sections(method: &str, rows: &[Row]) -> String {
     let mut html = format!("<h2>Frames: {method}</h2>");
     if rows.len() > 1 {
         let statuses: Vec<&str> = rows.iter().map(|(_, r)| r.status).collect();
-        html += &status_strip("Status of every frame", &statuses);
+        let names: Vec<String> = rows.iter().map(|(n, _)| short(n)).collect();
+        html += &status_strip("Status of every frame", &statuses, Some(&names));
     }
     html += &status_table(rows);
     if rows.len() > 1 {
@@ -103,7 +104,8 @@ fn timing(rows: &[Row]) -> String {
         })
         .collect();
     let ticks: Vec<String> = rows.iter().map(|(n, _)| short(n)).collect();
-    let plot = Plot { value: "Time, s", against: "frame", ticks: &ticks, decades: false };
+    let plot =
+        Plot { value: "Time, s", against: "frame", ticks: &ticks, by_frame: true, decades: false };
     format!("<h3>Time of every stage</h3>{}", lines(&plot, &series))
 }
 
@@ -167,8 +169,13 @@ fn cost_chart(found: &[Solved], labels: &[&str]) -> String {
         ..Default::default()
     };
     let series: Vec<Series> = labels.iter().map(of).collect();
-    let plot =
-        Plot { value: "Weighted cost, decades", against: "frame", ticks: &ticks, decades: true };
+    let plot = Plot {
+        value: "Weighted cost, decades",
+        against: "frame",
+        ticks: &ticks,
+        by_frame: true,
+        decades: true,
+    };
     lines(&plot, &series)
 }
 

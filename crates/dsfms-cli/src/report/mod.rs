@@ -2,6 +2,7 @@
 //! elsewhere, so it works offline, from a memory stick and as an attachment.
 
 pub mod chart;
+pub mod clip;
 pub mod data;
 pub mod embed;
 pub mod experiment;
@@ -16,7 +17,8 @@ use embed::escape;
 use std::path::Path;
 
 const PAGE: &str = include_str!("../../assets/report.html");
-const STYLE: &str = include_str!("../../assets/report.css");
+const STYLE: &str =
+    concat!(include_str!("../../assets/report.css"), include_str!("../../assets/viewer.css"));
 /// The parts of the viewer, as one function that starts after text and tables are painted.
 const SCRIPT: &str = concat!(
     "\"use strict\";\nrequestAnimationFrame(() => setTimeout(() => {\n",
@@ -25,14 +27,25 @@ const SCRIPT: &str = concat!(
     include_str!("../../assets/viewer/layers.js"),
     include_str!("../../assets/viewer/materials.js"),
     include_str!("../../assets/viewer/scene.js"),
+    include_str!("../../assets/viewer/paint.js"),
     include_str!("../../assets/viewer/rig.js"),
+    include_str!("../../assets/viewer/points.js"),
+    include_str!("../../assets/viewer/cut.js"),
     include_str!("../../assets/viewer/view.js"),
+    include_str!("../../assets/viewer/matches.js"),
+    include_str!("../../assets/viewer/film.js"),
     include_str!("../../assets/viewer/image.js"),
     include_str!("../../assets/viewer/uncertainty.js"),
     include_str!("../../assets/viewer/paths.js"),
     include_str!("../../assets/viewer/measure.js"),
     include_str!("../../assets/viewer/table.js"),
     include_str!("../../assets/viewer/flattening.js"),
+    include_str!("../../assets/viewer/frames.js"),
+    include_str!("../../assets/viewer/charts.js"),
+    include_str!("../../assets/viewer/hover.js"),
+    include_str!("../../assets/viewer/export.js"),
+    include_str!("../../assets/viewer/link.js"),
+    include_str!("../../assets/viewer/keys.js"),
     include_str!("../../assets/viewer/page.js"),
     "}));\n"
 );
@@ -58,6 +71,7 @@ impl Page {
             PAGE,
             &[
                 ("title", &escape(&self.title)),
+                ("hidden", if self.data.frames.is_empty() { " hidden" } else { "" }),
                 ("style", STYLE),
                 ("summary", &self.summary),
                 ("sections", &self.sections),

@@ -1,7 +1,7 @@
 //! The report of a template: its surface among the cameras that saw it.
 
 use super::Page;
-use super::data::{PageData, ShownFrame, ShownSurface, pixels, rows, unit_name};
+use super::data::{PageData, PointValues, ShownFrame, ShownSurface, pixels, rows, unit_name};
 use super::embed::{self, Cloud, escape};
 use dsfms::geometry::{Isometry, Point3};
 use dsfms::image::Frame;
@@ -36,6 +36,7 @@ fn template_data(template: &Template, frames: &[Frame]) -> anyhow::Result<PageDa
     data.rest = Cloud::of(&moved(&template.mesh.positions));
     let points: Vec<Point3> = template.points.iter().map(|p| p.position).collect();
     data.points = (!points.is_empty()).then(|| Cloud::of(&moved(&points)));
+    data.point_values = (!points.is_empty()).then(|| PointValues::of(&template.points));
     data.moving_camera = true;
     data.methods = vec!["template".into()];
     for k in chosen(template.views.len()) {

@@ -2,13 +2,15 @@
 
 use super::Page;
 use super::chart::{Plot, Series, lines, status_strip};
-use super::data::{PageData, ShownCamera, ShownFrame, ShownSurface, pixels, rows, unit_name};
+use super::clip;
+use super::data::{
+    PageData, ShownCamera, ShownFrame, ShownSurface, pixels, rows, shown_matches, unit_name,
+};
 use super::embed::{self, Cloud, escape};
 use super::template::definition_list;
 use crate::reasons::sentences;
 use dsfms::camera::CameraModel;
 use dsfms::image::Frame;
-use dsfms::register::scene::visibility;
 use dsfms::template::Template;
 use dsfms::track::{Surface, TrackStatus, Tracked, Way};
 use std::path::PathBuf;
@@ -59,6 +61,8 @@ pub struct TrackReport<'a> {
     shown: Vec<Shown>,
     /// Every Nth frame is shown.
     stride: usize,
+    /// Writes every frame for `dsfms view`, once the page cannot hold them all.
+    writer: Option<clip::Writer>,
     /// When the page may be written again.
     next: Instant,
 }
@@ -76,7 +80,19 @@ impl<'a> TrackReport<'a> {
         base.camera = Some(ShownCamera::of(camera));
         base.methods = vec![method.into()];
         let (rows, shown, next) = (Vec::new(), Vec::new(), Instant::now());
-        Ok(Self { path, name, template, camera, method, base, rows, shown, stride: 1, next })
+        Ok(Self {
+            path,
+            name,
+            template,
+            camera,
+            method,
+            base,
+            rows,
+            shown,
+            stride: 1,
+            writer: None,
+            next,
+        })
     }
 
     /// The next frame; the page is written where its time has come.
@@ -100,6 +116,9 @@ impl<'a> TrackReport<'a> {
                 .as_ref()
                 .map(|s| (s.matches_kept(), s.residual_px, s.agreement)),
         });
+        if let Some(writer) = &self.writer {
+            writer.add(frame, self.without_image(number, frame, tracked));
+        }
         let due = Instant::now() >= self.next;
         let regular = place.is_multiple_of(self.stride);
         if !(regular || due) {
@@ -114,7 +133,7 @@ impl<'a> TrackReport<'a> {
             self.next = Instant::now() + PAUSE.max(SHARE * start.elapsed());
         }
         if regular {
-            self.thin();
+            self.thin()?;
         } else {
             // The newest frame of a page that is watched; the next takes its place.
             self.shown.pop();
@@ -123,38 +142,49 @@ impl<'a> TrackReport<'a> {
     }
 
     /// The last writing.
-    pub fn finish(self) -> anyhow::Result<()> {
-        self.page("complete").write(&self.path)
+    pub fn finish(mut self) -> anyhow::Result<()> {
+        let page = self.page("complete");
+        let beside = self.writer.take().map_or(Ok(()), clip::Writer::finish);
+        page.write(&self.path)?;
+        beside
     }
 
-    fn thin(&mut self) {
+    fn thin(&mut self) -> anyhow::Result<()> {
         let too_much = |shown: &[Shown]| {
             shown.len() > MOST_FRAMES || shown.iter().map(|s| s.bytes).sum::<usize>() > MOST_BYTES
         };
         while self.shown.len() > 2 && too_much(&self.shown) {
+            if self.writer.is_none() {
+                // What goes from the page is kept beside it, and all that comes.
+                let output = self.path.parent().unwrap_or(std::path::Path::new("."));
+                self.shown.iter().try_for_each(|s| clip::write(output, &s.frame))?;
+                self.writer = Some(clip::Writer::start(output.into()));
+            }
             self.stride *= 2;
             self.shown.retain(|s| s.place.is_multiple_of(self.stride));
         }
+        Ok(())
     }
 
     fn shown(&self, number: usize, frame: &Frame, tracked: &Tracked) -> anyhow::Result<ShownFrame> {
         let image = embed::photograph_within(crate::draw::picture(frame), LONGEST_SIDE)?;
-        let mut shown = ShownFrame::with(&format!("frame_{number:03}"), Some(image), frame.size);
+        Ok(ShownFrame { image: Some(image), ..self.without_image(number, frame, tracked) })
+    }
+
+    fn without_image(&self, number: usize, frame: &Frame, tracked: &Tracked) -> ShownFrame {
+        let mut shown = ShownFrame::with(&format!("frame_{number:03}"), None, frame.size);
         shown.status.push(status_name(tracked.status));
         shown.surfaces.push(tracked.surface.as_ref().map(|s| self.surface(s)));
-        Ok(shown)
+        shown
     }
 
     fn surface(&self, surface: &Surface) -> ShownSurface {
-        let visible = visibility(self.camera, &self.template.mesh, &surface.vertices);
-        let kept = |(m, kept): &(dsfms::register::Match, bool)| {
-            (m.pixel.x as f32, m.pixel.y as f32, *kept)
-        };
+        let faces = &self.template.mesh.topology.faces;
         ShownSurface {
             positions: Some(Cloud::of(&surface.vertices)),
             pixels: Some(pixels(self.camera, &surface.vertices)),
-            visible: Some(embed::flags(&visible)),
-            matches: surface.matches.iter().map(kept).collect(),
+            visible: Some(embed::flags(&surface.visible)),
+            matches: shown_matches(self.camera, faces, &surface.vertices, &surface.matches),
             pose: Some(rows(&surface.pose, 1.0)),
             ..Default::default()
         }
@@ -189,8 +219,18 @@ impl<'a> TrackReport<'a> {
                 "Time",
                 format!("{:.0} ms a frame (median), {:.0} ms (99th percentile)", at(50), at(99)),
             ),
-            ("Shown", format!("{shown} frames, evenly spaced; all of them are in the plots")),
+            ("Shown", self.held(shown)),
         ])
+    }
+
+    /// Which frames there are to look at.
+    fn held(&self, shown: usize) -> String {
+        match self.writer.is_some() || self.stride > 1 {
+            true => format!(
+                "{shown} frames in this file, evenly spaced, all of them in the plots and by dsfms view"
+            ),
+            false => "all frames".into(),
+        }
     }
 
     fn sections(&self) -> String {
@@ -198,13 +238,19 @@ impl<'a> TrackReport<'a> {
         let quality =
             |value: fn((usize, f64, f64)) -> f64| self.series("", move |r| r.quality.map(value));
         let plot = |value, series: &[Series]| {
-            lines(&Plot { value, against: "frame", ..Default::default() }, series)
+            lines(&Plot { value, against: "frame", by_frame: true, ..Default::default() }, series)
         };
         format!(
             "<h2>Frames</h2>{}<div class=\"plots\">{}{}{}{}</div>{}",
-            status_strip("Status of every frame", &statuses),
+            status_strip("Status of every frame", &statuses, self.numbers().as_deref()),
             lines(
-                &Plot { value: "Time, ms", against: "frame", decades: true, ..Default::default() },
+                &Plot {
+                    value: "Time, ms",
+                    against: "frame",
+                    by_frame: true,
+                    decades: true,
+                    ..Default::default()
+                },
                 &self.timing()
             ),
             plot("Matches kept", &[quality(|q| q.0 as f64)]),
@@ -212,6 +258,12 @@ impl<'a> TrackReport<'a> {
             plot("Share of textured places that look like the template", &[quality(|q| q.2)]),
             self.events()
         )
+    }
+
+    /// Of the frames, where they are not 0, 1, ….
+    fn numbers(&self) -> Option<Vec<String>> {
+        let plain = self.rows.iter().enumerate().all(|(i, r)| r.number == i);
+        (!plain).then(|| self.rows.iter().map(|r| r.number.to_string()).collect())
     }
 
     fn series(&self, label: &str, value: impl Fn(&Row) -> Option<f64>) -> Series {
@@ -318,6 +370,10 @@ mod tests {
         let places: Vec<usize> = report.shown.iter().map(|s| s.place).collect();
         assert_eq!((places.len(), places[0], places[74]), (75, 0, 296));
         report.finish().unwrap();
+        // What the page leaves out is beside it, in order.
+        let names = clip::names(&path);
+        assert_eq!((names.len(), names[7].as_str()), (300, "frame_007"));
+        assert!(clip::read(&path, "frame_007").unwrap().unwrap().contains("\"failed\""));
         let html = std::fs::read_to_string(path).unwrap();
         assert!(html.contains("300 frames, complete") && html.contains("&lt;dark&gt;"));
     }

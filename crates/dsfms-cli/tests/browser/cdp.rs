@@ -133,11 +133,7 @@ impl Browser {
     /// Go to a page and wait until an expression in it is true.
     pub fn open(&mut self, url: &str, ready: &str) {
         self.call("Page.navigate", json!({"url": url}));
-        let end = Instant::now() + PATIENCE;
-        while self.eval(ready) != Value::Bool(true) {
-            assert!(Instant::now() < end, "{url} never became ready; {:?}", self.events.last());
-            std::thread::sleep(Duration::from_millis(100));
-        }
+        self.wait(ready);
     }
 
     /// Press and release the mouse.
@@ -148,11 +144,78 @@ impl Browser {
         }
     }
 
+    /// Move the mouse, with the left button down or not.
+    pub fn point(&mut self, [x, y]: [f64; 2], down: bool) {
+        let (button, buttons) = if down { ("left", 1) } else { ("none", 0) };
+        let event =
+            json!({"type": "mouseMoved", "x": x, "y": y, "button": button, "buttons": buttons});
+        self.call("Input.dispatchMouseEvent", event);
+    }
+
+    /// Drag with the left button.
+    pub fn drag(&mut self, from: [f64; 2], to: [f64; 2]) {
+        let event = |kind: &str, [x, y]: [f64; 2]| json!({"type": kind, "x": x, "y": y, "button": "left", "clickCount": 1});
+        self.point(from, false);
+        self.call("Input.dispatchMouseEvent", event("mousePressed", from));
+        self.point(to, true);
+        self.call("Input.dispatchMouseEvent", event("mouseReleased", to));
+    }
+
+    /// Turn the wheel; negative = away from the user.
+    pub fn wheel(&mut self, [x, y]: [f64; 2], by: f64) {
+        let event = json!({"type": "mouseWheel", "x": x, "y": y, "deltaX": 0, "deltaY": by});
+        self.call("Input.dispatchMouseEvent", event);
+    }
+
+    /// Fingers go down at the first places, through the others, and up.
+    pub fn touch(&mut self, places: &[Vec<[f64; 2]>]) {
+        for (i, fingers) in places.iter().enumerate() {
+            let kind = if i == 0 { "touchStart" } else { "touchMove" };
+            let points: Vec<Value> = fingers
+                .iter()
+                .enumerate()
+                .map(|(id, [x, y])| json!({"x": x, "y": y, "id": id}))
+                .collect();
+            self.call("Input.dispatchTouchEvent", json!({"type": kind, "touchPoints": points}));
+        }
+        self.call("Input.dispatchTouchEvent", json!({"type": "touchEnd", "touchPoints": []}));
+    }
+
+    /// Place and size of an element, px.
+    pub fn place(&mut self, id: &str) -> [f64; 4] {
+        let found = self.eval(&format!(
+            "(() => {{ const b = document.getElementById('{id}').getBoundingClientRect(); \
+             return [b.x, b.y, b.width, b.height]; }})()"
+        ));
+        std::array::from_fn(|i| found[i].as_f64().unwrap())
+    }
+
+    /// Wait until an expression is true.
+    pub fn wait(&mut self, expression: &str) {
+        let end = Instant::now() + PATIENCE;
+        while self.eval(expression) != Value::Bool(true) {
+            assert!(Instant::now() < end, "never true: {expression}");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
     /// Press and release a key by its name.
     pub fn key(&mut self, key: &str) {
         let text = if key.chars().count() == 1 { key } else { "" };
-        self.call("Input.dispatchKeyEvent", json!({"type": "keyDown", "key": key, "text": text}));
-        self.call("Input.dispatchKeyEvent", json!({"type": "keyUp", "key": key}));
+        // What the browser itself does with a key goes by its number.
+        let code = match key {
+            "Tab" => 9,
+            "Escape" => 27,
+            "ArrowLeft" => 37,
+            "ArrowRight" => 39,
+            _ => 0,
+        };
+        for kind in ["keyDown", "keyUp"] {
+            let text = if kind == "keyDown" { text } else { "" };
+            let event =
+                json!({"type": kind, "key": key, "text": text, "windowsVirtualKeyCode": code});
+            self.call("Input.dispatchKeyEvent", event);
+        }
     }
 
     /// Roles and names of everything that a screen reader meets.

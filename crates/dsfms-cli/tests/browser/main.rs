@@ -1,9 +1,13 @@
 //! The report and the viewer in a real browser. Skipped, saying so, where Chromium is not installed
 //! (Debian: `apt install chromium`). With `DSFMS_SCREENSHOTS=DIR` the pictures are kept.
 
+mod access;
 mod cdp;
+mod clip;
 #[path = "../common/mod.rs"]
 mod common;
+mod stage;
+mod template;
 
 use cdp::Browser;
 use common::Case;
@@ -129,6 +133,7 @@ fn keyboard(browser: &mut Browser) {
     assert_eq!(browser.eval("dsfms.state.frame").as_u64(), Some((frame + 1) % 2));
     browser.key(",");
     assert_eq!(browser.eval("dsfms.state.frame").as_u64(), Some(frame));
+    browser.eval("document.getElementById('gl').blur()");
 }
 
 fn every_control_has_a_name(browser: &mut Browser) {

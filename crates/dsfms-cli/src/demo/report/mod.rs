@@ -118,6 +118,7 @@ pub fn page(report: &Report) -> anyhow::Result<Page> {
 fn data(report: &Report) -> anyhow::Result<PageData> {
     let camera = &report.scene.camera.file.camera;
     let scale = report.tie.mm;
+    let faces = &report.built.template.mesh.topology.faces;
     let mut data = PageData::of_template(&report.built.template, scale, "mm")?;
     data.methods = METHODS.into_iter().map(|m| method_name(m).to_string()).collect();
     data.truth = Some(data.methods.len());
@@ -127,7 +128,7 @@ fn data(report: &Report) -> anyhow::Result<PageData> {
         let mut shown = ShownFrame::new(&frame.name, &deformed.frame)?;
         for method in &frame.methods {
             let surface = method.surface.as_ref().map(|s| &s.0);
-            shown.add(&method.report, surface, camera, scale);
+            shown.add(&method.report, surface, (camera, faces), scale);
         }
         shown.surfaces.push(Some(true_surface(&frame.truth, camera)));
         shown.status.push("ok");

@@ -109,7 +109,7 @@ fn plots(report: &Report) -> String {
     };
     let value = "Mean error of the visible part, mm";
     fn plot<'a>(value: &'a str, against: &'a str, ticks: &'a [String]) -> Plot<'a> {
-        Plot { value, against, ticks, decades: false }
+        Plot { value, against, ticks, by_frame: against == "frame", decades: false }
     }
     format!(
         "<div class=\"plots\">{}{}</div>",
@@ -142,7 +142,7 @@ pub fn error_table(caption: &str, cell: impl Fn(usize, Part, Statistic) -> Optio
         .collect();
     let best = |c: usize| values.iter().filter_map(|row| row[c]).fold(f64::INFINITY, f64::min);
     let mut html = format!(
-        "<div class=\"scroll\"><table><caption>{caption}</caption><thead><tr><th rowspan=\"2\" scope=\"col\">method</th>"
+        "<div class=\"scroll\" tabindex=\"0\"><table><caption>{caption}</caption><thead><tr><th rowspan=\"2\" scope=\"col\">method</th>"
     );
     for part in Part::ALL {
         html += &format!("<th colspan=\"2\" scope=\"colgroup\">{}</th>", part.name());

@@ -1,0 +1,80 @@
+//! What the served page has more than a report: it follows its files and asks for frames.
+
+use crate::report::folder::Source;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant, UNIX_EPOCH};
+
+const SCRIPT: &str = include_str!("../../../assets/live.js");
+/// The script comes before the viewer's, which starts with the frames it gives.
+const BEFORE: &str = "<script type=\"application/json\" id=\"data\">";
+/// A folder of thousands of frames is looked through once in this time.
+const FRESH: Duration = Duration::from_millis(700);
+
+/// A path, and what it held when it was last looked at.
+#[derive(Clone)]
+pub struct Watched {
+    path: PathBuf,
+    last: Arc<Mutex<Option<Look>>>,
+}
+
+/// What a path held.
+#[derive(Clone)]
+pub struct Look {
+    when: Instant,
+    pub source: Arc<Source>,
+    /// Another one when something changed.
+    pub version: String,
+}
+
+impl Watched {
+    pub fn new(path: &Path) -> Self {
+        Self { path: path.into(), last: Arc::default() }
+    }
+
+    pub fn look(&self) -> anyhow::Result<Look> {
+        // A poisoned lock only means that another thread panicked.
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(look) = last.as_ref().filter(|look| look.when.elapsed() < FRESH) {
+            return Ok(look.clone());
+        }
+        let source = Arc::new(Source::of(&self.path)?);
+        let version = version(&source);
+        Ok(last.insert(Look { when: Instant::now(), source, version }).clone())
+    }
+}
+
+fn version(source: &Source) -> String {
+    let since = source.changed().and_then(|t| t.duration_since(UNIX_EPOCH).ok());
+    since.map_or(0, |d| d.as_millis()).to_string()
+}
+
+/// The page that takes over what changes in its files.
+pub fn live(html: &str, version: &str) -> String {
+    let script = format!("<script>\n{}</script>\n", SCRIPT.replace("{{version}}", version));
+    let (place, with) = match html.contains(BEFORE) {
+        true => (BEFORE, script + BEFORE),
+        false => ("</body>", script + "</body>"),
+    };
+    html.replacen("default-src 'none';", "default-src 'none'; connect-src 'self';", 1)
+        .replacen(place, &with, 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_served_page_may_connect() {
+        let page = "<meta content=\"default-src 'none'; img-src data:\"><body></body>";
+        let served = live(page, "7");
+        assert!(served.contains("connect-src 'self'") && served.contains("\"7\""), "{served}");
+    }
+
+    #[test]
+    fn frames_can_be_asked_for_before_the_viewer_starts() {
+        let served = live(&format!("<body>{BEFORE}{{}}</script></body>"), "7");
+        let at = |text: &str| served.find(text).unwrap();
+        assert!(at("dsfmsLive") < at(BEFORE), "{served}");
+    }
+}

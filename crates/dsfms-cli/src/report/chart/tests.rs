@@ -1,0 +1,65 @@
+use super::*;
+
+#[test]
+fn axes_end_at_round_numbers() {
+    for (v, top) in [(0.7, 0.8), (1.0, 1.0), (1.1, 1.5), (3.2, 4.0), (45.0, 50.0), (81.0, 100.0)] {
+        assert!((nice(v) - top).abs() < 1e-9 * top, "{v}");
+    }
+    assert_eq!((tick(0.5, 2.0).as_str(), tick(25.0, 100.0).as_str()), ("0.5", "25"));
+    assert_eq!((tick(3.75, 15.0).as_str(), tick(0.225, 0.3).as_str()), ("3.75", "0.225"));
+}
+
+#[test]
+fn names_cannot_break_a_plot() {
+    let series = [Series { label: "<b>".into(), points: vec![(0.0, 1.0)], ..Default::default() }];
+    let ticks = ["<i>".to_string()];
+    let plot = Plot { value: "<u>", against: "<s>", ticks: &ticks, ..Default::default() };
+    let svg = lines(&plot, &series);
+    for tag in ["<b>", "<i>", "<u>", "<s>"] {
+        assert!(!svg.contains(tag), "{tag}");
+    }
+}
+
+#[test]
+fn the_page_can_read_the_values_of_a_chart() {
+    let points = vec![(0.0, 1.25), (1.0, f64::NAN), (2.0, 3.0)];
+    let series = [Series { label: "a\"b".into(), points, ..Default::default() }];
+    let ticks = ["frame_3".to_string(), "x\"y".into(), "5".into()];
+    let plot = Plot { value: "v", against: "frame", ticks: &ticks, by_frame: true, decades: false };
+    let svg = lines(&plot, &series);
+    for text in [
+        "data-box=\"52,548,14,206\" data-span=\"-0.3,2.3\"",
+        "data-places=\"[&quot;frame_3&quot;,&quot;x\\&quot;y&quot;,&quot;5&quot;]\"",
+        "data-by=\"frame\"",
+        "data-label=\"a&quot;b\" data-points=\"0:1.2500e0 2:3.0000e0\"",
+    ] {
+        assert!(svg.contains(text), "{text}: {svg}");
+    }
+}
+
+#[test]
+fn decades_are_evenly_spaced() {
+    let plot = Plot { decades: true, ..Default::default() };
+    let points = vec![(0.0, 0.01), (1.0, 100.0), (2.0, 0.0)];
+    let axes = Axes::of(&plot, &[Series { points, ..Default::default() }]);
+    assert_eq!((axes.y(0.01), axes.y(100.0)), (FLOOR, TOP));
+    assert!((axes.y(1.0) - 0.5 * (FLOOR + TOP)).abs() < 1e-9);
+    assert_eq!(axes.levels().len(), 5);
+}
+
+#[test]
+fn a_peak_survives_thinning() {
+    let mut points: Vec<(f64, f64)> = (0..5000).map(|i| (f64::from(i), 1.0)).collect();
+    points[3217].1 = 9.0;
+    let thin = thinned(&points);
+    assert!(thin.len() <= MOST_POINTS && thin.contains(&(3217.0, 9.0)));
+    assert_eq!(thinned(&points[..300]), points[..300]);
+}
+
+#[test]
+fn runs_of_a_status_are_one_bar() {
+    let strip = status_strip("Status", &["ok", "ok", "lost", "ok"], None);
+    assert_eq!(strip.matches("<rect").count(), 3);
+    assert!(strip.contains("data-runs=\"ok:2 lost:1 ok:1\""), "{strip}");
+    assert!(strip.contains("status failed"));
+}
