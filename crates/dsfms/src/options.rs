@@ -2,6 +2,7 @@
 //! documentation of every field.
 
 use serde::Serialize;
+use serde::de::{DeserializeOwned, Error};
 use std::fmt::Write;
 
 /// An option out of its bounds.
@@ -30,6 +31,69 @@ pub(crate) fn from_zero(values: &[f64]) -> bool {
 /// Whether a noise or a scale, which is divided by, is a number above 0.
 pub(crate) fn positive(values: &[f64]) -> bool {
     values.iter().all(|v| *v > 0.0 && v.is_finite())
+}
+
+/// A field of an options file that has another place than in earlier versions.
+pub(crate) struct Moved {
+    /// Where it stood, with the tables.
+    pub(crate) from: &'static str,
+    /// Where it stands.
+    pub(crate) to: &'static str,
+}
+
+/// `base` with what a TOML text names; fields that have moved are also read from where they stood.
+pub(crate) fn read<T: Serialize + DeserializeOwned>(
+    base: &T,
+    text: &str,
+    moved: &[Moved],
+) -> Result<T, toml::de::Error> {
+    let mut named: toml::Table = toml::from_str(text)?;
+    if !carry_over(&mut named, moved)? {
+        // By itself first: its errors tell the line.
+        toml::from_str::<T>(text)?;
+    }
+    let mut all = toml::Table::try_from(base).map_err(Error::custom)?;
+    lay_over(&mut all, named);
+    all.try_into()
+}
+
+/// Put fields where they stand; whether there were any elsewhere.
+fn carry_over(named: &mut toml::Table, moved: &[Moved]) -> Result<bool, toml::de::Error> {
+    let mut any = false;
+    for Moved { from, to } in moved {
+        let Some(value) = take(named, from) else { continue };
+        any = true;
+        let mut keys: Vec<&str> = to.split('.').collect();
+        let last = keys.pop().unwrap_or(to);
+        let table = keys.iter().try_fold(&mut *named, |table, key| {
+            let inner = table.entry(*key).or_insert_with(|| toml::Table::new().into());
+            inner.as_table_mut()
+        });
+        let table = table.ok_or_else(|| Error::custom(format!("{from}: is {to} instead")))?;
+        // The field at its own place counts.
+        table.entry(last).or_insert(value);
+    }
+    Ok(any)
+}
+
+/// Remove what stands at a path.
+fn take(table: &mut toml::Table, path: &str) -> Option<toml::Value> {
+    match path.split_once('.') {
+        Some((key, below)) => take(table.get_mut(key)?.as_table_mut()?, below),
+        None => table.remove(path),
+    }
+}
+
+/// Replace what another table names, table by table.
+fn lay_over(under: &mut toml::Table, over: toml::Table) {
+    for (key, value) in over {
+        match (under.get_mut(&key), value) {
+            (Some(toml::Value::Table(under)), toml::Value::Table(over)) => lay_over(under, over),
+            (_, value) => {
+                under.insert(key, value);
+            }
+        }
+    }
 }
 
 /// A table of an options file: its path (`""` for the root), and the source text and name of the struct

@@ -64,6 +64,10 @@ fn literal_of_a_table_of_the_file_counts() {
     };
     let printed = vertices("literal = true");
     assert_eq!(vertices("[register]\nliteral = true"), printed);
+    assert_eq!(vertices("[refine]\nliteral = true"), printed);
+    // A video is followed from the last shape, from which the printed forms do not start.
+    let error = TrackOptions::from_toml("[reconstruct.register]\nliteral = true").unwrap_err();
+    assert!(error.to_string().contains("reconstruct.literal must be false"), "{error}");
     assert_ne!(vertices(""), printed);
 }
 
@@ -72,10 +76,12 @@ fn reports_name_the_equation_that_a_term_belongs_to() {
     let case = case();
     let options = ReconstructOptions::default();
     let motion = labels(&solve(&case, Method::Dsfm, &options).unwrap());
-    assert!(motion.iter().any(|l| l == "hold of depth"), "{motion:?}");
+    assert!(motion.iter().any(|l| l == "depth prior"), "{motion:?}");
     assert!(!motion.iter().any(|l| l.contains("eq. 4")), "{motion:?}");
     let joint = labels(&solve(&case, Method::Joint, &options).unwrap());
-    assert!(!joint.iter().any(|l| l.contains("boundary condition")), "{joint:?}");
+    assert!(!joint.iter().any(|l| l.contains("eq. ")), "{joint:?}");
+    let shaded = labels(&solve(&case, Method::Dsfms, &options).unwrap());
+    assert!(shaded.iter().any(|l| l == "smoothing (eq. 4)"), "{shaded:?}");
 }
 
 #[test]

@@ -6,13 +6,15 @@ use crate::camera::Camera;
 use crate::confidence::{Model, Solved, confidence};
 use crate::image::{Mask, Outline, Picture, diagonal, usable, viewport};
 use crate::light::Coated;
-use crate::options::{Documented, OptionError, commented};
+use crate::options::{Documented, Moved, OptionError, commented, read};
 use crate::refine::{
     Comparison, Joined, JointOptions, Photograph, RefineOptions, Refined, join, refine,
+    refine_printed,
 };
 use crate::register::scene::visibility;
 use crate::register::{
     Body, Deformable, Match, Posed, RegisterOptions, Registered, Scene, find, pose, register,
+    register_printed,
 };
 use crate::sfs::{SfsInput, SfsOptions, shape_from_shading};
 use crate::template::{SurfaceTexels, Template};
@@ -45,7 +47,7 @@ impl ReconstructOptions {
     /// # Errors
     /// Malformed TOML, a field that does not exist, or one out of its bounds.
     pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
-        let options: Self = toml::from_str(text)?;
+        let options = read(&Self::default(), text, &MOVED)?;
         options.validate().map_err(serde::de::Error::custom)?;
         Ok(options)
     }
@@ -64,14 +66,6 @@ impl ReconstructOptions {
         self.refine.validate()?;
         self.joint.validate()?;
         self.verdict.validate()
-    }
-
-    /// The same with `literal` of the whole handed down to its parts.
-    pub(crate) fn settled(&self) -> Self {
-        let mut all = self.clone();
-        all.register.literal |= self.literal;
-        all.refine.literal |= self.literal;
-        all
     }
 
     /// What decides how much of a deformation stays.
@@ -100,6 +94,12 @@ impl ReconstructOptions {
 
 /// Image diagonal that lengths in pixels are stated for: 640×480.
 const DIAGONAL: f64 = 800.0;
+
+/// Fields that stood elsewhere in earlier versions.
+const MOVED: [Moved; 2] = [
+    Moved { from: "register.literal", to: "literal" },
+    Moved { from: "refine.literal", to: "literal" },
+];
 
 /// Where the fields of the options are documented.
 const TABLES: [Documented; 6] = [
@@ -162,7 +162,7 @@ fn logged(
     mut log: StageLog,
 ) -> Result<Reconstruction, ReconstructError> {
     options.validate()?;
-    let options = &options.settled().at_size(observation.frame.size);
+    let options = &options.clone().at_size(observation.frame.size);
     let sight = log.time("prepare", || {
         check(template, observation, method)?;
         Ok::<_, ReconstructError>(Sight::new(template, observation, method))
@@ -185,6 +185,7 @@ fn logged(
             };
             let on_body = body.matches(&matches);
             let coarse = log.time("register (eq. 3)", || {
+                let register = if options.literal { register_printed } else { register };
                 register(body.scene(), &on_body, &posed, &options.register)
             });
             log.attach(&coarse.summary);
@@ -195,13 +196,13 @@ fn logged(
             if method == Method::Dsfms {
                 let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
                 let refined = log.time("refine (eq. 4)", || {
-                    let mut refined =
-                        refine(&body, &coarse.vertices, &kept, &photo, &options.refine);
-                    if !options.literal {
-                        refined.vertices = options
-                            .comparison(&body, &kept, &photo)
-                            .kept(&coarse.vertices, refined.vertices);
+                    let start = &coarse.vertices;
+                    if options.literal {
+                        return refine_printed(&body, start, &kept, &photo, &options.refine);
                     }
+                    let mut refined = refine(&body, start, &kept, &photo, &options.refine);
+                    refined.vertices =
+                        options.comparison(&body, &kept, &photo).kept(start, refined.vertices);
                     refined.settled(&body, anchor)
                 });
                 log.attach(&refined.summary);
@@ -223,7 +224,11 @@ fn logged(
         }
     }
     log.time("visibility", || see(&sight, &mut result));
-    log.time("confidence", || expect(&sight, &scene, method, &options.refine, &mut result));
+    let looked = match options.literal {
+        true => options.refine.as_printed(),
+        false => options.refine.clone(),
+    };
+    log.time("confidence", || expect(&sight, &scene, method, &looked, &mut result));
     let trusted = Trusted { sight: &sight, scene: &scene, posed: &posed, method, options };
     log.time("verdict", || trust(&trusted, &mut result));
     result.stages = log.stages;

@@ -49,6 +49,18 @@ pub struct Evidence {
     pub log_gain: f64,
 }
 
+impl Evidence {
+    /// The vertices that the camera sees.
+    pub(super) fn seen(&self) -> impl Iterator<Item = u32> + '_ {
+        (0..self.visible.len() as u32).filter(|&v| self.visible[v as usize])
+    }
+
+    /// Their number; at least 1.
+    pub(super) fn seen_count(&self) -> usize {
+        self.seen().count().max(1)
+    }
+}
+
 /// Look at the photograph with the surface at `shape` (camera axes).
 pub fn gather(
     photo: &Photograph,
@@ -57,14 +69,14 @@ pub fn gather(
     options: &RefineOptions,
 ) -> Evidence {
     let diagonal = diagonal(photo.picture.linear.size);
-    let (blur, literal) = (options.blur * diagonal, options.literal);
+    let blur = options.blur * diagonal;
     let seen = LookOptions {
         blur,
-        grazing: if literal { f64::NEG_INFINITY } else { options.grazing },
-        contour: if literal { 0.0 } else { options.contour_blurs * blur },
+        grazing: options.grazing,
+        contour: options.contour_blurs * blur,
         halo: options.halo * diagonal,
-        mirror_deg: if literal { 0.0 } else { options.specular_deg },
-        colour: options.colour && !literal,
+        mirror_deg: options.specular_deg,
+        colour: options.colour,
     };
     let look = Look::new(photo, rest, shape, seen);
     let (camera, topology) = (photo.camera, &rest.topology);
@@ -84,7 +96,7 @@ pub fn gather(
     let noise = NoiseOptions {
         relative: options.sigma_relative,
         absolute: options.sigma_absolute,
-        colour: options.colour && !literal,
+        colour: options.colour,
     };
     let weighed = weigh(&channels, &noise);
     let turn = Matrix3::identity();

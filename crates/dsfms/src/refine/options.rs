@@ -47,12 +47,20 @@ pub struct RefineOptions {
     pub halo: f64,
     /// Solves, each with visibility and albedo rendered anew.
     pub rounds: usize,
-    /// Solve eq. 4 as printed: Laplacian of the position, no estimated gain or ambient, no
-    /// exclusions but saturation, unsquared depth norms, the printed weights.
-    pub literal: bool,
 }
 
 impl RefineOptions {
+    /// The same as eq. 4 is printed: grey, and only saturated vertices are left out of the diffuse ones.
+    pub fn as_printed(&self) -> Self {
+        Self {
+            grazing: f64::NEG_INFINITY,
+            contour_blurs: 0.0,
+            specular_deg: 0.0,
+            colour: false,
+            ..self.clone()
+        }
+    }
+
     /// Check every field against its bounds.
     ///
     /// # Errors
@@ -112,7 +120,6 @@ impl Default for RefineOptions {
             contour_blurs: 1.5,
             halo: 0.02,
             rounds: 3,
-            literal: false,
         }
     }
 }

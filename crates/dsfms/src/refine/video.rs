@@ -7,7 +7,8 @@
 use super::Photograph;
 use super::gain::{AtMatches, GainPrior, scaled};
 use super::hold::hold;
-use super::joint::{Told, held, shaded};
+use super::joint::Told;
+use super::joint_objective::JointProblem;
 use super::joint_options::JointOptions;
 use super::samples::{Seen, look};
 use crate::energy::{FaceRings, Photometric, Unknowns, Workspace};
@@ -195,9 +196,18 @@ fn near_told(
         let topology = &scene.rest.topology;
         let shading = Photometric::new(photo.camera, photo.light, &seen.image, rings, seen.samples);
         state.globals[0] = shading.log_gain(topology, &state.vertices, state.globals[1]);
-        let held = held(scene, matches, match_px, 2, options);
-        let problem = shaded(held, scene, hold.clone(), shading.clone(), *gain, options);
-        let (next, summary) = problem.minimise_in(workspace, state, &solver);
+        let problem = JointProblem {
+            scene,
+            matches,
+            match_px,
+            depth: hold,
+            shading: &shading,
+            cues: None,
+            gain: *gain,
+            nodes: 0,
+            options,
+        };
+        let (next, summary) = problem.objective().minimise_in(workspace, state, &solver);
         state = next;
         residual = shading.mean_residual(topology, &state.vertices, &state.globals);
         steps += summary.iterations;

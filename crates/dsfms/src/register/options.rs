@@ -47,9 +47,6 @@ pub struct RegisterOptions {
     /// How firmly the hidden side of a closed surface hangs on its surroundings, of the stiffness of
     /// tissue as thick as the organ; what is seen carries it along.
     pub anchor: f64,
-    /// Solve eq. 3 as printed: unsquared motion norms, Laplacian of the position, no stretch prior,
-    /// no depth hold.
-    pub literal: bool,
 }
 
 impl Default for RegisterOptions {
@@ -65,7 +62,6 @@ impl Default for RegisterOptions {
             depth_hold_motion: 3.0,
             stay: 3.0,
             anchor: 0.1,
-            literal: false,
         }
     }
 }

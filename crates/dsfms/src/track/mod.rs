@@ -21,7 +21,7 @@ mod usual;
 mod verdict;
 
 use crate::geometry::{Isometry, Point3};
-use crate::options::{Documented, OptionError, check, commented, from_zero, positive};
+use crate::options::{Documented, Moved, OptionError, check, commented, from_zero, positive, read};
 use crate::pipeline::{Method, ReconstructOptions};
 use crate::refine::VideoOptions;
 use crate::register::Match;
@@ -96,6 +96,11 @@ impl TrackOptions {
                 from_zero(&[video.blur]) && from_zero(&video.blurs_after_gap),
                 "0 or more",
             ),
+            (
+                "reconstruct.literal",
+                !self.reconstruct.literal,
+                "false for a video: the printed equations have no start from the last shape",
+            ),
             ("video.steps", video.steps >= 1, "at least 1"),
             (
                 "video.tolerance, reduction, match_px",
@@ -113,15 +118,17 @@ impl TrackOptions {
     /// # Errors
     /// As [`from_toml`](Self::from_toml).
     pub fn with_toml(&self, text: &str) -> Result<Self, toml::de::Error> {
-        // By itself first: its errors tell the line.
-        toml::from_str::<Self>(text)?;
-        let mut all = toml::Table::try_from(self).map_err(serde::de::Error::custom)?;
-        lay_over(&mut all, toml::from_str(text)?);
-        let all: Self = all.try_into()?;
+        let all = read(self, text, &MOVED)?;
         all.validate().map_err(serde::de::Error::custom)?;
         Ok(all)
     }
 }
+
+/// Fields that stood elsewhere in earlier versions.
+const MOVED: [Moved; 2] = [
+    Moved { from: "reconstruct.register.literal", to: "reconstruct.literal" },
+    Moved { from: "reconstruct.refine.literal", to: "reconstruct.literal" },
+];
 
 /// Where the fields of the options are documented.
 const TABLES: [Documented; 8] = [
@@ -138,18 +145,6 @@ const TABLES: [Documented; 8] = [
         "ExposureUnknown",
     ),
 ];
-
-/// Replace what another table names, table by table.
-fn lay_over(under: &mut toml::Table, over: toml::Table) {
-    for (key, value) in over {
-        match (under.get_mut(&key), value) {
-            (Some(toml::Value::Table(under)), toml::Value::Table(over)) => lay_over(under, over),
-            (_, value) => {
-                under.insert(key, value);
-            }
-        }
-    }
-}
 
 /// What became of a frame; no surface where it is [`Lost`](crate::verdict::Level::Lost).
 pub type TrackStatus = crate::verdict::Level;
