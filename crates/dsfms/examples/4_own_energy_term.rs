@@ -62,16 +62,16 @@ pub fn run() -> Result<[f64; 2], Box<dyn Error>> {
         let (vertices, distances) = measured.map(|(v, p)| ([v], p.coords.norm())).unzip();
         let range = Range { vertices, distances, sigma: 0.05 };
         assert_jacobian(&range, &scene.posed, &[]);
-        let (prior, faces, area) = (options.conformal, &scene.faces, scene.visible_area);
+        let (prior, faces, area) = (&options.prior, &scene.faces, scene.visible_area);
         let smoothing = Smoothing::of_displacement(&scene.laplacian, &scene.posed, area);
         let motion = scene.motion(&case.matches, options.match_sigma_px);
         let start = Unknowns { vertices: scene.posed.clone(), globals: vec![] };
         let (found, report) = Objective::over(scene.posed.len(), 0)
             .plus("motion", 1.0, Loss::Huber(2.0), motion)
-            .plus("shearing", prior, Loss::Squared, Shearing { rest: faces })
-            .plus("anisotropy", prior, Loss::Squared, Anisotropy { rest: faces })
-            .plus("stretch", options.stretch, Loss::Squared, Stretch { rest: faces })
-            .plus("smoothing", options.smoothing, Loss::Squared, smoothing)
+            .plus("shearing", prior.conformal, Loss::Squared, Shearing { rest: faces })
+            .plus("anisotropy", prior.conformal, Loss::Squared, Anisotropy { rest: faces })
+            .plus("stretch", prior.stretch, Loss::Squared, Stretch { rest: faces })
+            .plus("smoothing", prior.smoothing, Loss::Squared, smoothing)
             .plus("range", weight, Loss::Squared, range)
             .minimise(start, &Options::default());
         let error = case.zone_rms(&found.vertices);

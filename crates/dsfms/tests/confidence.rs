@@ -67,7 +67,8 @@ fn the_error_has_the_unit_of_the_surface() {
 fn it_looks_at_the_brightness_that_the_options_let_in() {
     let case = case();
     // Nothing faces the camera so squarely: no brightness counts, and far from the matches nothing tells.
-    let nothing = RefineOptions { grazing: 2.0, ..Default::default() };
+    let mut nothing = RefineOptions::default();
+    nothing.image.grazing = 2.0;
     let left = |m: &Match| {
         let face = case.template.mesh.topology.faces[m.face as usize];
         case.template.mesh.positions[face[0] as usize].x < -8.0

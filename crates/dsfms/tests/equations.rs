@@ -148,9 +148,13 @@ fn the_printed_eq_3_is_the_sum_of_its_lines() {
         (0..2).for_each(|k| strain[k] += area / scene.visible_area * of[k] * of[k]);
     }
     assert!(strain[0] > 0.0 && strain[1] > 0.0);
-    near(cost(&found.summary, "shearing (eq. 3)"), options.conformal * strain[0], "shearing");
-    near(cost(&found.summary, "anisotropy (eq. 3)"), options.conformal * strain[1], "anisotropy");
-    let smoothing = options.smoothing * bending(&scene, shape);
+    near(cost(&found.summary, "shearing (eq. 3)"), options.prior.conformal * strain[0], "shearing");
+    near(
+        cost(&found.summary, "anisotropy (eq. 3)"),
+        options.prior.conformal * strain[1],
+        "anisotropy",
+    );
+    let smoothing = options.prior.smoothing * bending(&scene, shape);
     near(cost(&found.summary, "smoothing (eq. 3)"), smoothing, "smoothing");
     // It is a minimum worth the name: no larger than at the rigid pose.
     let (before, after) = found.summary.cost();
@@ -201,12 +205,8 @@ fn the_printed_eq_4_is_the_sum_of_its_lines() {
         .iter()
         .map(|&v| (pixel(&fine.vertices[v]) - pixel(&coarse.vertices[v])).norm_squared())
         .sum();
-    let share = options.reference_count / seen.len() as f64;
-    near(
-        cost(summary, "reprojection (eq. 4)"),
-        share * options.reprojection * moved,
-        "reprojection",
-    );
-    let smoothing = options.smoothing * bending(&scene, &fine.vertices);
+    let reprojection = options.lambda_4 / seen.len() as f64 * moved;
+    near(cost(summary, "reprojection (eq. 4)"), reprojection, "reprojection");
+    let smoothing = options.lambda_7 * bending(&scene, &fine.vertices);
     near(cost(summary, "smoothing (eq. 4)"), smoothing, "smoothing");
 }

@@ -281,7 +281,7 @@ fn prepare<'a>(
     options.seed = global.seed;
     options.literal |= args.literal;
     if let Some(prior) = args.prior.map(Prior::from) {
-        (options.register.prior, options.joint.prior) = (prior, prior);
+        (options.register.prior.kind, options.joint.prior.kind) = (prior, prior);
     }
     let method = method(args, &template, reporter);
     let structures = Structures::read(&args.structures, &template, reporter)?;

@@ -1,6 +1,7 @@
 //! One deformed frame through all stages of a method.
 
 pub mod inputs;
+pub(crate) mod moved;
 pub mod progress;
 pub mod reconstruct;
 pub mod template;

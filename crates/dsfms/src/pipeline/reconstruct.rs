@@ -1,12 +1,13 @@
 //! Pose, eq. 3 and eq. 4 in a row, with the visibility, the masks and the verdict around them.
 
+use super::moved::MOVED;
 use super::trust::{Trusted, trust};
 use super::{Method, Observation, ReconstructError, Reconstruction, StageReport};
 use crate::camera::Camera;
 use crate::confidence::{Model, Solved, confidence};
 use crate::image::{Mask, Outline, Picture, diagonal, usable, viewport};
 use crate::light::Coated;
-use crate::options::{Documented, Moved, OptionError, commented, read};
+use crate::options::{Documented, OptionError, commented, read};
 use crate::refine::{
     Comparison, Joined, JointOptions, Photograph, RefineOptions, Refined, join, refine,
     refine_printed,
@@ -47,7 +48,7 @@ impl ReconstructOptions {
     /// # Errors
     /// Malformed TOML, a field that does not exist, or one out of its bounds.
     pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
-        let options = read(&Self::default(), text, &MOVED)?;
+        let options = read(&Self::default(), text, "", &MOVED)?;
         options.validate().map_err(serde::de::Error::custom)?;
         Ok(options)
     }
@@ -95,18 +96,16 @@ impl ReconstructOptions {
 /// Image diagonal that lengths in pixels are stated for: 640×480.
 const DIAGONAL: f64 = 800.0;
 
-/// Fields that stood elsewhere in earlier versions.
-const MOVED: [Moved; 2] = [
-    Moved { from: "register.literal", to: "literal" },
-    Moved { from: "refine.literal", to: "literal" },
-];
-
 /// Where the fields of the options are documented.
-const TABLES: [Documented; 6] = [
+const TABLES: [Documented; 10] = [
     ("", include_str!("reconstruct.rs"), "ReconstructOptions"),
     ("register", include_str!("../register/options.rs"), "RegisterOptions"),
+    ("register.prior", include_str!("../register/options.rs"), "PriorWeights"),
     ("refine", include_str!("../refine/options.rs"), "RefineOptions"),
+    ("refine.image", include_str!("../refine/photometric_model.rs"), "PhotometricModel"),
     ("joint", include_str!("../refine/joint_options.rs"), "JointOptions"),
+    ("joint.prior", include_str!("../register/options.rs"), "PriorWeights"),
+    ("joint.image", include_str!("../refine/photometric_model.rs"), "PhotometricModel"),
     ("joint.exposure_unknown", include_str!("../refine/joint_options.rs"), "ExposureUnknown"),
     ("verdict", include_str!("../verdict/thresholds.rs"), "Thresholds"),
 ];

@@ -1,8 +1,8 @@
 //! Which vertices may speak of shading, which mirror the light, and what albedo they have.
 
 use super::RefineOptions;
-use super::glare::{NoiseOptions, weigh};
-use super::look::{Look, LookOptions};
+use super::glare::weigh;
+use super::look::Look;
 use crate::camera::{Camera, CameraModel};
 use crate::energy::diffuse::DiffuseVertex;
 use crate::geometry::{Point3, Vector3};
@@ -69,15 +69,7 @@ pub fn gather(
     options: &RefineOptions,
 ) -> Evidence {
     let diagonal = diagonal(photo.picture.linear.size);
-    let blur = options.blur * diagonal;
-    let seen = LookOptions {
-        blur,
-        grazing: options.grazing,
-        contour: options.contour_blurs * blur,
-        halo: options.halo * diagonal,
-        mirror_deg: options.specular_deg,
-        colour: options.colour,
-    };
+    let seen = options.image.look(options.blur * diagonal, diagonal);
     let look = Look::new(photo, rest, shape, seen);
     let (camera, topology) = (photo.camera, &rest.topology);
     let visible = visible_vertices(camera, topology, shape, &look.raster, look.tolerance);
@@ -93,12 +85,7 @@ pub fn gather(
             channels.push(found);
         }
     }
-    let noise = NoiseOptions {
-        relative: options.sigma_relative,
-        absolute: options.sigma_absolute,
-        colour: options.colour,
-    };
-    let weighed = weigh(&channels, &noise);
+    let weighed = weigh(&channels, &options.image.noise());
     let turn = Matrix3::identity();
     let diffuse = |(i, brightness)| DiffuseVertex { vertex: vertices[i], brightness, turn };
     Evidence {

@@ -100,10 +100,9 @@ fn join_told(
         let mut seen = Seen::of(look, body, &state.vertices, options);
         let Told { gain, hold, options, .. } = told.get_or_insert_with(|| {
             state.globals[0] = seen.log_gain;
-            let (sigma, ambient) = (options.gain_sigma, options.ambient_sigma);
-            let gain = GainPrior::of(photo.exposure, seen.log_gain, at_matches, sigma, ambient);
+            let gain = GainPrior::of(photo.exposure, seen.log_gain, at_matches, &options.image);
             // Brightness tells the distance from a near light as well as the exposure is known.
-            let (light, slack) = (&photo.light.light, gain.slack(sigma));
+            let (light, slack) = (&photo.light.light, gain.slack(options.image.gain_sigma));
             let hold = hold(scene, matches, &scene.posed, depth_sigma, light, options, slack);
             let told = options.tells_distance(&gain, light) || *light == LightModel::Collinear;
             let options = if told { options.clone() } else { options.without_exposure() };

@@ -25,8 +25,8 @@
 //! vertices of an image as one, whatever the mesh: samples that are all off by their noise σ cost like λ_p
 //! matches that are off by 1 px.
 //!
-//! λ₁ = `conformal`, λₛ = `stretch`, λ₃ = `smoothing`, λ_p = 334 `photometric`, λ_c = 100 `silhouette`,
-//! λ_h = 334 `specular`.
+//! λ₁ = `prior.conformal`, λₛ = `prior.stretch`, λ₃ = `prior.smoothing`, λₕ = `prior.hidden`, λ_c = `outline`,
+//! λ_h = `highlights`, λ_p = `shading`.
 //! The isometric and as-rigid-as-possible priors take the place of shearing, anisotropy and stretch.
 
 use super::cues::Cues;
@@ -40,15 +40,6 @@ use crate::energy::{
 use crate::light::Coated;
 use crate::register::{Match, Prior, Scene};
 use crate::solver::Loss::{GemanMcClure, Huber, Squared};
-
-/// Samples, and visible vertices, that the weights are stated for.
-const REFERENCE: f64 = 334.0;
-
-/// Points of the contour that the weight of the silhouette is stated for.
-const CONTOUR_REFERENCE: f64 = 100.0;
-
-/// λₕ.
-const HIDDEN: f64 = 3.0;
 
 /// Scale of Huber's loss of the silhouette, in standard deviations of the outline.
 const OUTLINE_SCALE: f64 = 2.0;
@@ -82,33 +73,37 @@ impl<'a> JointProblem<'a, '_> {
         let Self { scene, matches, match_px, gain, options, .. } = *self;
         let (rest, posed) = (&scene.faces, &scene.posed);
         let strain = GemanMcClure(options.strain);
-        let prior = |kind, weight| if options.prior == kind { weight } else { 0.0 };
-        let (conformal, stretch) = (options.conformal, options.stretch);
+        let prior = &options.prior;
         let smoothing = Smoothing::of_displacement(&scene.laplacian, posed, scene.visible_area);
         let contour = self.cues.and_then(|cues| cues.contour.clone());
         let highlights = self.cues.and_then(|cues| cues.highlights.clone());
         let [points, seen] = self.cues.map_or([0, 0], |cues| cues.counts());
         let of = |weight: f64, count: usize| weight / count.max(1) as f64;
-        let lambda_c = of(CONTOUR_REFERENCE, points) * options.silhouette;
-        let lambda_h = of(REFERENCE, seen) * options.specular;
-        let lambda_p = of(REFERENCE, self.shading.count()) * options.photometric;
+        let lambda_c = of(options.outline, points);
+        let lambda_h = of(options.highlights, seen);
+        let lambda_p = of(options.shading, self.shading.count());
         let log_gain = GlobalsPrior::of(0, gain.expected, gain.sigma);
         let ambient = GlobalsPrior::of(1, 0.0, gain.ambient_sigma);
         let nodes = (2..2 + self.nodes).map(|k| [k]).collect();
         let smooth_gain = GlobalsPrior { indices: nodes, mean: 0.0, sigma: options.smooth_gain };
         Objective::over(posed.len(), 2 + self.nodes)
             .plus("motion", 1.0, GemanMcClure(match_px), scene.motion(matches, 1.0))
-            .plus("shearing", prior(Prior::Conformal, conformal), strain, Shearing { rest })
-            .plus("anisotropy", prior(Prior::Conformal, conformal), strain, Anisotropy { rest })
-            .plus("stretch", prior(Prior::Conformal, stretch), strain, Stretch { rest })
-            .plus("isometric prior", prior(Prior::Isometric, conformal), strain, Isometric { rest })
-            .plus_if("as-rigid-as-possible prior", conformal, strain, scene.arap(options.prior))
+            .plus("shearing", prior.of(Prior::Conformal), strain, Shearing { rest })
+            .plus("anisotropy", prior.of(Prior::Conformal), strain, Anisotropy { rest })
+            .plus("stretch", prior.stretch(), strain, Stretch { rest })
+            .plus("isometric prior", prior.of(Prior::Isometric), strain, Isometric { rest })
+            .plus_if(
+                "as-rigid-as-possible prior",
+                prior.of(Prior::Arap),
+                strain,
+                scene.arap(prior.kind),
+            )
             .plus_if("silhouette", lambda_c, Huber(OUTLINE_SCALE), contour)
             .plus_if("highlights", lambda_h, GemanMcClure(HIGHLIGHT_SCALE), highlights)
-            .plus("smoothing", options.smoothing, Squared, smoothing)
+            .plus("smoothing", prior.smoothing, Squared, smoothing)
             .plus("shading", lambda_p, GemanMcClure(options.robust), self.shading.clone())
             .plus("depth prior", 1.0, Huber(1.0), self.depth.clone())
-            .plus("hidden side", HIDDEN, Squared, scene.hidden(&scene.visible, posed))
+            .plus("hidden side", prior.hidden, Squared, scene.hidden(&scene.visible, posed))
             .plus("gain prior", 1.0, Squared, log_gain)
             .plus("ambient light prior", 1.0, Squared, ambient)
             .plus("smooth gain prior", 1.0, Squared, smooth_gain)

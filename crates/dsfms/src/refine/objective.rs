@@ -13,7 +13,7 @@
 //! `A`, `R`, `Aᵥ` and `Lap` as in eq. 3 ([`register`](crate::register)). `I` is the linear image smoothed, `α` the
 //! albedo of the template smoothed alike, `w` weights of the channels in which glare cancels, `g` the gain
 //! and `a` the ambient light; σ is measured on V′. A depth that is off by its tolerance σ_z costs 1; λ₄, λ₅
-//! and λ₆ count what is seen as one, whatever the mesh.
+//! and λ₆ weigh a mean over what is seen, whatever the mesh; λₕ = `hidden`.
 
 use super::RefineOptions;
 use super::evidence::{Evidence, Photograph};
@@ -35,10 +35,10 @@ pub(super) fn objective<'a>(
     options: &RefineOptions,
 ) -> Objective<'a> {
     let (topology, visible) = (&scene.rest.topology, &evidence.visible);
-    let share = options.reference_count / evidence.seen_count() as f64;
+    let of_seen = |lambda: f64| lambda / evidence.seen_count() as f64;
     // Brightness tells the distance from a near light as well as the exposure is known.
     let near = matches!(photo.light.light, LightModel::Point(_));
-    let slack = if near { gain.slack(options.gain_sigma) } else { 1.0 };
+    let slack = if near { gain.slack(options.image.gain_sigma) } else { 1.0 };
     let depth_sigma = slack * options.depth_hold * scene.radius();
     let boundary = scene.depth_of(matches, coarse, vec![depth_sigma; matches.len()]);
     let reprojection = Reprojection::at(scene.camera, coarse, evidence.seen());
@@ -50,14 +50,11 @@ pub(super) fn objective<'a>(
     let ambient = GlobalsPrior::of(1, 0.0, gain.ambient_sigma);
     Objective::over(coarse.len(), 2)
         .plus("boundary condition (eq. 4)", 1.0, Squared, boundary)
-        .plus("reprojection (eq. 4)", share * options.reprojection, Squared, reprojection)
-        .plus("diffuse (eq. 4)", share * options.diffuse, Huber(options.huber), diffuse)
-        .plus("specular (eq. 4)", share * options.specular, Squared, specular)
-        .plus("smoothing (eq. 4)", options.smoothing, Squared, smoothing)
-        .plus("hidden side", HIDDEN, Squared, scene.hidden(visible, coarse))
+        .plus("reprojection (eq. 4)", of_seen(options.lambda_4), Squared, reprojection)
+        .plus("diffuse (eq. 4)", of_seen(options.lambda_5), Huber(options.huber), diffuse)
+        .plus("specular (eq. 4)", of_seen(options.lambda_6), Squared, specular)
+        .plus("smoothing (eq. 4)", options.lambda_7, Squared, smoothing)
+        .plus("hidden side", options.hidden, Squared, scene.hidden(visible, coarse))
         .plus("gain prior", 1.0, Squared, log_gain)
         .plus("ambient light prior", 1.0, Squared, ambient)
 }
-
-/// λₕ.
-const HIDDEN: f64 = 3.0;

@@ -42,16 +42,14 @@ fn objective<'a>(
         Diffuse::new(photo.camera, photo.light, &evidence.image, topology, &evidence.diffuse);
     let specular = Specular::new(topology, &evidence.specular, 1.0);
     let smoothing = Smoothing::of_position(laplacian, scene.visible_area);
-    let share = options.reference_count / evidence.seen_count() as f64;
-    let [lambda_4, lambda_5, lambda_6] =
-        [options.reprojection, options.diffuse, options.specular].map(|weight| share * weight);
-    let lambda_7 = options.smoothing;
+    let [lambda_4, lambda_5, lambda_6] = [options.lambda_4, options.lambda_5, options.lambda_6]
+        .map(|lambda| lambda / evidence.seen_count() as f64);
     Objective::over(coarse.len(), 2)
         .plus("boundary condition (eq. 4)", 1.0, Norm, boundary)
         .plus("reprojection (eq. 4)", lambda_4, Squared, reprojection)
         .plus("diffuse (eq. 4)", lambda_5, Squared, diffuse)
         .plus("specular (eq. 4)", lambda_6, Squared, specular)
-        .plus("smoothing (eq. 4)", lambda_7, Squared, smoothing)
+        .plus("smoothing (eq. 4)", options.lambda_7, Squared, smoothing)
         .plus("gain = 1", 1.0, Squared, GlobalsPrior::of(0, 0.0, FIXED))
         .plus("ambient light = 0", 1.0, Squared, GlobalsPrior::of(1, 0.0, FIXED))
 }

@@ -62,8 +62,7 @@ pub fn refine(
 ) -> Refined {
     let scene = body.scene();
     let mut evidence = gather_on(body, coarse, photo, options);
-    let (sigma, ambient) = (options.gain_sigma, options.ambient_sigma);
-    let prior = GainPrior::of(photo.exposure, evidence.log_gain, None, sigma, ambient);
+    let prior = GainPrior::of(photo.exposure, evidence.log_gain, None, &options.image);
     let globals = vec![evidence.log_gain, 0.0];
     let mut state = Unknowns { vertices: coarse.to_vec(), globals };
     let (mut round, mut workspace) = (0, Workspace::default());

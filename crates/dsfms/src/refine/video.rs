@@ -13,6 +13,7 @@ use super::joint_options::JointOptions;
 use super::samples::{Seen, look};
 use crate::energy::{FaceRings, Photometric, Unknowns, Workspace};
 use crate::geometry::Point3;
+use crate::options::{OptionError, check, from_zero, positive};
 use crate::register::{Body, Match};
 use crate::solver::Options;
 use crate::template::Exposure;
@@ -70,6 +71,29 @@ impl VideoOptions {
             reduction: 0.1,
             ..Self::default()
         }
+    }
+}
+
+impl VideoOptions {
+    /// Check every field against its bounds.
+    ///
+    /// # Errors
+    /// The first field out of them.
+    pub fn validate(&self) -> Result<(), OptionError> {
+        check(&[
+            (
+                "video.blur, blurs_after_gap",
+                from_zero(&[self.blur]) && from_zero(&self.blurs_after_gap),
+                "0 or more",
+            ),
+            ("video.steps", self.steps >= 1, "at least 1"),
+            (
+                "video.tolerance, reduction, match_px",
+                positive(&[self.tolerance, self.reduction, self.match_px]),
+                "positive",
+            ),
+            ("video.least_blur_px", from_zero(&[self.least_blur_px]), "0 or more"),
+        ])
     }
 }
 
@@ -180,13 +204,12 @@ fn near_told(
         let at_matches = if stage == 0 { at() } else { None };
         let seen = Seen::of(look, body, &state.vertices, joint);
         let Told { gain, hold, options, .. } = told.get_or_insert_with(|| {
-            let (sigma, ambient) = (joint.gain_sigma, joint.ambient_sigma);
             // The many matches of a followed frame tell the exposure themselves where they are at rest.
             let here = at_matches.filter(AtMatches::calm).map(|at| at.log_gain);
             let here = |e: Exposure| Exposure { log_gain: here.unwrap_or(e.log_gain), ..e };
             let exposure = photo.exposure.map(here);
-            let gain = GainPrior::of(exposure, seen.log_gain, at_matches, sigma, ambient);
-            let slack = gain.slack(sigma);
+            let gain = GainPrior::of(exposure, seen.log_gain, at_matches, &joint.image);
+            let slack = gain.slack(joint.image.gain_sigma);
             let hold = hold(scene, matches, posed, frame.depth_sigma, light, joint, slack);
             let told = joint.tells_distance(&gain, light);
             let options = if told { joint.clone() } else { joint.without_exposure() };

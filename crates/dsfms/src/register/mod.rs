@@ -19,7 +19,7 @@ pub mod volume;
 use crate::geometry::Point2;
 pub use control::{Body, Deformable};
 pub use find::find;
-pub use options::{Prior, RegisterOptions};
+pub use options::{Prior, PriorWeights, RegisterOptions};
 pub use pose::{Posed, pose, pose_near};
 pub use printed::register_printed;
 pub use scene::Scene;

@@ -15,7 +15,8 @@
 //! share and the pose does not explain (length). ρ is the Geman-McClure loss, annealed; H Huber's.
 //!
 //! A match that is off by its noise σ costs 1, so `λ = 1/s²` says that a strain `s` of all that is seen costs
-//! as much. λ₁ = λ₂ = `conformal`, λₛ = `stretch`, λ₃ = `smoothing`, λₕ = `stay`, h = `depth_hold`. The
+//! as much. λ₁ = λ₂ = `prior.conformal`, λₛ = `prior.stretch`, λ₃ = `prior.smoothing`, λₕ = `prior.hidden`,
+//! h = `depth_hold`. The
 //! isometric and as-rigid-as-possible priors take the place of shearing, anisotropy and stretch.
 
 use super::solve::hold;
@@ -37,8 +38,7 @@ impl Problem<'_> {
     pub(super) fn objective(&self, loss: Loss) -> Objective<'_> {
         let Self { scene, matches, displacement, options } = *self;
         let (rest, posed) = (&scene.faces, &scene.posed);
-        let prior = |kind, weight| if options.prior == kind { weight } else { 0.0 };
-        let (conformal, stretch) = (options.conformal, options.stretch);
+        let prior = &options.prior;
         let motion = scene.motion(matches, options.match_sigma_px);
         let smoothing = Smoothing::of_displacement(&scene.laplacian, posed, scene.visible_area);
         let depth_sigma = hold(scene, options).hypot(displacement);
@@ -46,29 +46,19 @@ impl Problem<'_> {
         let hidden = scene.hidden(&scene.visible, posed);
         Objective::over(posed.len(), 0)
             .plus("motion (eq. 3)", 1.0, loss, motion)
-            .plus(
-                "shearing (eq. 3)",
-                prior(Prior::Conformal, conformal),
+            .plus("shearing (eq. 3)", prior.of(Prior::Conformal), Squared, Shearing { rest })
+            .plus("anisotropy (eq. 3)", prior.of(Prior::Conformal), Squared, Anisotropy { rest })
+            .plus("stretch", prior.stretch(), Squared, Stretch { rest })
+            .plus("isometric prior", prior.of(Prior::Isometric), Squared, Isometric { rest })
+            .plus_if(
+                "as-rigid-as-possible prior",
+                prior.of(Prior::Arap),
                 Squared,
-                Shearing { rest },
+                scene.arap(prior.kind),
             )
-            .plus(
-                "anisotropy (eq. 3)",
-                prior(Prior::Conformal, conformal),
-                Squared,
-                Anisotropy { rest },
-            )
-            .plus("stretch", prior(Prior::Conformal, stretch), Squared, Stretch { rest })
-            .plus(
-                "isometric prior",
-                prior(Prior::Isometric, conformal),
-                Squared,
-                Isometric { rest },
-            )
-            .plus_if("as-rigid-as-possible prior", conformal, Squared, scene.arap(options.prior))
             .plus("smoothing (eq. 3)", self.smoothing_weight(), Squared, smoothing)
             .plus("depth prior", 1.0, Huber(1.0), depth)
-            .plus("hidden side", options.stay, Squared, hidden)
+            .plus("hidden side", prior.hidden, Squared, hidden)
     }
 
     /// λ₃′: a disc of radius 1 that bulges by `d` has a Laplacian of `8 d` (up to its profile), whose
@@ -76,6 +66,7 @@ impl Problem<'_> {
     fn smoothing_weight(&self) -> f64 {
         let Self { scene, displacement, options, .. } = self;
         let contradiction = (8.0 * (displacement / scene.radius())).powi(2);
-        options.smoothing / (1.0 + options.smoothing * contradiction)
+        let smoothing = options.prior.smoothing;
+        smoothing / (1.0 + smoothing * contradiction)
     }
 }

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! The paper leaves open: what `S` and `A` are ([`Shearing`], [`Anisotropy`]), with `S⁰ = A⁰ = 0` for the
-//! rest shape; that λ₁ = λ₂ (`conformal`); and the units, which weights of any organ need: motion in
+//! rest shape; that λ₁ = λ₂ (`prior.conformal`); and the units, which weights of any organ need: motion in
 //! standard deviations of a match, faces and vertices by their share of the visible area.
 
 use super::solve::{STEPS, TOLERANCE, expected_displacement, hold};
@@ -21,8 +21,8 @@ use crate::solver::Options;
 fn objective<'a>(scene: &'a Scene, matches: &[Match], options: &RegisterOptions) -> Objective<'a> {
     let (rest, laplacian, area) = (&scene.faces, &scene.laplacian, scene.visible_area);
     let motion = scene.motion(matches, options.match_sigma_px);
-    let (lambda_1, lambda_2) = (options.conformal, options.conformal);
-    let lambda_3 = options.smoothing;
+    let (lambda_1, lambda_2) = (options.prior.conformal, options.prior.conformal);
+    let lambda_3 = options.prior.smoothing;
     Objective::over(scene.posed.len(), 0)
         .plus("motion (eq. 3)", 1.0, Norm, motion)
         .plus("shearing (eq. 3)", lambda_1, Squared, Shearing { rest })
