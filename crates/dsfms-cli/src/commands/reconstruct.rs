@@ -341,7 +341,7 @@ impl Job<'_> {
                     &Shape {
                         vertices: &result.vertices,
                         visible: Some(&result.visible),
-                        confidence: result.confidence.as_deref(),
+                        expected_error: result.expected_error.as_deref(),
                         observed: result.observed.as_deref(),
                         regions: Some(&result.regions),
                     },
@@ -382,7 +382,7 @@ impl Job<'_> {
         result: &Reconstruction,
     ) -> anyhow::Result<Vec<Placed>> {
         let Some(structures) = &self.structures else { return Ok(Vec::new()) };
-        let places = structures.carry(&result.vertices, result.confidence.as_deref())?;
+        let places = structures.carry(&result.vertices, result.expected_error.as_deref())?;
         structures.write(&self.args.output, name, &self.template, &places)?;
         let picture = structures.overlay(frame, &self.camera, result, &places);
         outputs::write_png(&self.args.output.join(format!("{name}_structures.png")), &picture)?;

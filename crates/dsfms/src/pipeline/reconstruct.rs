@@ -4,7 +4,7 @@ use super::moved::MOVED;
 use super::trust::{Trusted, trust};
 use super::{Method, Observation, ReconstructError, Reconstruction, StageReport};
 use crate::camera::Camera;
-use crate::confidence::{Model, Solved, confidence};
+use crate::expected_error::{Model, Solved, expected_errors};
 use crate::image::{Mask, Outline, Picture, diagonal, usable, viewport};
 use crate::light::Coated;
 use crate::options::{Documented, OptionError, commented, read};
@@ -227,7 +227,7 @@ fn logged(
         true => options.refine.as_printed(),
         false => options.refine.clone(),
     };
-    log.time("confidence", || expect(&sight, &scene, method, &looked, &mut result));
+    log.time("expected error", || expect(&sight, &scene, method, &looked, &mut result));
     let trusted = Trusted { sight: &sight, scene: &scene, posed: &posed, method, options };
     log.time("verdict", || trust(&trusted, &mut result));
     result.stages = log.stages;
@@ -351,7 +351,7 @@ fn rigid_result(
         vertices: scene.posed.clone(),
         pose: posed.pose,
         visible: Vec::new(),
-        confidence: None,
+        expected_error: None,
         observed: None,
         regions: Vec::new(),
         gain: 1.0,
@@ -436,7 +436,7 @@ fn expect(
     let (vertices, visible, matches) = (&result.vertices, &result.visible, &result.matches);
     let photo = photo.as_ref();
     let solved = Solved { scene, vertices, visible, matches, photo, refine };
-    let found = confidence(&solved, model);
-    result.confidence = Some(found.expected_error);
+    let found = expected_errors(&solved, model);
+    result.expected_error = Some(found.errors);
     result.observed = Some(found.observed);
 }
