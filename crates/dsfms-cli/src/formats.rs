@@ -17,7 +17,7 @@ use std::path::Path;
 /// A format of the frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Format {
-    /// frame_NNN.vtp and frames.pvd for ParaView and 3D Slicer, with strain, visible, confidence,
+    /// frame_NNN.vtp and frames.pvd for ParaView and 3D Slicer, with strain, visible, expected_error,
     /// observed and region.
     Vtp,
     /// frame_NNN.obj with the template's UV, frames.mtl and frames.png, the albedo.
@@ -60,7 +60,7 @@ pub struct Formats<'a> {
 pub struct Shape<'a> {
     pub vertices: &'a [Point3],
     pub visible: Option<&'a [bool]>,
-    pub confidence: Option<&'a [f64]>,
+    pub expected_error: Option<&'a [f64]>,
     pub observed: Option<&'a [bool]>,
     pub regions: Option<&'a [Region]>,
 }
@@ -101,7 +101,7 @@ impl Formats<'_> {
         let regions = shape.regions.map(|r| r.iter().map(number).collect::<Vec<f64>>());
         let optional = [
             ("visible", visible.as_deref()),
-            ("confidence", shape.confidence),
+            ("expected_error", shape.expected_error),
             ("observed", observed.as_deref()),
             ("region", regions.as_deref()),
         ];

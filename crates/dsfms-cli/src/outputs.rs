@@ -110,7 +110,7 @@ pub struct ExpectedError {
 
 impl ExpectedError {
     fn of(result: &Reconstruction) -> Option<Self> {
-        let (errors, observed) = result.confidence.as_ref().zip(result.observed.as_ref())?;
+        let (errors, observed) = result.expected_error.as_ref().zip(result.observed.as_ref())?;
         let seen = errors.iter().zip(&result.visible).filter(|(_, seen)| **seen);
         let mut seen: Vec<f64> = seen.map(|(error, _)| *error).collect();
         seen.sort_unstable_by(f64::total_cmp);
@@ -202,7 +202,7 @@ impl FrameFiles<'_> {
         let extras = PlyExtras {
             comments: &comments,
             visible: Some(&result.visible),
-            confidence: result.confidence.as_deref(),
+            expected_error: result.expected_error.as_deref(),
             observed: result.observed.as_deref(),
             region: Some(&result.regions),
             ..Default::default()

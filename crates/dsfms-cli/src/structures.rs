@@ -126,22 +126,22 @@ impl Structures {
         Ok(Some(Self { items, carrier, rest, half_extent }))
     }
 
-    /// Their places in a frame, camera axes, and expected errors where `confidence` tells those of
+    /// Their places in a frame, camera axes, and expected errors where `expected_error` tells those of
     /// the surface's vertices.
     pub fn carry(
         &self,
         vertices: &[Point3],
-        confidence: Option<&[f64]>,
+        expected_error: Option<&[f64]>,
     ) -> anyhow::Result<Vec<Placed>> {
         let carried = self.carrier.carry(vertices)?;
         let deformation = carried.deformation();
         let expected = |d: &Depth| {
-            let surface = confidence.map_or(0.0, |c| c[d.vertex as usize]);
+            let surface = expected_error.map_or(0.0, |c| c[d.vertex as usize]);
             expected_error(surface, d.distance, self.half_extent, deformation)
         };
         let of = |s: &Structure| Placed {
             points: s.mesh.positions.par_iter().map(|p| carried.at(p)).collect(),
-            errors: confidence.map(|_| s.depths.iter().map(expected).collect()),
+            errors: expected_error.map(|_| s.depths.iter().map(expected).collect()),
         };
         Ok(self.items.iter().map(of).collect())
     }

@@ -33,7 +33,7 @@ fn every_format_holds_the_frames() {
     let stl = read_mesh(&case.path("out/frame_003.stl")).unwrap().mesh;
     assert_eq!(stl.topology.faces.len(), ply.topology.faces.len());
     let vtp = std::fs::read_to_string(case.path("out/frame_003.vtp")).unwrap();
-    for name in ["strain", "visible", "confidence", "observed", "region", "TimeValue"] {
+    for name in ["strain", "visible", "expected_error", "observed", "region", "TimeValue"] {
         assert!(vtp.contains(&format!("Name=\"{name}\"")), "{name}");
     }
     let list = std::fs::read_to_string(case.path("out/frames.pvd")).unwrap();
@@ -63,9 +63,9 @@ for k, name in enumerate(["frame_003", "frame_004"]):
     assert (faces[0] == faces[1]).all(), name
     data = mesh.GetPointData()
     arrays = {data.GetArrayName(i): vtk_to_numpy(data.GetArray(i)) for i in range(data.GetNumberOfArrays())}
-    assert set(arrays) == {"strain", "visible", "confidence", "observed", "region"}, arrays.keys()
+    assert set(arrays) == {"strain", "visible", "expected_error", "observed", "region"}, arrays.keys()
     assert all(len(v) == len(a) for v in arrays.values())
-    assert (arrays["confidence"] > 0).all() and set(arrays["visible"]) <= {0.0, 1.0}
+    assert (arrays["expected_error"] > 0).all() and set(arrays["visible"]) <= {0.0, 1.0}
     assert abs(arrays["strain"]).max() < 0.5
     assert mesh.GetCellData().GetArray("strain").GetNumberOfTuples() == mesh.GetNumberOfPolys()
     assert mesh.GetFieldData().GetArray("TimeValue").GetValue(0) == k

@@ -168,7 +168,7 @@ fn the_organ_by_click_has_the_same_bits_at_any_number_of_threads() {
         .success();
     let exported = fs::read(frames.path("o.ply")).unwrap();
     let header = String::from_utf8_lossy(&exported[..400]).into_owned();
-    assert!(header.contains("property float confidence"), "{header}");
+    assert!(header.contains("property float expected_error"), "{header}");
     let sparse = fs::read_to_string(frames.path("sparse/images.txt")).unwrap();
     assert!(sparse.contains("f_0") && sparse.contains("f_5"), "{sparse:.300}");
     let [ply, obj] = ["one/template.ply", "o.obj"]

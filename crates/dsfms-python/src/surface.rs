@@ -71,7 +71,7 @@ impl Surface {
             vertices: believed.then_some(found.vertices),
             pose: believed.then_some(found.pose),
             visible: believed.then_some(found.visible),
-            expected_error: found.confidence.filter(|_| believed),
+            expected_error: found.expected_error.filter(|_| believed),
             observed: found.observed.filter(|_| believed),
             regions: believed.then(|| found.regions.iter().map(|&r| r as u8).collect()),
             gain: found.gain,

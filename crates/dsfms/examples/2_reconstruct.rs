@@ -23,7 +23,7 @@ pub fn run() -> Result<Vec<f64>, Box<dyn Error>> {
         let found = reconstruct(&case.template, &observation, method, &options)?;
         let error = case.zone_rms(&found.vertices);
         println!("{method:?}: {error:.3} mm in the deformed zone; {}", found.verdict);
-        if let Some(expected) = &found.confidence {
+        if let Some(expected) = &found.expected_error {
             let mean = expected.iter().sum::<f64>() / expected.len() as f64;
             println!("    expected error of a vertex, in the mean: {mean:.3} mm");
         }

@@ -4,10 +4,11 @@
 //!     cargo run --example 4_own_energy_term
 
 use dsfms::energy::check::assert_jacobian;
-use dsfms::energy::{EnergyTerm, Infeasible, Jacobian, Objective, Smoothing, Unknowns};
+use dsfms::energy::{Anisotropy, EnergyTerm, Infeasible, Jacobian, Objective, Shearing};
+use dsfms::energy::{Smoothing, Stretch, Unknowns};
 use dsfms::geometry::Point3;
 use dsfms::nalgebra::Vector1;
-use dsfms::register::{RegisterOptions, Scene, pose, terms};
+use dsfms::register::{RegisterOptions, Scene, pose};
 use dsfms::solver::{Loss, Options};
 use dsfms::synth::Case;
 use std::error::Error;
@@ -20,8 +21,6 @@ struct Range {
 }
 
 impl EnergyTerm<1> for Range {
-    const LABEL: &'static str = "range";
-
     fn count(&self) -> usize {
         self.distances.len()
     }
@@ -63,14 +62,17 @@ pub fn run() -> Result<[f64; 2], Box<dyn Error>> {
         let (vertices, distances) = measured.map(|(v, p)| ([v], p.coords.norm())).unzip();
         let range = Range { vertices, distances, sigma: 0.05 };
         assert_jacobian(&range, &scene.posed, &[]);
-        let (area, priors) = (scene.visible_area, [options.conformal, options.stretch]);
+        let (prior, faces, area) = (&options.prior, &scene.faces, scene.visible_area);
         let smoothing = Smoothing::of_displacement(&scene.laplacian, &scene.posed, area);
-        let motion = terms::motion(&scene, &case.matches, options.match_sigma_px);
-        let objective = Objective::over(scene.posed.len(), 0).plus(1.0, Loss::Huber(2.0), motion);
+        let motion = scene.motion(&case.matches, options.match_sigma_px);
         let start = Unknowns { vertices: scene.posed.clone(), globals: vec![] };
-        let (found, report) = terms::keep(objective, &scene, options.prior, Loss::Squared, priors)
-            .plus(options.smoothing, Loss::Squared, smoothing)
-            .plus(weight, Loss::Squared, range)
+        let (found, report) = Objective::over(scene.posed.len(), 0)
+            .plus("motion", 1.0, Loss::Huber(2.0), motion)
+            .plus("shearing", prior.conformal, Loss::Squared, Shearing { rest: faces })
+            .plus("anisotropy", prior.conformal, Loss::Squared, Anisotropy { rest: faces })
+            .plus("stretch", prior.stretch, Loss::Squared, Stretch { rest: faces })
+            .plus("smoothing", prior.smoothing, Loss::Squared, smoothing)
+            .plus("range", weight, Loss::Squared, range)
             .minimise(start, &Options::default());
         let error = case.zone_rms(&found.vertices);
         println!("weight {weight}: {error:.3} mm in the deformed zone; {:?}", report.stop);

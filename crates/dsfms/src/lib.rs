@@ -65,13 +65,13 @@
 #[doc(alias = "camera calibration")]
 pub mod calibrate;
 pub mod camera;
-#[doc(alias = "uncertainty")]
-pub mod confidence;
 #[doc(alias("MVS", "multi-view stereo", "PatchMatch", "NCC", "TSDF", "graph cut"))]
 pub mod dense;
 pub mod energy;
 #[doc(alias("benchmark", "metrics"))]
 pub mod eval;
+#[doc(alias = "uncertainty")]
+pub mod expected_error;
 pub mod experiment;
 pub mod geometry;
 pub mod guard;

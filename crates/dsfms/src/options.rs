@@ -2,6 +2,7 @@
 //! documentation of every field.
 
 use serde::Serialize;
+use serde::de::{DeserializeOwned, Error};
 use std::fmt::Write;
 
 /// An option out of its bounds.
@@ -30,6 +31,88 @@ pub(crate) fn from_zero(values: &[f64]) -> bool {
 /// Whether a noise or a scale, which is divided by, is a number above 0.
 pub(crate) fn positive(values: &[f64]) -> bool {
     values.iter().all(|v| *v > 0.0 && v.is_finite())
+}
+
+/// A field of an options file that stood elsewhere in earlier versions.
+pub(crate) enum Moved {
+    /// From where, to where.
+    To(&'static str, &'static str),
+    /// The same for a number that is multiplied by this, since it is stated in other units.
+    Scaled(&'static str, &'static str, f64),
+    /// A number that is in these other fields: only its former default is read.
+    In(&'static str, &'static str, f64),
+}
+
+/// `base` with what a TOML text names; the fields of `moved`, which stood in the table `below` (`""`: the root),
+/// are also read from where they stood.
+pub(crate) fn read<T: Serialize + DeserializeOwned>(
+    base: &T,
+    text: &str,
+    below: &str,
+    moved: &[Moved],
+) -> Result<T, toml::de::Error> {
+    let mut named: toml::Table = toml::from_str(text)?;
+    let inner = match below {
+        "" => Some(&mut named),
+        below => named.get_mut(below).and_then(toml::Value::as_table_mut),
+    };
+    let carried = inner.map(|table| carry_over(table, moved)).transpose()?;
+    if carried != Some(true) {
+        // By itself first: its errors tell the line.
+        toml::from_str::<T>(text)?;
+    }
+    let mut all = toml::Table::try_from(base).map_err(Error::custom)?;
+    lay_over(&mut all, named);
+    all.try_into()
+}
+
+/// Put fields where they stand; whether there were any elsewhere.
+fn carry_over(named: &mut toml::Table, moved: &[Moved]) -> Result<bool, toml::de::Error> {
+    let mut any = false;
+    for field in moved {
+        let (Moved::To(from, to) | Moved::Scaled(from, to, _) | Moved::In(from, to, _)) = field;
+        let Some(value) = take(named, from) else { continue };
+        any = true;
+        let number = value.as_float().or(value.as_integer().map(|i| i as f64));
+        let value = match (field, number) {
+            (Moved::Scaled(.., times), Some(number)) => (times * number).into(),
+            (Moved::In(.., known), Some(number)) if *known == number => continue,
+            (Moved::In(..), _) => return Err(Error::custom(format!("{from} is part of {to}"))),
+            _ => value,
+        };
+        let mut keys: Vec<&str> = to.split('.').collect();
+        let last = keys.pop().unwrap_or(to);
+        let table = keys.iter().try_fold(&mut *named, |table, key| {
+            let inner = table.entry(*key).or_insert_with(|| toml::Table::new().into());
+            inner.as_table_mut()
+        });
+        let table = table.ok_or_else(|| Error::custom(format!("{from} is {to} instead")))?;
+        if *table.entry(last).or_insert_with(|| value.clone()) != value {
+            return Err(Error::custom(format!("{from} is {to} instead, and both are given")));
+        }
+    }
+    Ok(any)
+}
+
+/// Remove the field at a path; a table is none.
+fn take(table: &mut toml::Table, path: &str) -> Option<toml::Value> {
+    match path.split_once('.') {
+        Some((key, below)) => take(table.get_mut(key)?.as_table_mut()?, below),
+        None if table.get(path)?.is_table() => None,
+        None => table.remove(path),
+    }
+}
+
+/// Replace what another table names, table by table.
+fn lay_over(under: &mut toml::Table, over: toml::Table) {
+    for (key, value) in over {
+        match (under.get_mut(&key), value) {
+            (Some(toml::Value::Table(under)), toml::Value::Table(over)) => lay_over(under, over),
+            (_, value) => {
+                under.insert(key, value);
+            }
+        }
+    }
 }
 
 /// A table of an options file: its path (`""` for the root), and the source text and name of the struct
@@ -120,6 +203,51 @@ pub struct Inner {
         let expected = "# How heavy,\n# kg.\nweight = 2.5\n# The most.\n# limit = (not set)\n\n\
                         [inner]\n# Whether.\non = true\n";
         assert_eq!(text, expected);
+    }
+
+    #[derive(Debug, PartialEq, Serialize, serde::Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    struct Moving {
+        deep: Deep,
+    }
+
+    impl Default for Moving {
+        fn default() -> Self {
+            Self { deep: Deep { weight: 1.0, kind: "a".into(), count: 3 } }
+        }
+    }
+
+    #[derive(Debug, Default, PartialEq, Serialize, serde::Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    struct Deep {
+        weight: f64,
+        kind: String,
+        count: usize,
+    }
+
+    #[test]
+    fn fields_are_read_from_where_they_stood_and_others_keep_their_value() {
+        let moved = [
+            Moved::To("deep", "deep.kind"),
+            Moved::Scaled("old.weight", "deep.weight", 10.0),
+            Moved::In("old.count", "deep.weight", 300.0),
+        ];
+        let read = |text: &str| read(&Moving::default(), text, "", &moved);
+        let deep = |text: &str| read(text).unwrap().deep;
+        assert_eq!(deep(""), Moving::default().deep);
+        // A table that is named in part, at its own place.
+        assert_eq!(deep("[deep]\nkind = \"b\"").kind, "b");
+        assert_eq!(deep("[deep]\nkind = \"b\"").weight, 1.0);
+        assert_eq!(deep("deep = \"b\"").kind, "b");
+        assert_eq!(deep("[old]\nweight = 2").weight, 20.0);
+        assert_eq!(deep("[old]\nweight = 2\n[deep]\nweight = 20.0").weight, 20.0);
+        assert_eq!(deep("[old]\ncount = 300").count, 3);
+        let refused = |text: &str| read(text).unwrap_err().to_string();
+        assert!(refused("[old]\ncount = 200").contains("old.count is part of deep.weight"));
+        let both = refused("[old]\nweight = 2\n[deep]\nweight = 5.0");
+        assert!(both.contains("old.weight is deep.weight instead"), "{both}");
+        assert!(refused("[old]\nother = 2").contains("old"));
+        assert!(refused("[deep]\nother = 2").contains("line 2"));
     }
 
     #[test]

@@ -184,7 +184,7 @@ fn report(
     }
     let Some(out) = out else { return Ok(()) };
     std::fs::create_dir_all(out)?;
-    let extras = PlyExtras { confidence: Some(&distances), ..Default::default() };
+    let extras = PlyExtras { expected_error: Some(&distances), ..Default::default() };
     let file = out.join("surface.ply");
     write_ply(&file, &aligned.topology, &aligned.positions, LengthUnit::Millimetre, &extras)?;
     let mut rows = String::from("x,y,z,seen,distance\n");

@@ -13,7 +13,7 @@ use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::io::{camera::read_camera, matches::read_matches, mesh::read_mesh};
 use dsfms::mesh::Mesh;
 use dsfms::pipeline::ReconstructOptions;
-use dsfms::register::{Match, Prior, RegisterOptions, Scene, pose, register};
+use dsfms::register::{Match, Prior, PriorWeights, RegisterOptions, Scene, pose, register};
 use dsfms::synth::random::Random;
 use dsfms::template::LengthUnit;
 use std::error::Error;
@@ -149,7 +149,10 @@ fn solve(
         rest.topology.faces[m.face as usize][corner] as usize
     };
     let matches: Vec<Match> = view.matches.iter().filter(|m| !hidden[vertex(m)]).copied().collect();
-    let options = RegisterOptions { prior: prior.unwrap_or_default(), ..options.clone() };
+    let options = {
+        let weights = PriorWeights { kind: prior.unwrap_or_default(), ..options.prior };
+        RegisterOptions { prior: weights, ..options.clone() }
+    };
     let posed = pose(camera, rest, &matches, &options, 0)?;
     let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
     let scene = Scene::new(camera, rest, rigid);

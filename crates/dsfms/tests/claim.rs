@@ -1,5 +1,5 @@
 //! The paper's claim, on a handful of fresh cases: shading recovers what motion cannot, because no
-//! match lies in the deformed zone. `DESIGN.md` says where this ends (strong pulls and pushes).
+//! match lies in the deformed zone. Figures of whole series: `docs/results`.
 
 use dsfms::experiment::observation;
 use dsfms::light::{LightModel, PointLight, Spot};

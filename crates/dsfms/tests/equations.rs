@@ -12,7 +12,7 @@ use dsfms::nalgebra::Matrix2;
 use dsfms::nalgebra::Matrix3;
 use dsfms::pipeline::{Method, Observation, ReconstructOptions, Reconstruction, reconstruct};
 use dsfms::register::scene::visibility;
-use dsfms::register::{RegisterOptions, Scene, pose, register};
+use dsfms::register::{RegisterOptions, Scene, pose, register_printed};
 use dsfms::solver::Summary;
 use dsfms::synth::Case;
 
@@ -119,15 +119,16 @@ fn conformal(rest: [&Point3; 3], now: [&Point3; 3]) -> [f64; 2] {
 #[test]
 fn the_printed_eq_3_is_the_sum_of_its_lines() {
     let case = Case::example(2);
-    let options = RegisterOptions { literal: true, ..Default::default() };
+    let options = RegisterOptions::default();
     let rest = &case.template.mesh;
     let posed = pose(&case.camera, rest, &case.matches, &options, 0).unwrap();
     let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
     let scene = Scene::new(&case.camera, rest, rigid);
-    let found = register(&scene, &case.matches, &posed, &options);
+    let found = register_printed(&scene, &case.matches, &posed, &options);
     let labels: Vec<_> = found.summary.terms.iter().map(|t| t.label.as_str()).collect();
     // Nothing but the four lines.
-    assert_eq!(labels, ["motion (eq. 3)", "shearing (eq. 3)", "anisotropy (eq. 3)", "smoothing"]);
+    let lines = ["motion (eq. 3)", "shearing (eq. 3)", "anisotropy (eq. 3)", "smoothing (eq. 3)"];
+    assert_eq!(labels, lines);
 
     let shape = &found.vertices;
     let motion: f64 = case
@@ -147,10 +148,14 @@ fn the_printed_eq_3_is_the_sum_of_its_lines() {
         (0..2).for_each(|k| strain[k] += area / scene.visible_area * of[k] * of[k]);
     }
     assert!(strain[0] > 0.0 && strain[1] > 0.0);
-    near(cost(&found.summary, "shearing (eq. 3)"), options.conformal * strain[0], "shearing");
-    near(cost(&found.summary, "anisotropy (eq. 3)"), options.conformal * strain[1], "anisotropy");
-    let smoothing = options.smoothing * bending(&scene, shape);
-    near(cost(&found.summary, "smoothing"), smoothing, "smoothing");
+    near(cost(&found.summary, "shearing (eq. 3)"), options.prior.conformal * strain[0], "shearing");
+    near(
+        cost(&found.summary, "anisotropy (eq. 3)"),
+        options.prior.conformal * strain[1],
+        "anisotropy",
+    );
+    let smoothing = options.prior.smoothing * bending(&scene, shape);
+    near(cost(&found.summary, "smoothing (eq. 3)"), smoothing, "smoothing");
     // It is a minimum worth the name: no larger than at the rigid pose.
     let (before, after) = found.summary.cost();
     assert!(after < before, "{before} to {after}");
@@ -175,9 +180,9 @@ fn the_printed_eq_4_is_the_sum_of_its_lines() {
         "reprojection (eq. 4)",
         "diffuse (eq. 4)",
         "specular (eq. 4)",
-        "smoothing",
-        "gain and ambient prior",
-        "gain and ambient prior",
+        "smoothing (eq. 4)",
+        "gain = 1",
+        "ambient light = 0",
     ];
     assert_eq!(labels, lines);
     assert!((fine.gain - 1.0).abs() < 1e-4 && fine.ambient.abs() < 1e-4);
@@ -200,12 +205,8 @@ fn the_printed_eq_4_is_the_sum_of_its_lines() {
         .iter()
         .map(|&v| (pixel(&fine.vertices[v]) - pixel(&coarse.vertices[v])).norm_squared())
         .sum();
-    let share = options.reference_count / seen.len() as f64;
-    near(
-        cost(summary, "reprojection (eq. 4)"),
-        share * options.reprojection * moved,
-        "reprojection",
-    );
-    let smoothing = options.smoothing * bending(&scene, &fine.vertices);
-    near(cost(summary, "smoothing"), smoothing, "smoothing");
+    let reprojection = options.lambda_4 / seen.len() as f64 * moved;
+    near(cost(summary, "reprojection (eq. 4)"), reprojection, "reprojection");
+    let smoothing = options.lambda_7 * bending(&scene, &fine.vertices);
+    near(cost(summary, "smoothing (eq. 4)"), smoothing, "smoothing");
 }

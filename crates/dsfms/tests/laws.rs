@@ -106,7 +106,7 @@ fn no_finite_input_gives_a_surface_that_is_not_finite() {
             let finite = |p: &Point3| p.iter().all(|c| c.is_finite());
             prop_assert!(found.vertices.iter().all(finite));
             prop_assert!(found.pose.to_homogeneous().iter().all(|c| c.is_finite()));
-            let errors = found.confidence.unwrap_or_default();
+            let errors = found.expected_error.unwrap_or_default();
             prop_assert!(errors.iter().all(|e| e.is_finite() && *e >= 0.0));
             Ok(())
         })
@@ -249,7 +249,7 @@ fn the_number_of_threads_changes_no_bit_of_any_method() {
             let told =
                 (found.visible, found.regions, found.gain.to_bits(), found.ambient.to_bits());
             let errors =
-                found.confidence.map(|c| c.into_iter().map(f64::to_bits).collect::<Vec<_>>());
+                found.expected_error.map(|c| c.into_iter().map(f64::to_bits).collect::<Vec<_>>());
             (vertices, told, errors, found.verdict)
         };
         let one = on(1);

@@ -23,7 +23,7 @@ const ORDER: [&str; 27] = [
     "register",
     "refine",
     "sfs",
-    "confidence",
+    "expected_error",
     "verdict",
     "structures",
     "synth",

@@ -5,6 +5,7 @@ use dsfms::pipeline::{
     Method, Observation, ReconstructError, ReconstructOptions, Reconstruction, TemplateOptions,
     reconstruct,
 };
+use dsfms::register::{Prior, PriorWeights};
 use dsfms::synth::{Case, Cell, Protocol};
 use dsfms::track::{TrackError, TrackOptions, Tracker};
 
@@ -55,6 +56,96 @@ fn options_out_of_bounds_are_refused_by_name() {
     assert!(TrackOptions::realtime().validate().is_ok());
 }
 
+/// The weights as `dsfms options reconstruct` printed them when several tables had a copy of them.
+const EARLIER: &str = "
+seed = 0
+literal = false
+[register]
+prior = \"conformal\"
+conformal = 30000.0
+stretch = 3000.0
+smoothing = 100.0
+match_sigma_px = 1.0
+robust_px = [60.0, 4.0]
+depth_hold = 0.04
+depth_hold_motion = 3.0
+stay = 3.0
+anchor = 0.1
+literal = false
+[refine]
+reprojection = 0.01
+diffuse = 1.0
+specular = 10.0
+smoothing = 30.0
+depth_hold = 0.012
+reference_count = 300.0
+blur = 0.0045
+sigma_absolute = 0.002
+sigma_relative = [0.01, 0.1]
+colour = true
+huber = 2.0
+gain_sigma = 0.3
+ambient_sigma = 0.05
+grazing = 0.2
+specular_deg = 8.0
+contour_blurs = 1.5
+halo = 0.02
+rounds = 3
+literal = false
+[joint]
+prior = \"conformal\"
+conformal = 10000.0
+stretch = 300.0
+smoothing = 30.0
+photometric = 4.0
+sigma_relative = [0.01, 0.1]
+sigma_absolute = 0.002
+colour = true
+robust = 3.0
+match_px = 4.0
+near_depth_hold = 0.07
+near_depth_motion = 100.0
+gain_sigma = 0.1
+ambient_sigma = 0.02
+smooth_gain = 0.0
+smooth_length = 0.3
+blurs = [0.018, 0.009, 0.0045, 0.003]
+max_samples = 8000
+contour_blurs = 1.5
+grazing = 0.25
+specular_deg = 12.0
+silhouette = 1.0
+silhouette_px = 2.0
+specular = 1.0
+halo = 0.02
+strain = 0.1
+mirrors = 2
+[joint.exposure_unknown]
+stretch = 4000.0
+strain = 0.2
+smooth_gain = 0.01
+";
+
+#[test]
+fn options_of_earlier_versions_are_read_and_what_cannot_be_is_named() {
+    let read = ReconstructOptions::from_toml;
+    assert_eq!(read(EARLIER).unwrap(), ReconstructOptions::default());
+    let below: String = EARLIER.replace("\n[", "\n[reconstruct.");
+    let track = TrackOptions::from_toml(&below.replacen("seed", "[reconstruct]\nseed", 1)).unwrap();
+    assert_eq!(track, TrackOptions::default());
+    // Stated for 334 samples, 300 vertices.
+    let options = read("[joint]\nphotometric = 2\n[refine]\nreprojection = 1.0").unwrap();
+    assert_eq!((options.joint.shading, options.refine.lambda_4), (668.0, 300.0));
+    // A part of a table leaves the rest of it as it is in this table.
+    let options = read("[joint.prior]\nkind = \"arap\"").unwrap();
+    let prior = ReconstructOptions::default().joint.prior;
+    assert_eq!(options.joint.prior, PriorWeights { kind: Prior::Arap, ..prior });
+    let error = read("[refine]\nreference_count = 200").unwrap_err().to_string();
+    assert!(error.contains("lambda_4, lambda_5 and lambda_6"), "{error}");
+    let error = read("[register]\nanchor = -1.0").unwrap_err().to_string();
+    assert!(error.contains("anchor"), "{error}");
+}
+
 #[test]
 fn literal_of_a_table_of_the_file_counts() {
     let case = case();
@@ -64,6 +155,10 @@ fn literal_of_a_table_of_the_file_counts() {
     };
     let printed = vertices("literal = true");
     assert_eq!(vertices("[register]\nliteral = true"), printed);
+    assert_eq!(vertices("[refine]\nliteral = true"), printed);
+    // A video is followed from the last shape, from which the printed forms do not start.
+    let error = TrackOptions::from_toml("[reconstruct.register]\nliteral = true").unwrap_err();
+    assert!(error.to_string().contains("reconstruct.literal must be false"), "{error}");
     assert_ne!(vertices(""), printed);
 }
 
@@ -72,10 +167,12 @@ fn reports_name_the_equation_that_a_term_belongs_to() {
     let case = case();
     let options = ReconstructOptions::default();
     let motion = labels(&solve(&case, Method::Dsfm, &options).unwrap());
-    assert!(motion.iter().any(|l| l == "hold of depth"), "{motion:?}");
+    assert!(motion.iter().any(|l| l == "depth prior"), "{motion:?}");
     assert!(!motion.iter().any(|l| l.contains("eq. 4")), "{motion:?}");
     let joint = labels(&solve(&case, Method::Joint, &options).unwrap());
-    assert!(!joint.iter().any(|l| l.contains("boundary condition")), "{joint:?}");
+    assert!(!joint.iter().any(|l| l.contains("eq. ")), "{joint:?}");
+    let shaded = labels(&solve(&case, Method::Dsfms, &options).unwrap());
+    assert!(shaded.iter().any(|l| l == "smoothing (eq. 4)"), "{shaded:?}");
 }
 
 #[test]

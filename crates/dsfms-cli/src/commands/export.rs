@@ -152,7 +152,7 @@ fn mesh(template: &Template, path: &Path) -> anyhow::Result<()> {
             let (colours, normals) =
                 (vertex_colours(template), vertex_normals(&mesh.topology, &mesh.positions));
             let extras = PlyExtras {
-                confidence: expected,
+                expected_error: expected,
                 color: colours.as_deref(),
                 normals: Some(&normals),
                 ..Default::default()

@@ -163,7 +163,7 @@ fn rows(args: &FigureArgs) -> anyhow::Result<Vec<Row>> {
             }
             let values = match &truth {
                 Some(truth) => Some(errors(&file, truth, &column.name)?),
-                None => file.attributes.get("confidence").cloned(),
+                None => file.attributes.get("expected_error").cloned(),
             };
             let structures = match args.no_structures {
                 true => Vec::new(),

@@ -287,7 +287,7 @@ fn prepare<'a>(
     options.seed = global.seed;
     options.literal |= args.literal;
     if let Some(prior) = args.prior.map(Prior::from) {
-        (options.register.prior, options.joint.prior) = (prior, prior);
+        (options.register.prior.kind, options.joint.prior.kind) = (prior, prior);
     }
     let method = method(args, &template, reporter);
     let structures = Structures::read(&args.structures, &template, reporter)?;
@@ -342,7 +342,7 @@ impl Job<'_> {
                     &Shape {
                         vertices: &result.vertices,
                         visible: Some(&result.visible),
-                        confidence: result.confidence.as_deref(),
+                        expected_error: result.expected_error.as_deref(),
                         observed: result.observed.as_deref(),
                         regions: Some(&result.regions),
                     },
@@ -386,7 +386,7 @@ impl Job<'_> {
         result: &Reconstruction,
     ) -> anyhow::Result<Vec<Placed>> {
         let Some(structures) = &self.structures else { return Ok(Vec::new()) };
-        let places = structures.carry(&result.vertices, result.confidence.as_deref())?;
+        let places = structures.carry(&result.vertices, result.expected_error.as_deref())?;
         structures.write(&self.args.output, name, &self.template, &places)?;
         let picture = structures.overlay(frame, &self.camera, result, &places);
         outputs::write_png(&self.args.output.join(format!("{name}_structures.png")), &picture)?;

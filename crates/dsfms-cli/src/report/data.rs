@@ -306,7 +306,7 @@ impl ShownFrame {
 impl ShownSurface {
     fn of(result: &Reconstruction, camera: &CameraModel, faces: &[[u32; 3]], scale: f64) -> Self {
         let scaled: Vec<Point3> = result.vertices.iter().map(|p| p * scale).collect();
-        let expected = result.confidence.as_ref();
+        let expected = result.expected_error.as_ref();
         Self {
             positions: Some(Cloud::of(&scaled)),
             pixels: Some(pixels(camera, &result.vertices)),

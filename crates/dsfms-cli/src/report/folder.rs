@@ -221,7 +221,7 @@ fn surface(path: &Path, first: &MeshFile) -> anyhow::Result<ShownSurface> {
     Ok(ShownSurface {
         positions: Some(Cloud::of(&file.mesh.positions)),
         visible: file.attributes.get("visible").map(flags),
-        confidence: file.attributes.get("confidence").map(|v| Numbers::of(v)),
+        confidence: file.attributes.get("expected_error").map(|v| Numbers::of(v)),
         ..Default::default()
     })
 }

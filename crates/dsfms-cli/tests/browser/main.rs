@@ -284,9 +284,9 @@ fn measurements_have_the_values_they_must_have() {
         })
     });
     let topology = Topology::new((side * side) as usize, faces.collect()).unwrap();
-    let confidence = vec![0.5; (side * side) as usize];
+    let expected_error = vec![0.5; (side * side) as usize];
     for (k, stretch) in [1.0, 1.1].into_iter().enumerate() {
-        let extras = PlyExtras { confidence: Some(&confidence), ..Default::default() };
+        let extras = PlyExtras { expected_error: Some(&expected_error), ..Default::default() };
         let path = case.path(&format!("flat/frame_00{k}.ply"));
         write_ply(&path, &topology, &at(stretch), LengthUnit::Millimetre, &extras).unwrap();
     }

@@ -14,8 +14,6 @@ pub struct Anisotropy<'a> {
 }
 
 impl EnergyTerm<1> for Anisotropy<'_> {
-    const LABEL: &'static str = "anisotropy (eq. 3)";
-
     fn count(&self) -> usize {
         self.rest.faces.len()
     }

@@ -80,8 +80,6 @@ impl Ring {
 }
 
 impl EnergyTerm<3> for Arap {
-    const LABEL: &'static str = "as-rigid-as-possible prior";
-
     fn count(&self) -> usize {
         self.spokes.len()
     }

@@ -19,8 +19,6 @@ pub struct Boundary {
 }
 
 impl EnergyTerm<1> for Boundary {
-    const LABEL: &'static str = "boundary condition (eq. 4)";
-
     fn count(&self) -> usize {
         self.depths.len()
     }

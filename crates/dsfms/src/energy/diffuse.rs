@@ -60,8 +60,6 @@ impl<'a, C, L> Diffuse<'a, C, L> {
 }
 
 impl<C: Camera, L: Light> EnergyTerm<1> for Diffuse<'_, C, L> {
-    const LABEL: &'static str = "diffuse (eq. 4)";
-
     fn count(&self) -> usize {
         self.rings.len()
     }

@@ -23,8 +23,6 @@ impl GlobalsPrior {
 }
 
 impl EnergyTerm<1> for GlobalsPrior {
-    const LABEL: &'static str = "gain and ambient prior";
-
     fn count(&self) -> usize {
         self.indices.len()
     }

@@ -18,8 +18,6 @@ pub struct Isometric<'a> {
 }
 
 impl EnergyTerm<3> for Isometric<'_> {
-    const LABEL: &'static str = "isometric prior";
-
     fn count(&self) -> usize {
         self.rest.faces.len()
     }

@@ -71,9 +71,6 @@ pub struct Jacobian<'a, const R: usize> {
 
 /// A family of residual blocks `rᵢ : (ℝ³)ᵏ × ℝᵐ → ℝᴿ`, one per correspondence, face or vertex.
 pub trait EnergyTerm<const R: usize>: Send + Sync {
-    /// Role and equation, as the solve report prints it: `"motion (eq. 3)"`.
-    const LABEL: &'static str;
-
     /// Number of blocks in `Σᵢ wᵢ ρ(‖rᵢ‖²)`.
     fn count(&self) -> usize;
 

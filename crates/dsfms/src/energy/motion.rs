@@ -22,8 +22,6 @@ pub struct Motion<'a, C> {
 }
 
 impl<C: Camera> EnergyTerm<2> for Motion<'_, C> {
-    const LABEL: &'static str = "motion (eq. 3)";
-
     fn count(&self) -> usize {
         self.pixels.len()
     }

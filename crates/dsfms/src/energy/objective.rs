@@ -42,9 +42,9 @@ const STRIPES: usize = 2;
 /// let pull = Stay { vertices: vec![[150]], reference: vec![pull], weights: vec![1.0], sigma: 0.1 };
 /// let start = Unknowns { vertices: posed.clone(), globals: vec![] };
 /// let (found, _) = Objective::over(posed.len(), 0)
-///     .plus(3e4, Loss::Squared, Shearing { rest: &scene.faces })
-///     .plus(100.0, Loss::Squared, smoothing)
-///     .plus(1.0, Loss::Squared, pull)
+///     .plus("shearing", 3e4, Loss::Squared, Shearing { rest: &scene.faces })
+///     .plus("smoothing", 100.0, Loss::Squared, smoothing)
+///     .plus("pull", 1.0, Loss::Squared, pull)
 ///     .minimise(start, &Options::default());
 /// assert!(found.vertices[150].z < posed[150].z - 0.5);
 /// ```
@@ -105,18 +105,9 @@ impl<'a> Objective<'a> {
         self.globals
     }
 
-    /// Add a term under its own label. A weight of 0 leaves it out.
-    pub fn plus<const R: usize, T: EnergyTerm<R> + 'a>(
-        self,
-        weight: f64,
-        loss: Loss,
-        term: T,
-    ) -> Self {
-        self.plus_as(T::LABEL, weight, loss, term)
-    }
-
-    /// Add a term under the name that it has in this problem: reports print it.
-    pub fn plus_as<const R: usize>(
+    /// Add a term under the name that it has in this problem (role and equation, `"motion (eq. 3)"`):
+    /// reports print it. A weight of 0 leaves it out.
+    pub fn plus<const R: usize>(
         mut self,
         label: &'static str,
         weight: f64,
@@ -127,6 +118,20 @@ impl<'a> Objective<'a> {
             self.terms.push(Box::new(WeightedTerm::new(label, weight, loss, term)));
         }
         self
+    }
+
+    /// Add a term where there is one.
+    pub fn plus_if<const R: usize>(
+        self,
+        label: &'static str,
+        weight: f64,
+        loss: Loss,
+        term: Option<impl EnergyTerm<R> + 'a>,
+    ) -> Self {
+        match term {
+            Some(term) => self.plus(label, weight, loss, term),
+            None => self,
+        }
     }
 
     /// Minimise from `start`.

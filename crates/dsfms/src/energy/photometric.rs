@@ -248,8 +248,6 @@ impl<'a, C: Camera, L: Light> Photometric<'a, C, L> {
 }
 
 impl<C: Camera, L: Light> EnergyTerm<1> for Photometric<'_, C, L> {
-    const LABEL: &'static str = "photometric (joint)";
-
     fn count(&self) -> usize {
         self.samples.len()
     }

@@ -28,8 +28,6 @@ impl<'a, C: Camera> Reprojection<'a, C> {
 }
 
 impl<C: Camera> EnergyTerm<2> for Reprojection<'_, C> {
-    const LABEL: &'static str = "reprojection (eq. 4)";
-
     fn count(&self) -> usize {
         self.pixels.len()
     }

@@ -14,8 +14,6 @@ pub struct Shearing<'a> {
 }
 
 impl EnergyTerm<1> for Shearing<'_> {
-    const LABEL: &'static str = "shearing (eq. 3)";
-
     fn count(&self) -> usize {
         self.rest.faces.len()
     }

@@ -38,8 +38,6 @@ pub struct ContourPoint {
 }
 
 impl<C: Camera> EnergyTerm<1> for Silhouette<'_, C> {
-    const LABEL: &'static str = "silhouette (joint)";
-
     fn count(&self) -> usize {
         self.points.len()
     }

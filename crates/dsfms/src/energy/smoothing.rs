@@ -50,8 +50,6 @@ impl Smoothing {
 }
 
 impl EnergyTerm<3> for Smoothing {
-    const LABEL: &'static str = "smoothing";
-
     fn count(&self) -> usize {
         self.stencils.len()
     }

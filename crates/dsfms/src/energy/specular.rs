@@ -34,8 +34,6 @@ impl Specular {
 }
 
 impl EnergyTerm<3> for Specular {
-    const LABEL: &'static str = "specular (eq. 4)";
-
     fn count(&self) -> usize {
         self.rings.len()
     }

@@ -19,8 +19,6 @@ pub struct Stay {
 }
 
 impl EnergyTerm<3> for Stay {
-    const LABEL: &'static str = "stay (hidden side)";
-
     fn count(&self) -> usize {
         self.vertices.len()
     }

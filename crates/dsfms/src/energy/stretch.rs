@@ -15,8 +15,6 @@ pub struct Stretch<'a> {
 }
 
 impl EnergyTerm<1> for Stretch<'_> {
-    const LABEL: &'static str = "stretch";
-
     fn count(&self) -> usize {
         self.rest.faces.len()
     }

@@ -25,45 +25,45 @@ const CHANGES: [Change; 32] = {
     }
     [
         change("dsfm: as printed", Dsfm, |o| o.literal = true),
-        change("dsfm: no stretch prior", Dsfm, |o| o.register.stretch = 0.0),
+        change("dsfm: no stretch prior", Dsfm, |o| o.register.prior.stretch = 0.0),
         change("dsfm: match depths free", Dsfm, |o| o.register.depth_hold = LOOSE),
-        change("dsfm: no smoothing", Dsfm, |o| o.register.smoothing = 0.0),
-        change("dsfm: no conformal prior", Dsfm, |o| o.register.conformal = 0.0),
+        change("dsfm: no smoothing", Dsfm, |o| o.register.prior.smoothing = 0.0),
+        change("dsfm: no conformal prior", Dsfm, |o| o.register.prior.conformal = 0.0),
         change("dsfm: no annealing of the loss", Dsfm, |o| {
             o.register.robust_px[0] = o.register.robust_px[1]
         }),
         change("dsfms: as printed", Dsfms, |o| o.literal = true),
         change("dsfms: gain at its first estimate and no ambient", Dsfms, |o| {
-            (o.refine.gain_sigma, o.refine.ambient_sigma) = (FAST, FAST);
+            (o.refine.image.gain_sigma, o.refine.image.ambient_sigma) = (FAST, FAST);
         }),
-        change("dsfms: reprojection held tightly", Dsfms, |o| o.refine.reprojection = 1.0),
+        change("dsfms: reprojection held tightly", Dsfms, |o| o.refine.lambda_4 = 300.0),
         change("dsfms: least squares", Dsfms, |o| o.refine.huber = LOOSE),
-        change("dsfms: grey", Dsfms, |o| o.refine.colour = false),
-        change("dsfms: no halo", Dsfms, |o| o.refine.halo = 0.0),
-        change("dsfms: no mirror cone", Dsfms, |o| o.refine.specular_deg = 0.0),
-        change("dsfms: no specular condition", Dsfms, |o| o.refine.specular = 0.0),
-        change("dsfms: contour samples kept", Dsfms, |o| o.refine.contour_blurs = 0.0),
-        change("dsfms: grazing samples kept", Dsfms, |o| o.refine.grazing = 0.0),
+        change("dsfms: grey", Dsfms, |o| o.refine.image.colour = false),
+        change("dsfms: no halo", Dsfms, |o| o.refine.image.halo = 0.0),
+        change("dsfms: no mirror cone", Dsfms, |o| o.refine.image.specular_deg = 0.0),
+        change("dsfms: no specular condition", Dsfms, |o| o.refine.lambda_6 = 0.0),
+        change("dsfms: contour samples kept", Dsfms, |o| o.refine.image.contour_blurs = 0.0),
+        change("dsfms: grazing samples kept", Dsfms, |o| o.refine.image.grazing = 0.0),
         change("dsfms: one round", Dsfms, |o| o.refine.rounds = 1),
-        change("joint: no shading", Joint, |o| o.joint.photometric = 0.0),
-        change("joint: no conformal prior", Joint, |o| o.joint.conformal = 0.0),
-        change("joint: no stretch prior", Joint, |o| o.joint.stretch = 0.0),
+        change("joint: no shading", Joint, |o| o.joint.shading = 0.0),
+        change("joint: no conformal prior", Joint, |o| o.joint.prior.conformal = 0.0),
+        change("joint: no stretch prior", Joint, |o| o.joint.prior.stretch = 0.0),
         change("joint: strains squared", Joint, |o| o.joint.strain = LOOSE),
         change("joint: one sign", Joint, |o| o.joint.mirrors = 0),
-        change("joint: no smoothing", Joint, |o| o.joint.smoothing = 0.0),
+        change("joint: no smoothing", Joint, |o| o.joint.prior.smoothing = 0.0),
         change("joint: gain at its first estimate and no ambient", Joint, |o| {
-            (o.joint.gain_sigma, o.joint.ambient_sigma) = (FAST, FAST);
+            (o.joint.image.gain_sigma, o.joint.image.ambient_sigma) = (FAST, FAST);
         }),
         change("joint: least squares", Joint, |o| o.joint.robust = LOOSE),
         change("joint: finest blur only", Joint, |o| {
             let finest = o.joint.blurs.last().copied();
             o.joint.blurs = finest.into_iter().collect();
         }),
-        change("joint: grey", Joint, |o| o.joint.colour = false),
-        change("joint: no halo", Joint, |o| o.joint.halo = 0.0),
-        change("joint: no mirror cone", Joint, |o| o.joint.specular_deg = 0.0),
-        change("joint: no specular condition", Joint, |o| o.joint.specular = 0.0),
-        change("joint: contour samples kept", Joint, |o| o.joint.contour_blurs = 0.0),
+        change("joint: grey", Joint, |o| o.joint.image.colour = false),
+        change("joint: no halo", Joint, |o| o.joint.image.halo = 0.0),
+        change("joint: no mirror cone", Joint, |o| o.joint.image.specular_deg = 0.0),
+        change("joint: no specular condition", Joint, |o| o.joint.highlights = 0.0),
+        change("joint: contour samples kept", Joint, |o| o.joint.image.contour_blurs = 0.0),
         change("joint: match depths free", Joint, |o| {
             (o.register.depth_hold, o.joint.near_depth_hold) = (LOOSE, LOOSE);
         }),

@@ -27,8 +27,8 @@ pub struct PlyExtras<'a> {
     pub comments: &'a [String],
     /// Per vertex `visible` (uchar 0 or 1).
     pub visible: Option<&'a [bool]>,
-    /// Per vertex `confidence` (float): the expected error in length units.
-    pub confidence: Option<&'a [f64]>,
+    /// Per vertex `expected_error` (float): the expected error in length units.
+    pub expected_error: Option<&'a [f64]>,
     /// Per vertex `observed` (uchar 0 or 1): something in the frame spoke of the vertex.
     pub observed: Option<&'a [bool]>,
     /// Per vertex `region` (uchar), numbered as [`Region`].
@@ -67,7 +67,7 @@ pub fn write_ply(
     let lengths = [
         Some(positions.len()),
         extras.visible.map(<[_]>::len),
-        extras.confidence.map(<[_]>::len),
+        extras.expected_error.map(<[_]>::len),
         extras.observed.map(<[_]>::len),
         extras.region.map(<[_]>::len),
         extras.normals.map(<[_]>::len),
@@ -112,8 +112,8 @@ fn header(
     if extras.visible.is_some() {
         writeln!(w, "property uchar visible")?;
     }
-    if extras.confidence.is_some() {
-        writeln!(w, "property float confidence")?;
+    if extras.expected_error.is_some() {
+        writeln!(w, "property float expected_error")?;
     }
     if extras.observed.is_some() {
         writeln!(w, "property uchar observed")?;
@@ -141,8 +141,8 @@ fn vertex(w: &mut dyn Write, i: usize, p: &Point3, extras: &PlyExtras) -> io::Re
     if let Some(visible) = extras.visible {
         w.write_all(&[u8::from(visible[i])])?;
     }
-    if let Some(confidence) = extras.confidence {
-        w.write_all(&(confidence[i] as f32).to_le_bytes())?;
+    if let Some(expected_error) = extras.expected_error {
+        w.write_all(&(expected_error[i] as f32).to_le_bytes())?;
     }
     if let Some(observed) = extras.observed {
         w.write_all(&[u8::from(observed[i])])?;

@@ -243,6 +243,10 @@ fn vertices(element: &Element, body: &mut Body, mesh: &mut RawMesh) -> Result<()
         }
         return malformed("its vertices lack x, y or z".into());
     };
+    // What files of earlier versions call it.
+    if let Some(errors) = columns.remove("confidence") {
+        columns.entry("expected_error".into()).or_insert(errors);
+    }
     mesh.positions = (0..element.count).map(|i| Point3::new(x[i], y[i], z[i])).collect();
     mesh.attributes = columns;
     Ok(())

@@ -160,7 +160,7 @@ mod tests {
         let points = [Point3::new(1.0, 2.0, 3.5), Point3::origin(), Point3::new(0.0, -1.0, 0.0)];
         let values = [0.25, f64::NAN, 8.0];
         let extras = VtkExtras {
-            vertices: &[Array { name: "confidence", values: &values }],
+            vertices: &[Array { name: "expected_error", values: &values }],
             faces: &[Array { name: "strain", values: &[-0.5] }],
             time: Some(0.04),
             comment: "a -- b",
@@ -171,7 +171,7 @@ mod tests {
             bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
         };
         assert_eq!(floats("Points"), [1.0, 2.0, 3.5, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0]);
-        let found = floats("confidence");
+        let found = floats("expected_error");
         assert!(found[0] == 0.25 && found[1].is_nan() && found[2] == 8.0);
         assert_eq!(floats("strain"), [-0.5]);
         let integers = |name: &str| -> Vec<i64> {

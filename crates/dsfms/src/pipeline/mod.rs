@@ -1,6 +1,7 @@
 //! One deformed frame through all stages of a method.
 
 pub mod inputs;
+pub(crate) mod moved;
 pub mod progress;
 pub mod reconstruct;
 pub mod template;
@@ -115,9 +116,9 @@ pub struct Reconstruction {
     /// Seen by the camera (z-buffer, instruments and organ mask applied).
     pub visible: Vec<bool>,
     /// Expected error per vertex, length units, where the method gives one.
-    pub confidence: Option<Vec<f64>>,
+    pub expected_error: Option<Vec<f64>>,
     /// `false` where nothing in the frame spoke of a vertex; as
-    /// [`crate::confidence::Confidence::observed`].
+    /// [`crate::expected_error::ExpectedErrors::observed`].
     pub observed: Option<Vec<bool>>,
     /// What is known of every vertex.
     pub regions: Vec<Region>,
@@ -151,7 +152,7 @@ impl Reconstruction {
 #[derive(Clone, Debug, Serialize)]
 pub struct StageReport {
     /// `mesh`, `prepare`, `matching`, `pose`, `register (eq. 3)`, `refine (eq. 4)`, `joint`, `sfs`,
-    /// `visibility`, `confidence`, `verdict`: all that a reconstruction does.
+    /// `visibility`, `expected error`, `verdict`: all that a reconstruction does.
     pub name: String,
     /// Wall time, seconds.
     pub seconds: f64,

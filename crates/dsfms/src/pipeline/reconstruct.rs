@@ -1,18 +1,21 @@
 //! Pose, eq. 3 and eq. 4 in a row, with the visibility, the masks and the verdict around them.
 
+use super::moved::MOVED;
 use super::trust::{Trusted, trust};
 use super::{Method, Observation, ReconstructError, Reconstruction, StageReport};
 use crate::camera::Camera;
-use crate::confidence::{Model, Solved, confidence};
+use crate::expected_error::{Model, Solved, expected_errors};
 use crate::image::{Mask, Outline, Picture, diagonal, usable, viewport};
 use crate::light::Coated;
-use crate::options::{Documented, OptionError, commented};
+use crate::options::{Documented, OptionError, commented, read};
 use crate::refine::{
     Comparison, Joined, JointOptions, Photograph, RefineOptions, Refined, join, refine,
+    refine_printed,
 };
 use crate::register::scene::visibility;
 use crate::register::{
     Body, Deformable, Match, Posed, RegisterOptions, Registered, Scene, find, pose, register,
+    register_printed,
 };
 use crate::sfs::{SfsInput, SfsOptions, shape_from_shading};
 use crate::template::{SurfaceTexels, Template};
@@ -45,7 +48,7 @@ impl ReconstructOptions {
     /// # Errors
     /// Malformed TOML, a field that does not exist, or one out of its bounds.
     pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
-        let options: Self = toml::from_str(text)?;
+        let options = read(&Self::default(), text, "", &MOVED)?;
         options.validate().map_err(serde::de::Error::custom)?;
         Ok(options)
     }
@@ -64,14 +67,6 @@ impl ReconstructOptions {
         self.refine.validate()?;
         self.joint.validate()?;
         self.verdict.validate()
-    }
-
-    /// The same with `literal` of the whole handed down to its parts.
-    pub(crate) fn settled(&self) -> Self {
-        let mut all = self.clone();
-        all.register.literal |= self.literal;
-        all.refine.literal |= self.literal;
-        all
     }
 
     /// What decides how much of a deformation stays.
@@ -102,11 +97,15 @@ impl ReconstructOptions {
 const DIAGONAL: f64 = 800.0;
 
 /// Where the fields of the options are documented.
-const TABLES: [Documented; 6] = [
+const TABLES: [Documented; 10] = [
     ("", include_str!("reconstruct.rs"), "ReconstructOptions"),
     ("register", include_str!("../register/options.rs"), "RegisterOptions"),
+    ("register.prior", include_str!("../register/options.rs"), "PriorWeights"),
     ("refine", include_str!("../refine/options.rs"), "RefineOptions"),
+    ("refine.image", include_str!("../refine/photometric_model.rs"), "PhotometricModel"),
     ("joint", include_str!("../refine/joint_options.rs"), "JointOptions"),
+    ("joint.prior", include_str!("../register/options.rs"), "PriorWeights"),
+    ("joint.image", include_str!("../refine/photometric_model.rs"), "PhotometricModel"),
     ("joint.exposure_unknown", include_str!("../refine/joint_options.rs"), "ExposureUnknown"),
     ("verdict", include_str!("../verdict/thresholds.rs"), "Thresholds"),
 ];
@@ -162,7 +161,7 @@ fn logged(
     mut log: StageLog,
 ) -> Result<Reconstruction, ReconstructError> {
     options.validate()?;
-    let options = &options.settled().at_size(observation.frame.size);
+    let options = &options.clone().at_size(observation.frame.size);
     let sight = log.time("prepare", || {
         check(template, observation, method)?;
         Ok::<_, ReconstructError>(Sight::new(template, observation, method))
@@ -185,6 +184,7 @@ fn logged(
             };
             let on_body = body.matches(&matches);
             let coarse = log.time("register (eq. 3)", || {
+                let register = if options.literal { register_printed } else { register };
                 register(body.scene(), &on_body, &posed, &options.register)
             });
             log.attach(&coarse.summary);
@@ -195,13 +195,13 @@ fn logged(
             if method == Method::Dsfms {
                 let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
                 let refined = log.time("refine (eq. 4)", || {
-                    let mut refined =
-                        refine(&body, &coarse.vertices, &kept, &photo, &options.refine);
-                    if !options.literal {
-                        refined.vertices = options
-                            .comparison(&body, &kept, &photo)
-                            .kept(&coarse.vertices, refined.vertices);
+                    let start = &coarse.vertices;
+                    if options.literal {
+                        return refine_printed(&body, start, &kept, &photo, &options.refine);
                     }
+                    let mut refined = refine(&body, start, &kept, &photo, &options.refine);
+                    refined.vertices =
+                        options.comparison(&body, &kept, &photo).kept(start, refined.vertices);
                     refined.settled(&body, anchor)
                 });
                 log.attach(&refined.summary);
@@ -223,7 +223,11 @@ fn logged(
         }
     }
     log.time("visibility", || see(&sight, &mut result));
-    log.time("confidence", || expect(&sight, &scene, method, &options.refine, &mut result));
+    let looked = match options.literal {
+        true => options.refine.as_printed(),
+        false => options.refine.clone(),
+    };
+    log.time("expected error", || expect(&sight, &scene, method, &looked, &mut result));
     let trusted = Trusted { sight: &sight, scene: &scene, posed: &posed, method, options };
     log.time("verdict", || trust(&trusted, &mut result));
     result.stages = log.stages;
@@ -347,7 +351,7 @@ fn rigid_result(
         vertices: scene.posed.clone(),
         pose: posed.pose,
         visible: Vec::new(),
-        confidence: None,
+        expected_error: None,
         observed: None,
         regions: Vec::new(),
         gain: 1.0,
@@ -432,7 +436,7 @@ fn expect(
     let (vertices, visible, matches) = (&result.vertices, &result.visible, &result.matches);
     let photo = photo.as_ref();
     let solved = Solved { scene, vertices, visible, matches, photo, refine };
-    let found = confidence(&solved, model);
-    result.confidence = Some(found.expected_error);
+    let found = expected_errors(&solved, model);
+    result.expected_error = Some(found.errors);
     result.observed = Some(found.observed);
 }

@@ -2,19 +2,14 @@
 
 use super::Photograph;
 use super::contour::silhouette;
-use super::joint::REFERENCE;
 use super::joint_options::JointOptions;
 use super::look::Look;
 use crate::camera::CameraModel;
-use crate::energy::{Objective, Silhouette, Specular};
+use crate::energy::{Silhouette, Specular};
 use crate::geometry::{Point3, Vector3, median};
 use crate::light::LightModel;
 use crate::raster::visible_vertices;
 use crate::register::Body;
-use crate::solver::Loss;
-
-/// Points of the occluding contour that the weight of the silhouette is stated for.
-const CONTOUR_REFERENCE: f64 = 100.0;
 
 /// Bounds of the spread of the normals of a highlight, degrees.
 const LOBE_DEG: [f64; 2] = [4.0, 15.0];
@@ -22,9 +17,9 @@ const LOBE_DEG: [f64; 2] = [4.0, 15.0];
 /// The cues of one photograph at one shape.
 pub(super) struct Cues<'a> {
     /// Where an organ mask tells the outline.
-    contour: Option<Silhouette<'a, CameraModel>>,
+    pub(super) contour: Option<Silhouette<'a, CameraModel>>,
     /// Under a near light.
-    highlights: Option<Specular>,
+    pub(super) highlights: Option<Specular>,
     /// Vertices that the camera sees.
     visible: usize,
 }
@@ -57,18 +52,9 @@ impl<'a> Cues<'a> {
         Self { contour: photo.outline.map(of), highlights, visible }
     }
 
-    /// The conditions they make, on top of others.
-    pub(super) fn on(&self, mut objective: Objective<'a>, options: &JointOptions) -> Objective<'a> {
-        if let Some(contour) = &self.contour {
-            let share = CONTOUR_REFERENCE / contour.points.len().max(1) as f64;
-            let weight = share * options.silhouette;
-            objective = objective.plus(weight, Loss::Huber(2.0), contour.clone());
-        }
-        if let Some(highlights) = &self.highlights {
-            let weight = options.specular * REFERENCE / self.visible.max(1) as f64;
-            objective = objective.plus(weight, Loss::GemanMcClure(2.0), highlights.clone());
-        }
-        objective
+    /// Points of the contour, and vertices that the camera sees.
+    pub(super) fn counts(&self) -> [usize; 2] {
+        [self.contour.as_ref().map_or(0, |contour| contour.points.len()), self.visible]
     }
 }
 

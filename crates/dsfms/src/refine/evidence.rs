@@ -1,8 +1,8 @@
 //! Which vertices may speak of shading, which mirror the light, and what albedo they have.
 
 use super::RefineOptions;
-use super::glare::{NoiseOptions, weigh};
-use super::look::{Look, LookOptions};
+use super::glare::weigh;
+use super::look::Look;
 use crate::camera::{Camera, CameraModel};
 use crate::energy::diffuse::DiffuseVertex;
 use crate::geometry::{Point3, Vector3};
@@ -49,6 +49,18 @@ pub struct Evidence {
     pub log_gain: f64,
 }
 
+impl Evidence {
+    /// The vertices that the camera sees.
+    pub(super) fn seen(&self) -> impl Iterator<Item = u32> + '_ {
+        (0..self.visible.len() as u32).filter(|&v| self.visible[v as usize])
+    }
+
+    /// Their number; at least 1.
+    pub(super) fn seen_count(&self) -> usize {
+        self.seen().count().max(1)
+    }
+}
+
 /// Look at the photograph with the surface at `shape` (camera axes).
 pub fn gather(
     photo: &Photograph,
@@ -57,15 +69,7 @@ pub fn gather(
     options: &RefineOptions,
 ) -> Evidence {
     let diagonal = diagonal(photo.picture.linear.size);
-    let (blur, literal) = (options.blur * diagonal, options.literal);
-    let seen = LookOptions {
-        blur,
-        grazing: if literal { f64::NEG_INFINITY } else { options.grazing },
-        contour: if literal { 0.0 } else { options.contour_blurs * blur },
-        halo: options.halo * diagonal,
-        mirror_deg: if literal { 0.0 } else { options.specular_deg },
-        colour: options.colour && !literal,
-    };
+    let seen = options.image.look(options.blur * diagonal, diagonal);
     let look = Look::new(photo, rest, shape, seen);
     let (camera, topology) = (photo.camera, &rest.topology);
     let visible = visible_vertices(camera, topology, shape, &look.raster, look.tolerance);
@@ -81,12 +85,7 @@ pub fn gather(
             channels.push(found);
         }
     }
-    let noise = NoiseOptions {
-        relative: options.sigma_relative,
-        absolute: options.sigma_absolute,
-        colour: options.colour && !literal,
-    };
-    let weighed = weigh(&channels, &noise);
+    let weighed = weigh(&channels, &options.image.noise());
     let turn = Matrix3::identity();
     let diffuse = |(i, brightness)| DiffuseVertex { vertex: vertices[i], brightness, turn };
     Evidence {

@@ -6,6 +6,7 @@
 //! another ([`AtMatches`]), or where holding it makes all of the surface larger or smaller than it was
 //! ([`scaled`]).
 
+use super::PhotometricModel;
 use super::hold::shared_motions;
 use super::look::Look;
 use crate::geometry::triangle::area;
@@ -72,14 +73,14 @@ impl GainPrior {
     }
 
     /// Of a frame whose log gain is `seen` over the whole coarse shape, after an exploration of
-    /// `exposure`; `sigma` and `ambient_sigma` are the spreads where nothing is known.
+    /// `exposure`; the spreads where nothing is known are those of `image`.
     pub(super) fn of(
         exposure: Option<Exposure>,
         seen: f64,
         at_matches: Option<AtMatches>,
-        sigma: f64,
-        ambient_sigma: f64,
+        image: &PhotometricModel,
     ) -> Self {
+        let (sigma, ambient_sigma) = (image.gain_sigma, image.ambient_sigma);
         let Some(Exposure { log_gain: expected, spread }) = exposure else {
             return Self::free(seen, sigma, ambient_sigma);
         };
@@ -186,7 +187,7 @@ mod tests {
     fn of(spread: f64, seen: f64, at: Option<[f64; 2]>) -> GainPrior {
         let exposure = Some(Exposure { log_gain: 0.0, spread });
         let at = at.map(|[log_gain, moved]| AtMatches { log_gain, moved, count: 100 });
-        GainPrior::of(exposure, seen, at, 0.1, 0.02)
+        GainPrior::of(exposure, seen, at, &PhotometricModel::default())
     }
 
     #[test]
@@ -204,7 +205,8 @@ mod tests {
         // An exposure that varies, frames too few to tell, and no exploration.
         assert_eq!(of(0.2, 0.0, None), GainPrior::free(0.0, 0.1, 0.02));
         assert_eq!(of(f64::INFINITY, 0.0, None), GainPrior::free(0.0, 0.1, 0.02));
-        assert_eq!(GainPrior::of(None, 0.7, None, 0.1, 0.02), GainPrior::free(0.7, 0.1, 0.02));
+        let unknown = GainPrior::of(None, 0.7, None, &PhotometricModel::default());
+        assert_eq!(unknown, GainPrior::free(0.7, 0.1, 0.02));
     }
 
     #[test]

@@ -10,7 +10,6 @@ use crate::energy::Boundary;
 use crate::geometry::{Neighbours, Point3, Vector2};
 use crate::light::LightModel;
 use crate::register::pose::rest_point;
-use crate::register::terms::hold_depth;
 use crate::register::{Match, Scene};
 use rayon::prelude::*;
 
@@ -37,7 +36,7 @@ pub(super) fn hold(
         }
         LightModel::Collinear => vec![depth_sigma; matches.len()],
     };
-    hold_depth(scene, matches, posed, sigmas)
+    scene.depth_of(matches, posed, sigmas)
 }
 
 /// Motion of every match that its neighbours share and the pose does not explain, length units: root

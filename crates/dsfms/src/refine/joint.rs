@@ -9,22 +9,16 @@ use super::cues::Cues;
 use super::field::GainField;
 use super::gain::{AtMatches, GainPrior, scaled};
 use super::hold::hold;
+use super::joint_objective::JointProblem;
 use super::joint_options::JointOptions;
 use super::mirror::mirrored;
 use super::samples::{Seen, look};
-use crate::energy::{
-    Boundary, EnergyTerm, FaceRings, GlobalsPrior, Objective, Photometric, Smoothing, Unknowns,
-    Workspace,
-};
+use crate::energy::{Boundary, FaceRings, Photometric, Unknowns, Workspace};
 use crate::geometry::Point3;
 use crate::light::LightModel;
 use crate::mesh::Topology;
-use crate::register::terms::{keep, motion, stay};
 use crate::register::{Body, Match, Scene};
-use crate::solver::{Loss, Options, Summary};
-
-/// Vertices, and samples, that the weights of per-vertex and photometric terms are stated for.
-pub(super) const REFERENCE: f64 = 334.0;
+use crate::solver::{Options, Summary};
 
 /// The shape of the joint solve.
 #[derive(Clone, Debug)]
@@ -106,10 +100,9 @@ fn join_told(
         let mut seen = Seen::of(look, body, &state.vertices, options);
         let Told { gain, hold, options, .. } = told.get_or_insert_with(|| {
             state.globals[0] = seen.log_gain;
-            let (sigma, ambient) = (options.gain_sigma, options.ambient_sigma);
-            let gain = GainPrior::of(photo.exposure, seen.log_gain, at_matches, sigma, ambient);
+            let gain = GainPrior::of(photo.exposure, seen.log_gain, at_matches, &options.image);
             // Brightness tells the distance from a near light as well as the exposure is known.
-            let (light, slack) = (&photo.light.light, gain.slack(sigma));
+            let (light, slack) = (&photo.light.light, gain.slack(options.image.gain_sigma));
             let hold = hold(scene, matches, &scene.posed, depth_sigma, light, options, slack);
             let told = options.tells_distance(&gain, light) || *light == LightModel::Collinear;
             let options = if told { options.clone() } else { options.without_exposure() };
@@ -126,14 +119,20 @@ fn join_told(
         let count = seen.samples.len();
         let shading =
             Photometric::new(photo.camera, photo.light, &seen.image, &rings, seen.samples);
-        let problem = || {
-            let held = held(scene, matches, options.match_px, 2 + nodes, options);
-            let held = cues.on(held, options);
-            shaded(held, scene, hold.clone(), shading.clone(), *gain, options)
+        let problem = JointProblem {
+            scene,
+            matches,
+            match_px: options.match_px,
+            depth: hold,
+            shading: &shading,
+            cues: Some(&cues),
+            gain: *gain,
+            nodes,
+            options,
         };
         let mirrors = if (1..last_stage).contains(&stage) { options.mirrors } else { 0 };
         let topology = &scene.rest.topology;
-        let (next, summary) = settle(problem, &mut workspace, topology, start, state, mirrors);
+        let (next, summary) = settle(&problem, &mut workspace, topology, start, state, mirrors);
         state = next;
         let residual = shading.mean_residual(topology, &state.vertices, &state.globals);
         last = Some((summary, count, residual));
@@ -169,8 +168,8 @@ pub(super) struct Told {
 
 /// Minimise, then start again from the other answers to what moved since `coarse`; the lowest cost
 /// stays.
-fn settle<'a>(
-    problem: impl Fn() -> Objective<'a>,
+fn settle(
+    problem: &JointProblem,
     workspace: &mut Workspace,
     topology: &Topology,
     coarse: &[Point3],
@@ -178,56 +177,15 @@ fn settle<'a>(
     mirrors: usize,
 ) -> (Unknowns, Summary) {
     let solver = Options { max_steps: 12, cost_tolerance: 1e-4, ..Options::default() };
-    let mut best = problem().minimise_in(workspace, state, &solver);
+    let mut best = problem.objective().minimise_in(workspace, state, &solver);
     for vertices in mirrored(topology, coarse, &best.0.vertices, mirrors) {
         let other = Unknowns { vertices, globals: best.0.globals.clone() };
-        let other = problem().minimise_in(workspace, other, &solver);
+        let other = problem.objective().minimise_in(workspace, other, &solver);
         if other.1.cost().1 < best.1.cost().1 {
             best = other;
         }
     }
     best
-}
-
-/// The problem without what the image says: matches, and what the surface keeps of its rest shape.
-pub(super) fn held<'a>(
-    scene: &'a Scene,
-    matches: &[Match],
-    match_px: f64,
-    globals: usize,
-    options: &JointOptions,
-) -> Objective<'a> {
-    let matched = Objective::over(scene.posed.len(), globals).plus_as(
-        "motion",
-        1.0,
-        Loss::GemanMcClure(match_px),
-        motion(scene, matches, 1.0),
-    );
-    let strain = Loss::GemanMcClure(options.strain);
-    keep(matched, scene, options.prior, strain, [options.conformal, options.stretch])
-}
-
-/// The photometric condition on top, with smoothing, what holds depth and the hidden side, and the
-/// priors of gain and ambient light.
-pub(super) fn shaded<'a>(
-    held: Objective<'a>,
-    scene: &'a Scene,
-    hold: Boundary,
-    photometric: impl EnergyTerm<1> + 'a,
-    gain: GainPrior,
-    options: &JointOptions,
-) -> Objective<'a> {
-    let share = REFERENCE / photometric.count().max(1) as f64;
-    let smoothing = Smoothing::of_displacement(&scene.laplacian, &scene.posed, scene.visible_area);
-    let nodes = (2..held.globals()).map(|k| [k]).collect();
-    let field = GlobalsPrior { indices: nodes, mean: 0.0, sigma: options.smooth_gain };
-    held.plus(options.smoothing, Loss::Squared, smoothing)
-        .plus(share * options.photometric, Loss::GemanMcClure(options.robust), photometric)
-        .plus_as("hold of depth", 1.0, Loss::Huber(1.0), hold)
-        .plus(3.0, Loss::Squared, stay(scene))
-        .plus(1.0, Loss::Squared, GlobalsPrior::of(0, gain.expected, gain.sigma))
-        .plus(1.0, Loss::Squared, GlobalsPrior::of(1, 0.0, gain.ambient_sigma))
-        .plus(1.0, Loss::Squared, field)
 }
 
 /// The field of smooth gain over what is seen of a scene.

@@ -1,36 +1,39 @@
 //! Options of the joint solve.
 
+use super::PhotometricModel;
 use super::gain::GainPrior;
 use crate::light::LightModel;
 use crate::options::{OptionError, check, from_zero, positive};
-use crate::register::Prior;
+use crate::register::PriorWeights;
 use serde::{Deserialize, Serialize};
 
-/// Options of the joint solve. Lengths are relative to the visible radius, so they hold in any unit.
+/// Options of the joint solve, whose cost stands in `refine/joint_objective.rs`. Lengths are relative to the
+/// visible radius, so they hold in any unit. `shading`, `outline` and `highlights` weigh a mean, in units of
+/// one match that is off by 1 px, so they hold for any number of samples, contour points and vertices.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointOptions {
     /// What the surface keeps.
-    pub prior: Prior,
-    /// Weight of shearing and anisotropy (or of the other priors) per visible area.
-    pub conformal: f64,
-    /// Weight of the log area ratio per visible area.
-    pub stretch: f64,
-    /// Weight of the Laplacian of the displacement from the posed template.
-    pub smoothing: f64,
-    /// Weight of all photometric samples together, in units of one sample for each of 334 vertices.
-    pub photometric: f64,
-    /// Bounds of the noise of the image model proportional to brightness, which is measured on the
-    /// samples of the coarse shape.
-    pub sigma_relative: [f64; 2],
-    /// Noise of the image model, absolute, linear light.
-    pub sigma_absolute: f64,
-    /// Weigh the channels so that white glare cancels; else grey, and what may be glare is left out.
-    pub colour: bool,
+    pub prior: PriorWeights,
+    /// Weight of the mean over the photometric samples: where all are off by their noise they cost like this
+    /// many matches that are off by 1 px. Fewer than there are samples, since neighbours are off together.
+    pub shading: f64,
+    /// Weight of the mean over the points of the occluding contour, where an organ mask tells its outline.
+    pub outline: f64,
+    /// Weight of saturated vertices under a near light, over all that are seen. Under a distant light, where only
+    /// the matches tell distance, highlights are no cue.
+    pub highlights: f64,
+    /// What brightness tells.
+    pub image: PhotometricModel,
     /// Geman-McClure scale of the photometric residuals, in standard deviations.
     pub robust: f64,
     /// Geman-McClure scale of the matches, px.
     pub match_px: f64,
+    /// Geman-McClure scale of shearing, anisotropy and log area ratio: tissue under a tool deforms
+    /// strongly in a small place, and beyond this strain the prior no longer resists.
+    pub strain: f64,
+    /// Noise of the outline, px.
+    pub silhouette_px: f64,
     /// Depth of the matches under a near light, which tells depth too, is held to the rigid pose within
     /// this fraction of the visible radius where the pose explains them; under a distant light the
     /// tolerance of eq. 3 holds.
@@ -38,10 +41,6 @@ pub struct JointOptions {
     /// Expected motion in depth under a near light, for the motion that a match shares with its
     /// neighbours and the pose does not explain.
     pub near_depth_motion: f64,
-    /// Spread of the log gain about its expectation, where the exploration does not tell a smaller one.
-    pub gain_sigma: f64,
-    /// Spread of the ambient light about 0, where the exploration does not tell the exposure.
-    pub ambient_sigma: f64,
     /// What is other where brightness does not tell distance: under a near light of unknown exposure.
     pub exposure_unknown: ExposureUnknown,
     /// Spread of the smooth log gain over the surface; 0 leaves it out.
@@ -52,26 +51,6 @@ pub struct JointOptions {
     pub blurs: Vec<f64>,
     /// Three samples a face as long as they are no more than this, else one.
     pub max_samples: usize,
-    /// Samples within this many blur radii of a predicted contour are left out.
-    pub contour_blurs: f64,
-    /// Samples with less cosine towards the camera than this are left out.
-    pub grazing: f64,
-    /// Samples within this angle of the mirror direction are left out where there are highlights,
-    /// degrees.
-    pub specular_deg: f64,
-    /// Weight of all points of the occluding contour together, in units of a hundred points, where an
-    /// organ mask tells its outline.
-    pub silhouette: f64,
-    /// Noise of that outline, px.
-    pub silhouette_px: f64,
-    /// Weight of a saturated vertex under a near light, in units of one for each of 334 visible
-    /// vertices. Under a distant light, where only the matches tell distance, highlights are no cue.
-    pub specular: f64,
-    /// Halo around saturated pixels, as a fraction of the image diagonal.
-    pub halo: f64,
-    /// Geman-McClure scale of shearing, anisotropy and log area ratio: tissue under a tool deforms
-    /// strongly in a small place, and beyond this strain the prior no longer resists.
-    pub strain: f64,
     /// Regions whose movement along the viewing rays is tried the other way, in every stage but the
     /// coarsest, whose blur hides the texture that tells them apart, and the last.
     pub mirrors: usize,
@@ -100,13 +79,13 @@ impl Default for ExposureUnknown {
 impl JointOptions {
     /// Whether brightness tells distance: a near light, and its exposure known.
     pub(super) fn tells_distance(&self, gain: &GainPrior, light: &LightModel) -> bool {
-        matches!(light, LightModel::Point(_)) && gain.is_told(self.gain_sigma)
+        matches!(light, LightModel::Point(_)) && gain.is_told(self.image.gain_sigma)
     }
 
     /// The same under a near light of unknown exposure.
     pub(super) fn without_exposure(&self) -> Self {
         let ExposureUnknown { stretch, strain, smooth_gain } = self.exposure_unknown;
-        Self { stretch, strain, smooth_gain, ..self.clone() }
+        Self { prior: PriorWeights { stretch, ..self.prior }, strain, smooth_gain, ..self.clone() }
     }
 
     /// Check every field against its bounds.
@@ -114,61 +93,37 @@ impl JointOptions {
     /// # Errors
     /// The first field out of them.
     pub fn validate(&self) -> Result<(), OptionError> {
-        let weights = [
-            self.conformal,
-            self.stretch,
-            self.smoothing,
-            self.photometric,
-            self.silhouette,
-            self.specular,
-        ];
-        let noise = [self.sigma_absolute, self.sigma_relative[0], self.sigma_relative[1]];
+        let weights = [self.shading, self.outline, self.highlights];
         let scales = [self.robust, self.match_px, self.silhouette_px, self.strain];
+        let unknown = &self.exposure_unknown;
         check(&[
             (
-                "joint.conformal, stretch, smoothing, photometric, silhouette, specular",
-                from_zero(&weights),
+                "joint.prior.conformal, stretch, smoothing, hidden",
+                self.prior.is_valid(),
                 "0 or more",
             ),
-            ("joint.sigma_absolute, sigma_relative", positive(&noise), "positive"),
-            (
-                "joint.sigma_relative",
-                self.sigma_relative[0] <= self.sigma_relative[1],
-                "a lower and an upper bound",
-            ),
+            ("joint.shading, outline, highlights", from_zero(&weights), "0 or more"),
             ("joint.robust, match_px, silhouette_px, strain", positive(&scales), "positive"),
             ("joint.near_depth_hold", positive(&[self.near_depth_hold]), "positive"),
             ("joint.near_depth_motion", from_zero(&[self.near_depth_motion]), "0 or more"),
             (
-                "joint.gain_sigma, ambient_sigma",
-                positive(&[self.gain_sigma, self.ambient_sigma]),
-                "positive",
-            ),
-            (
                 "joint.smooth_gain, joint.exposure_unknown.stretch, smooth_gain",
-                from_zero(&[
-                    self.smooth_gain,
-                    self.exposure_unknown.stretch,
-                    self.exposure_unknown.smooth_gain,
-                ]),
+                from_zero(&[self.smooth_gain, unknown.stretch, unknown.smooth_gain]),
                 "0 or more",
             ),
-            (
-                "joint.exposure_unknown.strain",
-                positive(&[self.exposure_unknown.strain]),
-                "positive",
-            ),
+            ("joint.exposure_unknown.strain", positive(&[unknown.strain]), "positive"),
             ("joint.smooth_length", positive(&[self.smooth_length]), "positive"),
             (
                 "joint.blurs",
                 !self.blurs.is_empty() && from_zero(&self.blurs),
                 "one blur or more, each 0 or more",
             ),
-            (
-                "joint.contour_blurs, grazing, specular_deg, halo",
-                from_zero(&[self.contour_blurs, self.grazing, self.specular_deg, self.halo]),
-                "0 or more",
-            ),
+        ])?;
+        self.image.validate([
+            "joint.image.sigma_absolute, sigma_relative",
+            "joint.image.sigma_relative",
+            "joint.image.gain_sigma, ambient_sigma",
+            "joint.image.contour_blurs, grazing, specular_deg, halo",
         ])
     }
 }
@@ -176,33 +131,27 @@ impl JointOptions {
 impl Default for JointOptions {
     fn default() -> Self {
         Self {
-            prior: Prior::Conformal,
-            conformal: 1e4,
-            stretch: 3e2,
-            smoothing: 30.0,
-            photometric: 4.0,
-            sigma_relative: [0.01, 0.1],
-            sigma_absolute: 0.002,
-            colour: true,
+            prior: PriorWeights {
+                conformal: 1e4,
+                stretch: 3e2,
+                smoothing: 30.0,
+                ..PriorWeights::default()
+            },
+            shading: 1336.0,
+            outline: 100.0,
+            highlights: 334.0,
+            image: PhotometricModel::default(),
             robust: 3.0,
             match_px: 4.0,
+            strain: 0.1,
+            silhouette_px: 2.0,
             near_depth_hold: 0.07,
             near_depth_motion: 100.0,
-            gain_sigma: 0.1,
-            ambient_sigma: 0.02,
             exposure_unknown: ExposureUnknown::default(),
             smooth_gain: 0.0,
             smooth_length: 0.3,
             blurs: vec![0.018, 0.009, 0.0045, 0.003],
             max_samples: 8000,
-            contour_blurs: 1.5,
-            grazing: 0.25,
-            specular_deg: 12.0,
-            silhouette: 1.0,
-            silhouette_px: 2.0,
-            specular: 1.0,
-            halo: 0.02,
-            strain: 0.1,
             mirrors: 2,
         }
     }

@@ -2,9 +2,9 @@
 
 use super::Photograph;
 use super::field::GainField;
-use super::glare::{Channels, NoiseOptions, weigh};
+use super::glare::{Channels, weigh};
 use super::joint_options::JointOptions;
-use super::look::{Look, LookOptions};
+use super::look::Look;
 use crate::energy::photometric::{Gain, Sample};
 use crate::energy::{Brightness, Lift};
 use crate::geometry::{Point3, Vector3};
@@ -36,16 +36,7 @@ pub(super) fn look<'a>(
     options: &JointOptions,
 ) -> Look<'a> {
     let diagonal = diagonal(photo.picture.linear.size);
-    let blur = blur * diagonal;
-    let seen = LookOptions {
-        blur,
-        grazing: options.grazing,
-        contour: options.contour_blurs * blur,
-        halo: options.halo * diagonal,
-        mirror_deg: options.specular_deg,
-        colour: options.colour,
-    };
-    Look::new(photo, rest, shape, seen)
+    Look::new(photo, rest, shape, options.image.look(blur * diagonal, diagonal))
 }
 
 /// What a look leaves for the solve.
@@ -64,12 +55,7 @@ impl Seen {
             false => inside_faces(&look, options),
         };
         let (places, channels): (Vec<_>, Vec<_>) = places.into_iter().unzip();
-        let noise = NoiseOptions {
-            relative: options.sigma_relative,
-            absolute: options.sigma_absolute,
-            colour: options.colour,
-        };
-        let weighed = weigh(&channels, &noise);
+        let weighed = weigh(&channels, &options.image.noise());
         let sample = |(i, brightness): (usize, Brightness)| {
             let Place { face, barycentric, lift } = places[i];
             Sample { face, barycentric, brightness, lift, gain: Gain::GLOBAL }

@@ -7,11 +7,13 @@
 use super::Photograph;
 use super::gain::{AtMatches, GainPrior, scaled};
 use super::hold::hold;
-use super::joint::{Told, held, shaded};
+use super::joint::Told;
+use super::joint_objective::JointProblem;
 use super::joint_options::JointOptions;
 use super::samples::{Seen, look};
 use crate::energy::{FaceRings, Photometric, Unknowns, Workspace};
 use crate::geometry::Point3;
+use crate::options::{OptionError, check, from_zero, positive};
 use crate::register::{Body, Match};
 use crate::solver::Options;
 use crate::template::Exposure;
@@ -69,6 +71,29 @@ impl VideoOptions {
             reduction: 0.1,
             ..Self::default()
         }
+    }
+}
+
+impl VideoOptions {
+    /// Check every field against its bounds.
+    ///
+    /// # Errors
+    /// The first field out of them.
+    pub fn validate(&self) -> Result<(), OptionError> {
+        check(&[
+            (
+                "video.blur, blurs_after_gap",
+                from_zero(&[self.blur]) && from_zero(&self.blurs_after_gap),
+                "0 or more",
+            ),
+            ("video.steps", self.steps >= 1, "at least 1"),
+            (
+                "video.tolerance, reduction, match_px",
+                positive(&[self.tolerance, self.reduction, self.match_px]),
+                "positive",
+            ),
+            ("video.least_blur_px", from_zero(&[self.least_blur_px]), "0 or more"),
+        ])
     }
 }
 
@@ -179,13 +204,12 @@ fn near_told(
         let at_matches = if stage == 0 { at() } else { None };
         let seen = Seen::of(look, body, &state.vertices, joint);
         let Told { gain, hold, options, .. } = told.get_or_insert_with(|| {
-            let (sigma, ambient) = (joint.gain_sigma, joint.ambient_sigma);
             // The many matches of a followed frame tell the exposure themselves where they are at rest.
             let here = at_matches.filter(AtMatches::calm).map(|at| at.log_gain);
             let here = |e: Exposure| Exposure { log_gain: here.unwrap_or(e.log_gain), ..e };
             let exposure = photo.exposure.map(here);
-            let gain = GainPrior::of(exposure, seen.log_gain, at_matches, sigma, ambient);
-            let slack = gain.slack(sigma);
+            let gain = GainPrior::of(exposure, seen.log_gain, at_matches, &joint.image);
+            let slack = gain.slack(joint.image.gain_sigma);
             let hold = hold(scene, matches, posed, frame.depth_sigma, light, joint, slack);
             let told = joint.tells_distance(&gain, light);
             let options = if told { joint.clone() } else { joint.without_exposure() };
@@ -195,9 +219,18 @@ fn near_told(
         let topology = &scene.rest.topology;
         let shading = Photometric::new(photo.camera, photo.light, &seen.image, rings, seen.samples);
         state.globals[0] = shading.log_gain(topology, &state.vertices, state.globals[1]);
-        let held = held(scene, matches, match_px, 2, options);
-        let problem = shaded(held, scene, hold.clone(), shading.clone(), *gain, options);
-        let (next, summary) = problem.minimise_in(workspace, state, &solver);
+        let problem = JointProblem {
+            scene,
+            matches,
+            match_px,
+            depth: hold,
+            shading: &shading,
+            cues: None,
+            gain: *gain,
+            nodes: 0,
+            options,
+        };
+        let (next, summary) = problem.objective().minimise_in(workspace, state, &solver);
         state = next;
         residual = shading.mean_residual(topology, &state.vertices, &state.globals);
         steps += summary.iterations;

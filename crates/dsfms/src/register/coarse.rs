@@ -1,8 +1,9 @@
 //! A start of eq. 3 from the same problem on a coarser mesh.
 
 use super::Match;
-use super::objective::{Problem, RegisterMemory};
+use super::objective::Problem;
 use super::pose::rest_point;
+use super::solve::RegisterMemory;
 use crate::geometry::{Point3, Vector3};
 use crate::mesh::Mesh;
 use crate::mesh::decimate::{Decimated, decimate};
@@ -37,8 +38,8 @@ pub(super) fn coarse_start(
     fine: &Problem,
     losses: &[Loss],
 ) -> Option<Vec<Point3>> {
-    let Problem { scene, matches, motion, options } = *fine;
-    if scene.posed.len() <= COARSE_ABOVE || options.literal {
+    let Problem { scene, matches, displacement, options } = *fine;
+    if scene.posed.len() <= COARSE_ABOVE {
         return None;
     }
     let same = |c: &Coarse| {
@@ -59,11 +60,11 @@ pub(super) fn coarse_start(
         Some(Match { face, barycentric, pixel: m.pixel })
     };
     let matches: Vec<Match> = matches.iter().filter_map(carried).collect();
-    let problem = Problem { scene: &coarse, matches: &matches, motion, options };
+    let problem = Problem { scene: &coarse, matches: &matches, displacement, options };
     let start = coarse.posed.clone();
     let (found, _) = problem.solve(memory, start, losses, COARSE_TOLERANCE);
-    let displacement: Vec<Vector3> =
+    let moved: Vec<Vector3> =
         found.iter().zip(&coarse.posed).map(|(now, posed)| now - posed).collect();
-    let carried = decimated.prolong(scene.rest, &displacement);
+    let carried = decimated.prolong(scene.rest, &moved);
     Some(scene.posed.iter().zip(carried).map(|(p, d)| p + d).collect())
 }

@@ -7,20 +7,23 @@
 mod coarse;
 pub mod control;
 pub mod find;
-pub mod objective;
+mod objective;
 pub mod options;
 pub mod pose;
+mod printed;
 pub mod scene;
-pub mod terms;
+pub mod solve;
+mod terms;
 pub mod volume;
 
 use crate::geometry::Point2;
 pub use control::{Body, Deformable};
 pub use find::find;
-pub use objective::{RegisterMemory, Registered, register, register_in, register_near};
-pub use options::{Prior, RegisterOptions};
+pub use options::{Prior, PriorWeights, RegisterOptions};
 pub use pose::{Posed, pose, pose_near};
+pub use printed::register_printed;
 pub use scene::Scene;
+pub use solve::{RegisterMemory, Registered, register, register_in, register_near};
 pub use volume::Volume;
 
 /// A correspondence between a template point and a pixel of the deformed frame.

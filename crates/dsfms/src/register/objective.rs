@@ -1,342 +1,72 @@
-//! Eq. 3: motion, shearing, anisotropy, smoothing.
+//! Eq. 3 as it is solved: the four lines of the paper, repaired, and three that it lacks.
+//!
+//! ```text
+//! min  Σᵢ ρ(‖π(xᵢ) − wᵢ‖² / σ²)                motion        matches i: surface point xᵢ, pixel wᵢ
+//!  V′  + λ₁ Σ_f A_f/A b_f²                     shearing      faces f: b = C₁₂ / √det C
+//!      + λ₂ Σ_f A_f/A a_f²                     anisotropy    a = (C₁₁ − C₂₂) / (2 √det C)
+//!      + λₛ Σ_f A_f/A s_f²                     stretch       s = ½ ln det C: the scale
+//!      + λ₃′ R² Σᵥ Aᵥ/A ‖Lap(x − x₀)ᵥ‖²        smoothing     1/λ₃′ = 1/λ₃ + (8 d/R)²
+//!      + Σᵢ H((zᵢ − z₀ᵢ)² / σ_z²)              depth prior   σ_z² = (h R)² + d²
+//!      + λₕ Σᵥ Aᵥ/A ‖xᵥ − x₀ᵥ‖² / σₕ²          hidden side   vertices that are not seen of x₀
+//! ```
+//!
+//! `x₀` is the rest shape posed by the matches, `A` its visible area, `R = √(A/π)`, `A_f` and `Aᵥ` the areas of
+//! a face and of a vertex, `C = FᵀF` the metric of a face against rest, `d` the displacement that matches
+//! share and the pose does not explain (length). ρ is the Geman-McClure loss, annealed; H Huber's.
+//!
+//! A match that is off by its noise σ costs 1, so `λ = 1/s²` says that a strain `s` of all that is seen costs
+//! as much. λ₁ = λ₂ = `prior.conformal`, λₛ = `prior.stretch`, λ₃ = `prior.smoothing`, λₕ = `prior.hidden`,
+//! h = `depth_hold`. The
+//! isometric and as-rigid-as-possible priors take the place of shearing, anisotropy and stretch.
 
-use super::coarse::{Coarse, coarse_start};
-use super::terms::{hold_depth, keep, motion, stay};
-use super::{Match, Posed, RegisterOptions, Scene};
-use crate::camera::Camera;
-use crate::energy::{Objective, Smoothing, Unknowns, Workspace};
-use crate::geometry::{Point3, median};
-use crate::solver::{Loss, Options, Summary};
-
-/// The coarse shape V′.
-#[derive(Clone, Debug)]
-pub struct Registered {
-    /// Vertices in camera axes.
-    pub vertices: Vec<Point3>,
-    /// Matches that the shape explains, in the order given.
-    pub kept: Vec<bool>,
-    /// Median reprojection error of the kept matches, px.
-    pub residual_px: f64,
-    /// Tolerance used for the depth of the matches, length units.
-    pub depth_sigma: f64,
-    /// The last solve of the annealing.
-    pub summary: Summary,
-}
-
-/// Solves at most where matches tell that the surface bends as a whole.
-const ROUNDS: usize = 4;
-
-/// What outlives a frame of the same template: the coarse mesh and the symbolic factors.
-#[derive(Default)]
-pub struct RegisterMemory {
-    coarse: Option<Coarse>,
-    workspace: Workspace,
-}
-
-/// Solve eq. 3 from the rigid pose.
-///
-/// Where neighbouring matches share a motion that the pose does not explain and that the depth hold
-/// would not allow, the surface bends as a whole and no part of it gives the pose: the solve is then
-/// repeated from the rest shape posed anew, with smoothing and depth hold loosened to the motion
-/// found, until that no longer grows.
-///
-/// ```
-/// use dsfms::register::{RegisterOptions, Scene, pose, register};
-/// use dsfms::synth::Case;
-///
-/// let (case, options) = (Case::example(1), RegisterOptions::default());
-/// let rest = &case.template.mesh;
-/// let posed = pose(&case.camera, rest, &case.matches, &options, 0)?;
-/// let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
-/// let scene = Scene::new(&case.camera, rest, rigid);
-/// let found = register(&scene, &case.matches, &posed, &options);
-/// assert!(found.residual_px < 3.0);
-/// # Ok::<_, dsfms::register::RegisterError>(())
-/// ```
-#[doc(alias(
-    "eq. 3",
-    "NRSfM",
-    "shape from template",
-    "SfT",
-    "deformable registration",
-    "non-rigid registration"
-))]
-pub fn register(
-    scene: &Scene,
-    matches: &[Match],
-    posed: &Posed,
-    options: &RegisterOptions,
-) -> Registered {
-    register_in(&mut RegisterMemory::default(), scene, matches, posed, options)
-}
-
-/// Solve eq. 3 from the rigid pose with what an earlier frame of the same template has left; a
-/// memory of another template is made anew.
-pub fn register_in(
-    memory: &mut RegisterMemory,
-    scene: &Scene,
-    matches: &[Match],
-    posed: &Posed,
-    options: &RegisterOptions,
-) -> Registered {
-    let hold = options.depth_hold * scene.radius();
-    let mut motion = options.depth_hold_motion * unexplained_motion(scene, posed);
-    let losses = losses(options);
-    let mut state = scene.posed.clone();
-    let (mut reposed, mut round): (Option<Scene>, usize) = (None, 1);
-    let summary = loop {
-        let scene = reposed.as_ref().unwrap_or(scene);
-        let problem = Problem { scene, matches, motion, options };
-        let (next, summary) = problem.solve(memory, state, &losses, 1e-4);
-        state = next;
-        let moved = displacement(scene, matches, &state, 3.0 * options.robust_px[1]);
-        if options.literal || motion <= hold || moved <= 1.1 * motion || round == ROUNDS {
-            break summary;
-        }
-        let anew = scene.reposed(&state);
-        (motion, round, reposed) = (moved, round + 1, Some(anew));
-    };
-    Registered::of(scene, matches, state, hold.hypot(motion), summary, options)
-}
-
-/// Tolerance for the depth of the matches in a frame whose shape is nearly known, length units: that
-/// of [`register`], whose rounds the known shape replaces.
-pub fn depth_tolerance(
-    scene: &Scene,
-    matches: &[Match],
-    posed: &Posed,
-    near: &[Point3],
-    options: &RegisterOptions,
-) -> f64 {
-    let hold = options.depth_hold * scene.radius();
-    hold.hypot(motion_near(scene, matches, posed, near, options))
-}
-
-fn motion_near(
-    scene: &Scene,
-    matches: &[Match],
-    posed: &Posed,
-    near: &[Point3],
-    options: &RegisterOptions,
-) -> f64 {
-    let hold = options.depth_hold * scene.radius();
-    let motion = options.depth_hold_motion * unexplained_motion(scene, posed);
-    if motion <= hold {
-        return motion;
-    }
-    motion.max(displacement(scene, matches, near, 3.0 * options.robust_px[1]))
-}
-
-/// Solve eq. 3 from a shape near the solution (that of the frame before): the last loss alone, and
-/// no rounds.
-pub fn register_near(
-    memory: &mut RegisterMemory,
-    scene: &Scene,
-    matches: &[Match],
-    posed: &Posed,
-    near: &[Point3],
-    options: &RegisterOptions,
-) -> Registered {
-    let motion = motion_near(scene, matches, posed, near, options);
-    let problem = Problem { scene, matches, motion, options };
-    let losses = losses(options);
-    let start = Unknowns { vertices: near.to_vec(), globals: Vec::new() };
-    // Few good steps: a start this near needs no more, and the next frame goes on.
-    let solver =
-        Options { max_steps: 4, cost_tolerance: 1e-3, reduction: 0.03, ..Options::default() };
-    let problem = problem.objective(losses[losses.len() - 1]);
-    let (state, summary) = problem.minimise_in(&mut memory.workspace, start, &solver);
-    let vertices = state.vertices;
-    let depth_sigma = (options.depth_hold * scene.radius()).hypot(motion);
-    Registered::of(scene, matches, vertices, depth_sigma, summary, options)
-}
-
-impl Registered {
-    fn of(
-        scene: &Scene,
-        matches: &[Match],
-        vertices: Vec<Point3>,
-        depth_sigma: f64,
-        summary: Summary,
-        options: &RegisterOptions,
-    ) -> Self {
-        let (kept, residual_px) = explained(scene, matches, &vertices, options);
-        Self { vertices, kept, residual_px, depth_sigma, summary }
-    }
-}
-
-/// Which matches a shape explains, and their median reprojection error, px.
-pub fn explained(
-    scene: &Scene,
-    matches: &[Match],
-    shape: &[Point3],
-    options: &RegisterOptions,
-) -> (Vec<bool>, f64) {
-    let errors = errors_px(scene, matches, shape);
-    let limit = 3.0 * options.robust_px[1];
-    let kept = errors.iter().map(|&e| e <= limit).collect();
-    let mut inliers: Vec<f64> = errors.into_iter().filter(|&e| e <= limit).collect();
-    (kept, median(&mut inliers).unwrap_or(f64::INFINITY))
-}
+use super::solve::hold;
+use super::{Match, Prior, RegisterOptions, Scene};
+use crate::energy::{Anisotropy, Isometric, Objective, Shearing, Smoothing, Stretch};
+use crate::solver::Loss::{self, Huber, Squared};
 
 /// Eq. 3 on one mesh.
 pub(super) struct Problem<'a> {
     pub(super) scene: &'a Scene<'a>,
     pub(super) matches: &'a [Match],
-    /// How far the surface is expected to move, length units.
-    pub(super) motion: f64,
+    /// `d`: how far the surface is expected to move, length units.
+    pub(super) displacement: f64,
     pub(super) options: &'a RegisterOptions,
 }
 
 impl Problem<'_> {
-    /// Anneal on a coarser mesh where there is one, else here from `start`, and solve the last loss
-    /// here.
-    pub(super) fn solve(
-        &self,
-        memory: &mut RegisterMemory,
-        start: Vec<Point3>,
-        losses: &[Loss],
-        tolerance: f64,
-    ) -> (Vec<Point3>, Summary) {
-        let (start, losses) = match coarse_start(&mut memory.coarse, self, losses) {
-            Some(start) => (start, &losses[losses.len() - 1..]),
-            None => (start, losses),
-        };
-        self.anneal(&mut memory.workspace, start, losses, tolerance)
+    /// The lines of eq. 3, with a loss of the annealing.
+    pub(super) fn objective(&self, loss: Loss) -> Objective<'_> {
+        let Self { scene, matches, displacement, options } = *self;
+        let (rest, posed) = (&scene.faces, &scene.posed);
+        let prior = &options.prior;
+        let motion = scene.motion(matches, options.match_sigma_px);
+        let smoothing = Smoothing::of_displacement(&scene.laplacian, posed, scene.visible_area);
+        let depth_sigma = hold(scene, options).hypot(displacement);
+        let depth = scene.depth_of(matches, posed, vec![depth_sigma; matches.len()]);
+        let hidden = scene.hidden(&scene.visible, posed);
+        Objective::over(posed.len(), 0)
+            .plus("motion (eq. 3)", 1.0, loss, motion)
+            .plus("shearing (eq. 3)", prior.of(Prior::Conformal), Squared, Shearing { rest })
+            .plus("anisotropy (eq. 3)", prior.of(Prior::Conformal), Squared, Anisotropy { rest })
+            .plus("stretch", prior.stretch(), Squared, Stretch { rest })
+            .plus("isometric prior", prior.of(Prior::Isometric), Squared, Isometric { rest })
+            .plus_if(
+                "as-rigid-as-possible prior",
+                prior.of(Prior::Arap),
+                Squared,
+                scene.arap(prior.kind),
+            )
+            .plus("smoothing (eq. 3)", self.smoothing_weight(), Squared, smoothing)
+            .plus("depth prior", 1.0, Huber(1.0), depth)
+            .plus("hidden side", prior.hidden, Squared, hidden)
     }
 
-    /// Solve under one loss after another; only the last to the given tolerance, since the others
-    /// merely lead there.
-    fn anneal(
-        &self,
-        workspace: &mut Workspace,
-        start: Vec<Point3>,
-        losses: &[Loss],
-        tolerance: f64,
-    ) -> (Vec<Point3>, Summary) {
-        let mut state = Unknowns { vertices: start, globals: Vec::new() };
-        let mut summary = None;
-        for (k, &loss) in losses.iter().enumerate() {
-            let cost_tolerance = if k + 1 < losses.len() { 1e-2 } else { tolerance };
-            let solver = Options { max_steps: 15, cost_tolerance, ..Options::default() };
-            let (next, report) = self.objective(loss).minimise_in(workspace, state, &solver);
-            (state, summary) = (next, Some(report));
-        }
-        (state.vertices, summary.expect("the annealing has at least one step"))
-    }
-
-    /// The lines of eq. 3, with the repairs of DESIGN.md.
-    fn objective(&self, loss: Loss) -> Objective<'_> {
-        let Self { scene, matches, options, .. } = *self;
-        let area = scene.visible_area;
-        let repaired = if options.literal { 0.0 } else { 1.0 };
-        let smoothing = if options.literal {
-            Smoothing::of_position(&scene.laplacian, area)
-        } else {
-            Smoothing::of_displacement(&scene.laplacian, &scene.posed, area)
-        };
-        let smooth = smoothing_weight(options, self.motion / scene.radius());
-        let depth_sigma = (options.depth_hold * scene.radius()).hypot(self.motion);
-        let hold = hold_depth(scene, matches, &scene.posed, vec![depth_sigma; matches.len()]);
-        let motion = motion(scene, matches, options.match_sigma_px);
-        let motion = Objective::over(scene.posed.len(), 0).plus(1.0, loss, motion);
-        let weights = [options.conformal, repaired * options.stretch];
-        keep(motion, scene, options.prior, Loss::Squared, weights)
-            .plus(smooth, Loss::Squared, smoothing)
-            .plus_as("hold of depth", repaired, Loss::Huber(1.0), hold)
-            .plus(repaired * options.stay, Loss::Squared, stay(scene))
-    }
-}
-
-/// Root mean square distance of the matches that a shape explains within `limit_px` from where the
-/// rigid pose puts them, length units.
-fn displacement(scene: &Scene, matches: &[Match], shape: &[Point3], limit_px: f64) -> f64 {
-    let errors = errors_px(scene, matches, shape);
-    let squares: Vec<f64> = matches
-        .iter()
-        .zip(errors)
-        .filter(|(_, error)| *error <= limit_px)
-        .map(|(m, _)| (scene.point(m, shape) - scene.point(m, &scene.posed)).norm_squared())
-        .collect();
-    (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
-}
-
-/// Losses of the annealing, coarse to fine; one unsquared norm for the printed form.
-fn losses(options: &RegisterOptions) -> Vec<Loss> {
-    if options.literal {
-        return vec![Loss::Norm];
-    }
-    /// Finest scale over the coarsest: ten steps, whatever is asked for.
-    const FINEST: f64 = 1e-4;
-    let [coarse, fine] = options.robust_px.map(|px| px / options.match_sigma_px);
-    let fine = fine.max(FINEST * coarse);
-    let mut scales = vec![coarse];
-    while scales[scales.len() - 1] > fine {
-        scales.push((scales[scales.len() - 1] * 0.4).max(fine));
-    }
-    scales.into_iter().map(Loss::GemanMcClure).collect()
-}
-
-/// Motion that neighbouring matches share and the rigid pose cannot explain, carried to length units
-/// at the depth of the surface.
-fn unexplained_motion(scene: &Scene, posed: &Posed) -> f64 {
-    let [fx, fy] = scene.camera.focal;
-    let depth = scene.posed.iter().map(|p| p.z).sum::<f64>() / scene.posed.len() as f64;
-    posed.shared_motion_px * depth / (0.5 * (fx + fy))
-}
-
-/// The weight of smoothing where matches say that the surface bends as a whole by `motion` (of the
-/// visible radius). A disc of radius 1 that bulges by `d` has a Laplacian of `8 d` (up to its
-/// profile), whose expectation the weight should not contradict: `1/λ′ = 1/λ + (8 d)²`.
-fn smoothing_weight(options: &RegisterOptions, motion: f64) -> f64 {
-    let contradiction = if options.literal { 0.0 } else { (8.0 * motion).powi(2) };
-    options.smoothing / (1.0 + options.smoothing * contradiction)
-}
-
-/// Reprojection error of every match on a shape, px; infinite behind the camera.
-pub fn errors_px(scene: &Scene, matches: &[Match], shape: &[Point3]) -> Vec<f64> {
-    let error = |m: &Match| {
-        let seen = scene.camera.project(&scene.point(m, shape));
-        seen.map_or(f64::INFINITY, |s| (s.pixel - m.pixel).norm())
-    };
-    matches.iter().map(error).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::light::LightModel;
-    use crate::register::pose;
-    use crate::synth::{Case, CaseOptions, Draw};
-
-    #[test]
-    fn starting_on_a_coarse_mesh_ends_where_annealing_on_the_fine_one_does() {
-        let options = CaseOptions {
-            vertices: 1200,
-            extension: 0.05,
-            light: LightModel::Collinear,
-            draw: Draw { count: 100, sigma_px: 1.0 },
-            pull: true,
-        };
-        let mut case = Case::new(&options, 3);
-        // One match in ten is wrong.
-        case.matches.iter_mut().step_by(10).for_each(|m| m.pixel.x += 40.0);
-        let options = RegisterOptions::default();
-        let rest = &case.template.mesh;
-        let posed = pose(&case.camera, rest, &case.matches, &options, 0).unwrap();
-        let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
-        let scene = Scene::new(&case.camera, rest, rigid);
-        let mut memory = RegisterMemory::default();
-        let found = register_in(&mut memory, &scene, &case.matches, &posed, &options);
-        let motion = options.depth_hold_motion * unexplained_motion(&scene, &posed);
-        let problem = Problem { scene: &scene, matches: &case.matches, motion, options: &options };
-        let start = scene.posed.clone();
-        let (all, _) = problem.anneal(&mut Workspace::default(), start, &losses(&options), 1e-7);
-        let squares = found.vertices.iter().zip(&all).map(|(a, b)| (a - b).norm_squared());
-        let rms = (squares.sum::<f64>() / all.len() as f64).sqrt();
-        // A match of 1 px is worth 0.1 mm here.
-        assert!(rms < 0.01, "{rms} mm");
-        let again = register_in(&mut memory, &scene, &case.matches, &posed, &options);
-        assert_eq!(found.vertices, again.vertices);
+    /// λ₃′: a disc of radius 1 that bulges by `d` has a Laplacian of `8 d` (up to its profile), whose
+    /// expectation the weight should not contradict.
+    fn smoothing_weight(&self) -> f64 {
+        let Self { scene, displacement, options, .. } = self;
+        let contradiction = (8.0 * (displacement / scene.radius())).powi(2);
+        let smoothing = options.prior.smoothing;
+        smoothing / (1.0 + smoothing * contradiction)
     }
 }

@@ -1,4 +1,4 @@
-//! Weights of eq. 3.
+//! Weights of eq. 3, and of what the surface keeps of its rest shape in every solve.
 
 use crate::options::{OptionError, check, from_zero, positive};
 use serde::{Deserialize, Serialize};
@@ -16,12 +16,14 @@ pub enum Prior {
     Arap,
 }
 
-/// Options of the rigid pose and of eq. 3. Lengths are relative, so they hold in any unit.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// What the surface keeps of its rest shape, and how firmly. A weight is `1/s²`: a strain `s` of all that is
+/// seen costs as much as one match that is off by its noise. Chosen on the synthetic series and the `choose`
+/// scenes (`docs/results/ablation`, `docs/results/scenes.md`).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct RegisterOptions {
-    /// What the surface keeps.
-    pub prior: Prior,
+pub struct PriorWeights {
+    /// What is kept: conformal (angles, the paper), isometric (lengths), or arap (as rigid as possible).
+    pub kind: Prior,
     /// λ₁ and λ₂ of eq. 3: weight of shearing and anisotropy per visible area. The isometric and
     /// as-rigid-as-possible priors take it for all their strain: at small strain they are the
     /// conformal prior with `stretch` raised to this weight.
@@ -29,9 +31,44 @@ pub struct RegisterOptions {
     /// Weight of the log area ratio per visible area; fixes the scale, which conformality does not.
     /// Unused by the other priors, which fix it themselves.
     pub stretch: f64,
-    /// λ₃ of eq. 3: weight of the Laplacian of the displacement, where matches do not tell that
-    /// the surface bends as a whole; less where they do.
+    /// λ₃ of eq. 3: weight of the Laplacian of the displacement from the posed template; in eq. 3 less where
+    /// matches tell that the surface bends as a whole.
     pub smoothing: f64,
+    /// Weight that holds vertices that are not seen to the rigid pose, per visible area, within a
+    /// twenty-fifth of the visible radius.
+    pub hidden: f64,
+}
+
+impl Default for PriorWeights {
+    fn default() -> Self {
+        let kind = Prior::Conformal;
+        Self { kind, conformal: 3e4, stretch: 3e3, smoothing: 100.0, hidden: 3.0 }
+    }
+}
+
+impl PriorWeights {
+    /// The weight of strain where a prior is the one asked for, else 0.
+    pub fn of(&self, kind: Prior) -> f64 {
+        if self.kind == kind { self.conformal } else { 0.0 }
+    }
+
+    /// The weight of stretch: the conformal prior's alone.
+    pub fn stretch(&self) -> f64 {
+        if self.kind == Prior::Conformal { self.stretch } else { 0.0 }
+    }
+
+    /// Whether every weight is a number from 0.
+    pub(crate) fn is_valid(&self) -> bool {
+        from_zero(&[self.conformal, self.stretch, self.smoothing, self.hidden])
+    }
+}
+
+/// Options of the rigid pose and of eq. 3. Lengths are relative, so they hold in any unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RegisterOptions {
+    /// What the surface keeps.
+    pub prior: PriorWeights,
     /// Noise of the matches, px.
     pub match_sigma_px: f64,
     /// Geman-McClure scale at the start and at the end of the annealing, px.
@@ -42,30 +79,20 @@ pub struct RegisterOptions {
     /// Expected motion in depth for the motion that neighbouring matches share in the image and the
     /// pose does not explain: bending is seen foreshortened.
     pub depth_hold_motion: f64,
-    /// Weight that holds vertices nobody sees to the rigid pose, per visible area.
-    pub stay: f64,
     /// How firmly the hidden side of a closed surface hangs on its surroundings, of the stiffness of
     /// tissue as thick as the organ; what is seen carries it along.
     pub anchor: f64,
-    /// Solve eq. 3 as printed: unsquared motion norms, Laplacian of the position, no stretch prior,
-    /// no depth hold.
-    pub literal: bool,
 }
 
 impl Default for RegisterOptions {
     fn default() -> Self {
         Self {
-            prior: Prior::Conformal,
-            conformal: 3e4,
-            stretch: 3e3,
-            smoothing: 100.0,
+            prior: PriorWeights::default(),
             match_sigma_px: 1.0,
             robust_px: [60.0, 4.0],
             depth_hold: 0.04,
             depth_hold_motion: 3.0,
-            stay: 3.0,
             anchor: 0.1,
-            literal: false,
         }
     }
 }
@@ -77,9 +104,12 @@ impl RegisterOptions {
     /// The first field out of them.
     pub fn validate(&self) -> Result<(), OptionError> {
         let [coarse, fine] = self.robust_px;
-        let weights = [self.conformal, self.stretch, self.smoothing, self.stay];
         check(&[
-            ("register.conformal, stretch, smoothing, stay", from_zero(&weights), "0 or more"),
+            (
+                "register.prior.conformal, stretch, smoothing, hidden",
+                self.prior.is_valid(),
+                "0 or more",
+            ),
             ("register.match_sigma_px", positive(&[self.match_sigma_px]), "positive"),
             (
                 "register.robust_px",
@@ -87,7 +117,11 @@ impl RegisterOptions {
                 "two positive numbers, the second no larger than the first",
             ),
             ("register.depth_hold", positive(&[self.depth_hold]), "positive"),
-            ("register.depth_hold_motion", from_zero(&[self.depth_hold_motion]), "0 or more"),
+            (
+                "register.depth_hold_motion, anchor",
+                from_zero(&[self.depth_hold_motion, self.anchor]),
+                "0 or more",
+            ),
         ])
     }
 }

@@ -1,70 +1,49 @@
-//! The terms that eq. 3 shares with the solves that use shading.
+//! The terms of eqs. 3 and 4 and of the joint problem that are made of one scene.
 
 use super::{Match, Prior, Scene};
 use crate::camera::CameraModel;
-use crate::energy::{
-    Anisotropy, Arap, Boundary, Isometric, Motion, Objective, Shearing, Stay, Stretch,
-};
+use crate::energy::{Arap, Boundary, Motion, Stay};
 use crate::geometry::Point3;
-use crate::solver::Loss;
 
-/// What the surface keeps of its rest shape, with the loss of its strains; the second weight is that
-/// of stretch and counts for the conformal prior alone.
-pub fn keep<'a>(
-    objective: Objective<'a>,
-    scene: &'a Scene,
-    prior: Prior,
-    loss: Loss,
-    [weight, stretch]: [f64; 2],
-) -> Objective<'a> {
-    let rest = &scene.faces;
-    match prior {
-        Prior::Conformal => objective
-            .plus(weight, loss, Shearing { rest })
-            .plus(weight, loss, Anisotropy { rest })
-            .plus(stretch, loss, Stretch { rest }),
-        Prior::Isometric => objective.plus(weight, loss, Isometric { rest }),
-        Prior::Arap => {
-            let arap = Arap::new(&scene.laplacian, &scene.posed, scene.visible_area);
-            objective.plus(weight, loss, arap)
+/// Expected distance of what is not seen from its reference, of the visible radius.
+const HIDDEN_SPREAD: f64 = 0.04;
+
+impl<'a> Scene<'a> {
+    /// Matched surface points project where they were seen, within `sigma_px`.
+    pub fn motion(&self, matches: &[Match], sigma_px: f64) -> Motion<'a, CameraModel> {
+        Motion {
+            camera: self.camera,
+            faces: matches.iter().map(|m| self.face(m)).collect(),
+            barycentrics: matches.iter().map(|m| m.barycentric).collect(),
+            pixels: matches.iter().map(|m| m.pixel).collect(),
+            sigma_px,
         }
     }
-}
 
-/// The motion term of a scene.
-pub fn motion<'a>(scene: &Scene<'a>, matches: &[Match], sigma_px: f64) -> Motion<'a, CameraModel> {
-    Motion {
-        camera: scene.camera,
-        faces: matches.iter().map(|m| scene.face(m)).collect(),
-        barycentrics: matches.iter().map(|m| m.barycentric).collect(),
-        pixels: matches.iter().map(|m| m.pixel).collect(),
-        sigma_px,
+    /// The depth of the matches is that on `shape`, each within its own tolerance (length units).
+    pub fn depth_of(&self, matches: &[Match], shape: &[Point3], sigmas: Vec<f64>) -> Boundary {
+        Boundary {
+            faces: matches.iter().map(|m| self.face(m)).collect(),
+            barycentrics: matches.iter().map(|m| m.barycentric).collect(),
+            depths: matches.iter().map(|m| self.point(m, shape).z).collect(),
+            sigmas,
+        }
     }
-}
 
-/// The depth of the matches held to that of a shape, each within its own tolerance (length units).
-pub fn hold_depth(
-    scene: &Scene,
-    matches: &[Match],
-    shape: &[Point3],
-    sigmas: Vec<f64>,
-) -> Boundary {
-    Boundary {
-        faces: matches.iter().map(|m| scene.face(m)).collect(),
-        barycentrics: matches.iter().map(|m| m.barycentric).collect(),
-        depths: matches.iter().map(|m| scene.point(m, shape).z).collect(),
-        sigmas,
+    /// Vertices that are not `visible` stay near `shape`, each by its share of the visible area.
+    pub fn hidden(&self, visible: &[bool], shape: &[Point3]) -> Stay {
+        let hidden: Vec<usize> = (0..shape.len()).filter(|&v| !visible[v]).collect();
+        Stay {
+            vertices: hidden.iter().map(|&v| [v as u32]).collect(),
+            reference: hidden.iter().map(|&v| shape[v]).collect(),
+            weights: hidden.iter().map(|&v| self.laplacian.mass[v] / self.visible_area).collect(),
+            sigma: HIDDEN_SPREAD * self.radius(),
+        }
     }
-}
 
-/// Hidden vertices held to the rigid pose, each by its share of the visible area, within a
-/// twenty-fifth of the visible radius.
-pub fn stay(scene: &Scene) -> Stay {
-    let hidden: Vec<usize> = (0..scene.posed.len()).filter(|&v| !scene.visible[v]).collect();
-    Stay {
-        vertices: hidden.iter().map(|&v| [v as u32]).collect(),
-        reference: hidden.iter().map(|&v| scene.posed[v]).collect(),
-        weights: hidden.iter().map(|&v| scene.laplacian.mass[v] / scene.visible_area).collect(),
-        sigma: 0.04 * scene.radius(),
+    /// Every ring turns as one, where that is the prior.
+    pub fn arap(&self, prior: Prior) -> Option<Arap> {
+        let arap = || Arap::new(&self.laplacian, &self.posed, self.visible_area);
+        (prior == Prior::Arap).then(arap)
     }
 }

@@ -21,7 +21,8 @@ mod usual;
 mod verdict;
 
 use crate::geometry::{Isometry, Point3};
-use crate::options::{Documented, OptionError, check, commented, from_zero, positive};
+use crate::options::{Documented, OptionError, check, commented, read};
+use crate::pipeline::moved::MOVED;
 use crate::pipeline::{Method, ReconstructOptions};
 use crate::refine::VideoOptions;
 use crate::register::Match;
@@ -89,20 +90,13 @@ impl TrackOptions {
     /// The first field out of them.
     pub fn validate(&self) -> Result<(), OptionError> {
         self.reconstruct.validate()?;
-        let video = &self.video;
+        self.video.validate()?;
         check(&[
             (
-                "video.blur, blurs_after_gap",
-                from_zero(&[video.blur]) && from_zero(&video.blurs_after_gap),
-                "0 or more",
+                "reconstruct.literal",
+                !self.reconstruct.literal,
+                "false for a video: the printed equations have no start from the last shape",
             ),
-            ("video.steps", video.steps >= 1, "at least 1"),
-            (
-                "video.tolerance, reduction, match_px",
-                positive(&[video.tolerance, video.reduction, video.match_px]),
-                "positive",
-            ),
-            ("video.least_blur_px", from_zero(&[video.least_blur_px]), "0 or more"),
             ("correlation", (-1.0..=1.0).contains(&self.correlation), "from -1 to 1"),
             ("search_every", self.search_every >= 1, "at least 1"),
         ])
@@ -113,43 +107,35 @@ impl TrackOptions {
     /// # Errors
     /// As [`from_toml`](Self::from_toml).
     pub fn with_toml(&self, text: &str) -> Result<Self, toml::de::Error> {
-        // By itself first: its errors tell the line.
-        toml::from_str::<Self>(text)?;
-        let mut all = toml::Table::try_from(self).map_err(serde::de::Error::custom)?;
-        lay_over(&mut all, toml::from_str(text)?);
-        let all: Self = all.try_into()?;
+        let all = read(self, text, "reconstruct", &MOVED)?;
         all.validate().map_err(serde::de::Error::custom)?;
         Ok(all)
     }
 }
 
 /// Where the fields of the options are documented.
-const TABLES: [Documented; 8] = [
+const TABLES: [Documented; 12] = [
     ("", include_str!("mod.rs"), "TrackOptions"),
     ("video", include_str!("../refine/video.rs"), "VideoOptions"),
     ("reconstruct.verdict", include_str!("../verdict/thresholds.rs"), "Thresholds"),
     ("reconstruct", include_str!("../pipeline/reconstruct.rs"), "ReconstructOptions"),
     ("reconstruct.register", include_str!("../register/options.rs"), "RegisterOptions"),
+    ("reconstruct.register.prior", include_str!("../register/options.rs"), "PriorWeights"),
     ("reconstruct.refine", include_str!("../refine/options.rs"), "RefineOptions"),
+    (
+        "reconstruct.refine.image",
+        include_str!("../refine/photometric_model.rs"),
+        "PhotometricModel",
+    ),
     ("reconstruct.joint", include_str!("../refine/joint_options.rs"), "JointOptions"),
+    ("reconstruct.joint.prior", include_str!("../register/options.rs"), "PriorWeights"),
+    ("reconstruct.joint.image", include_str!("../refine/photometric_model.rs"), "PhotometricModel"),
     (
         "reconstruct.joint.exposure_unknown",
         include_str!("../refine/joint_options.rs"),
         "ExposureUnknown",
     ),
 ];
-
-/// Replace what another table names, table by table.
-fn lay_over(under: &mut toml::Table, over: toml::Table) {
-    for (key, value) in over {
-        match (under.get_mut(&key), value) {
-            (Some(toml::Value::Table(under)), toml::Value::Table(over)) => lay_over(under, over),
-            (_, value) => {
-                under.insert(key, value);
-            }
-        }
-    }
-}
 
 /// What became of a frame; no surface where it is [`Lost`](crate::verdict::Level::Lost).
 pub type TrackStatus = crate::verdict::Level;

@@ -11,7 +11,7 @@ use crate::image::diagonal;
 use crate::light::LightModel;
 use crate::pipeline::Method;
 use crate::refine::{Near, NearFrame, Photograph, VideoMemory, join, join_near};
-use crate::register::objective::{depth_tolerance, errors_px, explained};
+use crate::register::solve::{depth_tolerance, errors_px, explained};
 use crate::register::{
     Body, Match, Posed, RegisterError, Registered, Scene, pose, pose_near, register_in,
     register_near,

@@ -140,7 +140,6 @@ impl<'a> Tracker<'a> {
         options: TrackOptions,
     ) -> Result<Self, TrackError> {
         options.validate()?;
-        let options = TrackOptions { reconstruct: options.reconstruct.settled(), ..options };
         if !matches!(method, Method::Dsfm | Method::Joint) {
             return Err(TrackError::Method(method));
         }

@@ -65,7 +65,7 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     options.reconstruct.seed = global.seed;
     if let Some(prior) = args.prior.map(Prior::from) {
         let solves = &mut options.reconstruct;
-        (solves.register.prior, solves.joint.prior) = (prior, prior);
+        (solves.register.prior.kind, solves.joint.prior.kind) = (prior, prior);
     }
     let method = match args.method {
         TrackMethod::Dsfm => Method::Dsfm,

@@ -45,11 +45,11 @@ fn objective<'a>(mesh: &Mesh, rest: &'a RestFaces, camera: &'a CameraModel) -> O
     };
     let smoothing = Smoothing::of_displacement(&Laplacian::new(mesh), &mesh.positions, 1600.0);
     Objective::over(mesh.positions.len(), 1)
-        .plus(1.0, Loss::GemanMcClure(4.0), motion)
-        .plus(3e4, Loss::Squared, Shearing { rest })
-        .plus(3e3, Loss::Squared, Stretch { rest })
-        .plus(100.0, Loss::Squared, smoothing)
-        .plus(1.0, Loss::Squared, GlobalsPrior::of(0, 0.1, 0.3))
+        .plus("motion", 1.0, Loss::GemanMcClure(4.0), motion)
+        .plus("shearing", 3e4, Loss::Squared, Shearing { rest })
+        .plus("stretch", 3e3, Loss::Squared, Stretch { rest })
+        .plus("smoothing", 100.0, Loss::Squared, smoothing)
+        .plus("gain prior", 1.0, Loss::Squared, GlobalsPrior::of(0, 0.1, 0.3))
 }
 
 fn start(mesh: &Mesh) -> Unknowns {
@@ -67,10 +67,10 @@ fn assembly_equals_the_dense_sum() {
     let rest = RestFaces::new(&mesh, 100.0);
     let smoothing = || Smoothing::of_displacement(&Laplacian::new(&mesh), &mesh.positions, 100.0);
     let mut problem = Objective::over(25, 1)
-        .plus(2.0, Loss::Huber(0.01), Shearing { rest: &rest })
-        .plus(3.0, Loss::Squared, Stretch { rest: &rest })
-        .plus(0.5, Loss::Squared, smoothing())
-        .plus(0.7, Loss::Squared, GlobalsPrior::of(0, 0.1, 0.3));
+        .plus("shearing", 2.0, Loss::Huber(0.01), Shearing { rest: &rest })
+        .plus("stretch", 3.0, Loss::Squared, Stretch { rest: &rest })
+        .plus("smoothing", 0.5, Loss::Squared, smoothing())
+        .plus("gain prior", 0.7, Loss::Squared, GlobalsPrior::of(0, 0.1, 0.3));
     let state = start(&mesh);
     let (mut hessian, mut gradient) = (DMatrix::zeros(76, 76), DVector::zeros(76));
     add_dense(
@@ -149,7 +149,7 @@ fn a_kept_workspace_gives_what_a_fresh_one_does() {
         assert_eq!(fresh, again);
         // An objective with pairs that the workspace does not know.
         let far = Smoothing::of_displacement(&Laplacian::new(&mesh), &mesh.positions, 100.0);
-        let other = || make().plus(1.0, Loss::Norm, far.clone());
+        let other = || make().plus("far", 1.0, Loss::Norm, far.clone());
         let (kept, _) = other().minimise_in(&mut workspace, start(&mesh), &options);
         let (fresh, _) = other().minimise(start(&mesh), &options);
         assert!(farthest(&kept, &fresh) < 1e-6, "{}", farthest(&kept, &fresh));
@@ -251,9 +251,9 @@ fn vertices_of_any_valence_are_solved() {
         let rest = RestFaces::new(&mesh, 3.0);
         let smoothing = Smoothing::of_displacement(&Laplacian::new(&mesh), &mesh.positions, 3.0);
         let problem = Objective::over(mesh.positions.len(), 0)
-            .plus(1.0, Loss::Squared, Shearing { rest: &rest })
-            .plus(1.0, Loss::Squared, Stretch { rest: &rest })
-            .plus(1.0, Loss::Squared, smoothing);
+            .plus("shearing", 1.0, Loss::Squared, Shearing { rest: &rest })
+            .plus("stretch", 1.0, Loss::Squared, Stretch { rest: &rest })
+            .plus("smoothing", 1.0, Loss::Squared, smoothing);
         let mut vertices = mesh.positions.clone();
         vertices[0].z += 0.05;
         let state = Unknowns { vertices, globals: Vec::new() };

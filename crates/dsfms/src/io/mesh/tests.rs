@@ -52,17 +52,29 @@ fn big_endian_ply() {
 }
 
 #[test]
+fn expected_errors_of_earlier_files_have_their_name() {
+    // Files of earlier versions call it confidence.
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+                property float z\nproperty float confidence\nelement face 1\n\
+                property list uchar int vertex_indices\nend_header\n\
+                0 0 0 0.5\n1 0 0 1.5\n0 1 0 2.5\n3 0 1 2\n";
+    let file = read_text("a.ply", text.as_bytes()).unwrap();
+    assert_eq!(file.attributes["expected_error"], [0.5, 1.5, 2.5]);
+    assert!(!file.attributes.contains_key("confidence"));
+}
+
+#[test]
 fn written_ply_reads_back_exactly_in_double() {
     let mesh = read_text("a.ply", SQUARE_PLY).unwrap().mesh;
     let mesh = mesh.with_positions(mesh.positions.iter().map(|p| p * 0.1).collect());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.ply");
-    let (visible, confidence) = ([true, false, true, true], [0.5, 1.0, 2.0, 0.25]);
+    let (visible, expected_error) = ([true, false, true, true], [0.5, 1.0, 2.0, 0.25]);
     let extras = PlyExtras {
         precision: Precision::Double,
         comments: &["made for a test".into()],
         visible: Some(&visible),
-        confidence: Some(&confidence),
+        expected_error: Some(&expected_error),
         observed: Some(&visible),
         region: Some(&[Region::Observed, Region::Hidden, Region::Contradicted, Region::Folded]),
         color: Some(&[[9, 8, 7]; 4]),
@@ -73,7 +85,7 @@ fn written_ply_reads_back_exactly_in_double() {
     assert_eq!(back.mesh.positions, mesh.positions);
     assert_eq!(back.mesh.topology, mesh.topology);
     assert_eq!(back.unit, Some(MeshUnit::TemplateUnit));
-    assert_eq!(back.attributes["confidence"], confidence);
+    assert_eq!(back.attributes["expected_error"], expected_error);
     assert_eq!((back.attributes["nz"][3], back.attributes["green"][0]), (1.0, 8.0));
     assert_eq!(back.attributes["observed"], [1.0, 0.0, 1.0, 1.0]);
     let short = PlyExtras { visible: Some(&visible[..2]), ..PlyExtras::default() };

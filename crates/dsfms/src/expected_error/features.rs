@@ -57,7 +57,7 @@ const LEAST_PX: f64 = 0.3;
 pub struct Features {
     /// One row a vertex, columns as [`NAMES`]; all finite and, but for rounding, at least 0.
     pub values: Vec<[f64; COUNT]>,
-    /// As [`super::Confidence::observed`].
+    /// As [`super::ExpectedErrors::observed`].
     pub observed: Vec<bool>,
     /// The visible radius `R`, length units.
     pub radius: f64,

@@ -1,13 +1,13 @@
 //! Fits the weights of the expected error and checks them on cases of another seed.
 //!
-//!     cargo run --release --example confidence [-- CASES [OUT]]
+//!     cargo run --release --example expected_error [-- CASES [OUT]]
 //!
-//! Prints the table for `confidence/model.rs` and, as Markdown, rank correlation and reliability on
+//! Prints the table for `expected_error/model.rs` and, as Markdown, rank correlation and reliability on
 //! the cases of the test seed. OUT gets reliability.svg and vertices.csv (every vertex: model, set,
 //! case, seen, observed, error / R, features).
 
-use dsfms::confidence::model::LARGEST;
-use dsfms::confidence::{COUNT, Features, Model, NAMES, Solved, features};
+use dsfms::expected_error::model::LARGEST;
+use dsfms::expected_error::{COUNT, Features, Model, NAMES, Solved, features};
 use dsfms::experiment::Organ;
 use dsfms::geometry::{Point2, Point3};
 use dsfms::image::{Frame, Mask, Picture, ToneCurve, usable, viewport};

@@ -33,9 +33,9 @@ pub struct Solved<'a> {
 
 /// Expected error of every vertex.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Confidence {
+pub struct ExpectedErrors {
     /// Expected distance from the truth, length units of the vertices; finite and positive.
-    pub expected_error: Vec<f64>,
+    pub errors: Vec<f64>,
     /// `true` where the frame says something about the vertex: it is seen, and a kept match or a
     /// brightness that can be used lies within [`features::REACH`] visible radii along the surface.
     /// Elsewhere the vertex is held by the prior alone.
@@ -44,15 +44,12 @@ pub struct Confidence {
 
 /// Predict the error of every vertex.
 #[doc(alias("expected error", "uncertainty"))]
-pub fn confidence(solved: &Solved, model: Model) -> Confidence {
+pub fn expected_errors(solved: &Solved, model: Model) -> ExpectedErrors {
     let found = features(solved);
     let weights = model.weights();
     let error = |f: &[f64; COUNT]| {
         let sum: f64 = f.iter().zip(weights).map(|(f, w)| f * w).sum();
         found.radius * sum.min(model::LARGEST).exp()
     };
-    Confidence {
-        expected_error: found.values.iter().map(error).collect(),
-        observed: found.observed,
-    }
+    ExpectedErrors { errors: found.values.iter().map(error).collect(), observed: found.observed }
 }

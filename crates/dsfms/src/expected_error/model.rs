@@ -29,7 +29,7 @@ impl Model {
 /// visible radii, so beyond that a prediction says no more than "lost".
 pub const LARGEST: f64 = -1.772;
 
-/// Made by `cargo run --release --example confidence -- 30` (gamma regression with a logarithmic link
+/// Made by `cargo run --release --example expected_error -- 30` (gamma regression with a logarithmic link
 /// on a seed that no other experiment uses, all distances to evidence at least 0.05); one row a model,
 /// columns as [`super::NAMES`].
 #[rustfmt::skip]

@@ -1,6 +1,6 @@
 //! The expected error of a vertex: unit, growth, flags, determinism.
 
-use dsfms::confidence::{Confidence, Model, Solved, confidence, features};
+use dsfms::expected_error::{ExpectedErrors, Model, Solved, expected_errors, features};
 use dsfms::geometry::Point3;
 use dsfms::light::{Coated, LightModel};
 use dsfms::mesh::Mesh;
@@ -15,7 +15,7 @@ fn case() -> Case {
 }
 
 /// The rest shape of a case in place of a result, all lengths multiplied by `scale`.
-fn judged(case: &Case, keep: impl Fn(&Match) -> bool, scale: f64, model: Model) -> Confidence {
+fn judged(case: &Case, keep: impl Fn(&Match) -> bool, scale: f64, model: Model) -> ExpectedErrors {
     judged_by(case, keep, scale, model, &RefineOptions::default())
 }
 
@@ -25,7 +25,7 @@ fn judged_by(
     scale: f64,
     model: Model,
     refine: &RefineOptions,
-) -> Confidence {
+) -> ExpectedErrors {
     let scaled = |x: &[Point3]| x.iter().map(|p| p * scale).collect::<Vec<_>>();
     let rest =
         Mesh { positions: scaled(&case.template.mesh.positions), ..case.template.mesh.clone() };
@@ -46,7 +46,7 @@ fn judged_by(
     };
     let photo = (model != Model::Motion).then_some(&photo);
     let visible = &case.visible;
-    confidence(
+    expected_errors(
         &Solved { scene: &scene, vertices: &vertices, visible, matches: &matches, photo, refine },
         model,
     )
@@ -58,7 +58,7 @@ fn the_error_has_the_unit_of_the_surface() {
     let mm = judged(&case, |_| true, 1.0, Model::Joint);
     let cm = judged(&case, |_| true, 0.1, Model::Joint);
     assert_eq!(mm.observed, cm.observed);
-    for (mm, cm) in mm.expected_error.iter().zip(&cm.expected_error) {
+    for (mm, cm) in mm.errors.iter().zip(&cm.errors) {
         assert!((mm - 10.0 * cm).abs() < 1e-6 * mm, "{mm} mm, {cm} cm");
     }
 }
@@ -67,12 +67,13 @@ fn the_error_has_the_unit_of_the_surface() {
 fn it_looks_at_the_brightness_that_the_options_let_in() {
     let case = case();
     // Nothing faces the camera so squarely: no brightness counts, and far from the matches nothing tells.
-    let nothing = RefineOptions { grazing: 2.0, ..Default::default() };
+    let mut nothing = RefineOptions::default();
+    nothing.image.grazing = 2.0;
     let left = |m: &Match| {
         let face = case.template.mesh.topology.faces[m.face as usize];
         case.template.mesh.positions[face[0] as usize].x < -8.0
     };
-    let count = |c: &Confidence| c.observed.iter().filter(|seen| **seen).count();
+    let count = |c: &ExpectedErrors| c.observed.iter().filter(|seen| **seen).count();
     let with = count(&judged(&case, left, 1.0, Model::Joint));
     let without = count(&judged_by(&case, left, 1.0, Model::Joint, &nothing));
     assert!(0 < without && without < with, "{without} of {with} vertices");
@@ -96,7 +97,7 @@ fn it_grows_with_the_distance_from_evidence() {
     let mean = |from: f64, to: f64| {
         let inside: Vec<usize> =
             (0..away.len()).filter(|&v| (from..to).contains(&away[v])).collect();
-        inside.iter().map(|&v| found.expected_error[v]).sum::<f64>() / inside.len() as f64
+        inside.iter().map(|&v| found.errors[v]).sum::<f64>() / inside.len() as f64
     };
     let steps = [mean(0.0, 5.0), mean(8.0, 14.0), mean(20.0, 30.0)];
     assert!(steps[1] > 1.1 * steps[0] && steps[2] > 1.1 * steps[1], "{steps:?}");
@@ -116,7 +117,7 @@ fn without_any_evidence_it_stays_finite() {
     case.visible.fill(false);
     let found = judged(&case, |_| false, 1.0, Model::Motion);
     assert!(found.observed.iter().all(|o| !o));
-    assert!(found.expected_error.iter().all(|e| e.is_finite() && *e > 1.0));
+    assert!(found.errors.iter().all(|e| e.is_finite() && *e > 1.0));
 }
 
 #[test]
@@ -144,6 +145,6 @@ fn a_wrong_shape_is_expected_to_be_worse() {
     // The surface waves by a millimetre, which the image does not show.
     wrong.truth.iter_mut().for_each(|p| p.z += (0.6 * p.x).sin());
     let wrong = judged(&wrong, |_| true, 1.0, Model::Shading);
-    let mean = |c: &Confidence| c.expected_error.iter().sum::<f64>();
+    let mean = |c: &ExpectedErrors| c.errors.iter().sum::<f64>();
     assert!(mean(&wrong) > 1.1 * mean(&right), "{} {}", mean(&wrong), mean(&right));
 }

@@ -1,0 +1,45 @@
+//! Where the options of earlier versions stand.
+
+use crate::options::Moved;
+
+/// Fields of [`ReconstructOptions`](super::ReconstructOptions). Weights of means stood as weights of sums over
+/// 300 vertices (eq. 4), 334 samples and vertices, and 100 points of the contour.
+pub(crate) const MOVED: [Moved; 37] = [
+    Moved::To("register.prior", "register.prior.kind"),
+    Moved::To("register.conformal", "register.prior.conformal"),
+    Moved::To("register.stretch", "register.prior.stretch"),
+    Moved::To("register.smoothing", "register.prior.smoothing"),
+    Moved::To("joint.prior", "joint.prior.kind"),
+    Moved::To("joint.conformal", "joint.prior.conformal"),
+    Moved::To("joint.stretch", "joint.prior.stretch"),
+    Moved::To("joint.smoothing", "joint.prior.smoothing"),
+    Moved::To("register.stay", "register.prior.hidden"),
+    Moved::To("register.literal", "literal"),
+    Moved::To("refine.literal", "literal"),
+    Moved::To("refine.sigma_relative", "refine.image.sigma_relative"),
+    Moved::To("refine.sigma_absolute", "refine.image.sigma_absolute"),
+    Moved::To("refine.colour", "refine.image.colour"),
+    Moved::To("refine.gain_sigma", "refine.image.gain_sigma"),
+    Moved::To("refine.ambient_sigma", "refine.image.ambient_sigma"),
+    Moved::To("refine.contour_blurs", "refine.image.contour_blurs"),
+    Moved::To("refine.grazing", "refine.image.grazing"),
+    Moved::To("refine.specular_deg", "refine.image.specular_deg"),
+    Moved::To("refine.halo", "refine.image.halo"),
+    Moved::To("joint.sigma_relative", "joint.image.sigma_relative"),
+    Moved::To("joint.sigma_absolute", "joint.image.sigma_absolute"),
+    Moved::To("joint.colour", "joint.image.colour"),
+    Moved::To("joint.gain_sigma", "joint.image.gain_sigma"),
+    Moved::To("joint.ambient_sigma", "joint.image.ambient_sigma"),
+    Moved::To("joint.contour_blurs", "joint.image.contour_blurs"),
+    Moved::To("joint.grazing", "joint.image.grazing"),
+    Moved::To("joint.specular_deg", "joint.image.specular_deg"),
+    Moved::To("joint.halo", "joint.image.halo"),
+    Moved::To("refine.smoothing", "refine.lambda_7"),
+    Moved::Scaled("refine.reprojection", "refine.lambda_4", 300.0),
+    Moved::Scaled("refine.diffuse", "refine.lambda_5", 300.0),
+    Moved::Scaled("refine.specular", "refine.lambda_6", 300.0),
+    Moved::Scaled("joint.photometric", "joint.shading", 334.0),
+    Moved::Scaled("joint.silhouette", "joint.outline", 100.0),
+    Moved::Scaled("joint.specular", "joint.highlights", 334.0),
+    Moved::In("refine.reference_count", "refine.lambda_4, lambda_5 and lambda_6", 300.0),
+];
