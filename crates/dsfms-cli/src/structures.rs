@@ -15,7 +15,7 @@ use dsfms::mesh::Mesh;
 use dsfms::mesh::normals::vertex_normals;
 use dsfms::pipeline::{Progress, Reconstruction};
 use dsfms::raster::{Raster, rasterize};
-use dsfms::structures::{Carrier, CarrierOptions, Depth, depths, expected_error};
+use dsfms::structures::{Carrier, CarrierOptions, Depth, depths};
 use dsfms::template::Template;
 use image::RgbImage;
 use rayon::prelude::*;
@@ -137,7 +137,7 @@ impl Structures {
         let deformation = carried.deformation();
         let expected = |d: &Depth| {
             let surface = expected_error.map_or(0.0, |c| c[d.vertex as usize]);
-            expected_error(surface, d.distance, self.half_extent, deformation)
+            dsfms::structures::expected_error(surface, d.distance, self.half_extent, deformation)
         };
         let of = |s: &Structure| Placed {
             points: s.mesh.positions.par_iter().map(|p| carried.at(p)).collect(),
