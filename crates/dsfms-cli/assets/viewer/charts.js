@@ -73,7 +73,7 @@ function chartLines(chart, x) {
   if (!place) return [];
   const against = chart.svg.dataset.against;
   return [`${against.split(",")[0]} ${chart.names ? chart.name(place[0]) : place[0]}${against.split(",")[1] || ""}`,
-    ...near.filter(([, p]) => p && Math.abs(p[0] - place[0]) <= chart.step).map(([label, p]) => `${label ? `${label}: ` : ""}${text(p[1], 3)}`)];
+    ...near.filter(([, p]) => p && Math.abs(p[0] - place[0]) <= chart.step).map(([label, p]) => `${label ? `${label}: ` : ""}${p[1] && Math.abs(p[1]) < 1e-3 ? p[1].toExponential(1) : text(p[1], 3)}`)];
 }
 function wireChart(chart) {
   const { svg } = chart, figure = svg.parentElement, box = Object.assign(document.createElement("div"), { className: "tip", hidden: true });

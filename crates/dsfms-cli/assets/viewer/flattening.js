@@ -4,7 +4,7 @@ function legend(layer, bar, ticks) {
   if (!layer.values) return;
   if (layer.flags) {
     bar.hidden = true;
-    ticks.innerHTML = `<span><b style="color:rgb(${SEEN})">■</b> seen</span><span><b style="color:rgb(${HIDDEN})">■</b> hidden or outside</span>`;
+    ticks.innerHTML = `<span><b aria-hidden="true" style="color:rgb(${SEEN})">■</b> seen</span><span><b aria-hidden="true" style="color:rgb(${HIDDEN})">■</b> hidden or outside</span>`;
     return;
   }
   bar.hidden = false;

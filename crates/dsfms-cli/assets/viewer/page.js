@@ -60,7 +60,7 @@ function wire_up() {
   if (!data.camera) document.querySelector("[data-view=camera]").textContent = "Front";
   pointKinds.forEach(([id, name]) => $("points-by").append(option(id, name)));
   $("speed").value = data.frames.length > 12 ? 10 : 2;
-  $("structure-names").innerHTML = data.structures.map((s, i) => `<span><b style="color:${BURIED[i % 4]}">●</b> ${escape(s.name)}</span>`).join("");
+  $("structure-names").innerHTML = data.structures.map((s, i) => `<span><b aria-hidden="true" style="color:${BURIED[i % 4]}">●</b> ${escape(s.name)}</span>`).join("");
   if (data.structures.length) { $("overlay-kind").value = "structures"; $("matches").checked = false; }
   else $("overlay-kind").querySelector("[value=structures]").remove();
   document.querySelectorAll(".unit").forEach((e) => { e.textContent = unit; });

@@ -78,6 +78,7 @@ function aim(cell) {
   const half = Math.tan(fit / 2) / Math.min(eye.aspect, 1);
   eye.fov = (2 * Math.atan(half) * 180) / Math.PI;
   eye.updateProjectionMatrix();
+  eye.updateMatrixWorld(); // who asks before the next drawing sees where it is
 }
 let labelled = "", sized = "";
 /** A new drawing buffer only where the size has changed. */

@@ -24,6 +24,8 @@ const PALE: &str = r"(() => {
   const pale = [], walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   while (walker.nextNode()) {
     const node = walker.currentNode, e = node.parentElement, style = getComputedStyle(e);
+    // A swatch is no text.
+    if (!/[\p{L}\p{N}]/u.test(node.data) && e.closest('[aria-hidden=true]')) continue;
     if (!node.data.trim() || /SCRIPT|STYLE|OPTION|NOSCRIPT/.test(e.tagName) || !e.checkVisibility({ visibilityProperty: true })) continue;
     const below = ground(e), ink = over(parse(e.closest('svg') ? style.fill : style.color), below);
     const [a, b] = [light(ink), light(below)].sort((x, y) => y - x), ratio = (a + 0.05) / (b + 0.05);

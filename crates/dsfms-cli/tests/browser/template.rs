@@ -7,10 +7,8 @@ use serde_json::{Value, json};
 fn page(case: &Case) -> String {
     std::fs::copy(case.path("frames/organ_003.png"), case.path("frames/organ_004.png")).unwrap();
     let rows = json!([[1, 0, 0], [0, 1, 0], [0, 0, 1]]);
-    let poses = json!({
-        "organ_003.png": { "R": rows, "t": [1.0, -0.5, 75.0] },
-        "organ_004.png": { "R": rows, "t": [-9.0, -0.5, 75.0] },
-    });
+    let pose = |image: &str, x: f64| json!({ "image": image, "R": rows, "t": [x, -0.5, 75.0] });
+    let poses = json!({ "exploration": [pose("organ_003.png", 1.0), pose("organ_004.png", -9.0)] });
     std::fs::write(case.path("poses.json"), poses.to_string()).unwrap();
     let arguments = "template frames --mesh organ.ply --camera camera.json --poses poses.json -q \
         -o posed.template";
