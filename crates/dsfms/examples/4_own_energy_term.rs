@@ -64,10 +64,9 @@ pub fn run() -> Result<[f64; 2], Box<dyn Error>> {
         assert_jacobian(&range, &scene.posed, &[]);
         let (prior, faces, area) = (&options.prior, &scene.faces, scene.visible_area);
         let smoothing = Smoothing::of_displacement(&scene.laplacian, &scene.posed, area);
-        let motion = scene.motion(&case.matches, options.match_sigma_px);
         let start = Unknowns { vertices: scene.posed.clone(), globals: vec![] };
         let (found, report) = Objective::over(scene.posed.len(), 0)
-            .plus("motion", 1.0, Loss::Huber(2.0), motion)
+            .plus("motion", 1.0, Loss::Huber(2.0), scene.motion(&case.matches, 1.0))
             .plus("shearing", prior.conformal, Loss::Squared, Shearing { rest: faces })
             .plus("anisotropy", prior.conformal, Loss::Squared, Anisotropy { rest: faces })
             .plus("stretch", prior.stretch, Loss::Squared, Stretch { rest: faces })

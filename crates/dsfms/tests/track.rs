@@ -11,7 +11,7 @@ use dsfms::sfm::{SfmOptions, detect};
 use dsfms::synth::{Case, CaseOptions, Draw, RenderOptions, render};
 use dsfms::template::anchor::{AnchorOptions, FeatureView, anchor_features};
 use dsfms::template::{SurfaceTexels, Template};
-use dsfms::track::{TrackOptions, TrackStatus, Tracked, Tracker, Way};
+use dsfms::track::{Origin, TrackOptions, TrackStatus, Tracked, Tracker};
 use dsfms::verdict::{Reason, Region};
 
 struct Clip {
@@ -88,8 +88,8 @@ fn black_and_cut_are_survived_and_no_wrong_surface_is_ok() {
     assert!(tracked[4].surface.is_none() && matches!(tracked[4].reasons[0], Reason::Black { .. }));
     let good = status.iter().filter(|s| **s == TrackStatus::Ok).count();
     assert!(good >= 7, "{status:?} {reasons:?}");
-    let way = |k: usize| tracked[k].surface.as_ref().map(|s| s.way);
-    assert_eq!((way(0), way(1)), (Some(Way::Found), Some(Way::Followed)));
+    let way = |k: usize| tracked[k].surface.as_ref().map(|s| s.origin);
+    assert_eq!((way(0), way(1)), (Some(Origin::Found), Some(Origin::Followed)));
     assert!(way(6).is_some(), "not found after the cut: {reasons:?}");
     let error = |k: usize| -> Option<f64> {
         let (found, truth) = (tracked[k].surface.as_ref()?, clip.truth[k].as_ref()?);
@@ -143,7 +143,7 @@ fn joint_from_the_last_shape_is_as_good_as_alone_survives_black_and_ignores_thre
         (squares.sum::<f64>() / truth.len() as f64).sqrt()
     };
     let surface = |k: usize| one[k].surface.as_ref().unwrap();
-    assert_eq!(surface(3).way, Way::Followed);
+    assert_eq!(surface(3).origin, Origin::Followed);
     assert!(surface(3).photometric.is_some_and(|r| r < 0.1));
     // The last before the black frame, and the first after it.
     for k in [3, 5] {

@@ -12,7 +12,7 @@ use crate::reasons::sentences;
 use dsfms::camera::CameraModel;
 use dsfms::image::Frame;
 use dsfms::template::Template;
-use dsfms::track::{Surface, TrackStatus, Tracked, Way};
+use dsfms::track::{Origin, Surface, TrackStatus, Tracked};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -109,7 +109,7 @@ impl<'a> TrackReport<'a> {
             status: tracked.status,
             reasons: sentences(&tracked.reasons),
             ms,
-            found: tracked.surface.as_ref().is_some_and(|s| s.way == Way::Found),
+            found: tracked.surface.as_ref().is_some_and(|s| s.origin == Origin::Found),
             stages: tracked.stages.clone(),
             quality: tracked
                 .surface

@@ -12,8 +12,8 @@ use nalgebra::{Matrix3, SVector};
 /// `r = (wᵢ·I′(π(xᵢ)) − e^γ αᵢ s(xᵢ, Nᵢ) − κ wᵢ·1) / σᵢ` for the diffuse vertices `𝒟ᵥ`, with the log gain
 /// `γ = g₀` and the ambient light `κ = g₁` as global unknowns.
 ///
-/// The image gradient is kept in the derivative of `I′(π(xᵢ))`. A vertex that leaves the image goes on
-/// seeing its edge.
+/// The image gradient is kept in the derivative of `I′(π(xᵢ))`. A vertex that leaves the image keeps the
+/// value at its edge.
 #[doc(alias("eq. 4", "Lambertian"))]
 #[derive(Clone, Debug)]
 pub struct Diffuse<'a, C, L> {

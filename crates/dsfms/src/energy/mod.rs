@@ -3,6 +3,7 @@
 //! A term is a family of residual blocks; it sees only the vertices it declares, so the sparsity
 //! pattern cannot be wrong and is factorised symbolically once. A new term is one new file.
 
+pub mod anchor;
 pub mod anisotropy;
 pub mod arap;
 pub mod boundary;
@@ -20,10 +21,10 @@ pub mod shearing;
 pub mod silhouette;
 pub mod smoothing;
 pub mod specular;
-pub mod stay;
 pub mod stretch;
 
 use crate::geometry::Point3;
+pub use anchor::AnchorPrior;
 pub use anisotropy::Anisotropy;
 pub use arap::Arap;
 pub use boundary::Boundary;
@@ -40,7 +41,6 @@ pub use shearing::Shearing;
 pub use silhouette::{ContourPoint, Silhouette};
 pub use smoothing::Smoothing;
 pub use specular::Specular;
-pub use stay::Stay;
 pub use stretch::Stretch;
 
 /// What the channels of an image say of a surface point, as one weighted sum of them.

@@ -28,7 +28,7 @@ const STRIPES: usize = 2;
 /// Reads as the paper prints it:
 ///
 /// ```
-/// use dsfms::energy::{Objective, Shearing, Smoothing, Stay, Unknowns};
+/// use dsfms::energy::{Objective, Shearing, Smoothing, AnchorPrior, Unknowns};
 /// use dsfms::geometry::{Point3, Vector3};
 /// use dsfms::{register::Scene, solver::{Loss, Options}, synth::Case};
 ///
@@ -39,7 +39,7 @@ const STRIPES: usize = 2;
 /// let smoothing = Smoothing::of_displacement(&scene.laplacian, &posed, scene.visible_area);
 /// // One vertex is pulled 2 mm towards the camera, the others follow.
 /// let pull = posed[150] - Vector3::new(0.0, 0.0, 2.0);
-/// let pull = Stay { vertices: vec![[150]], reference: vec![pull], weights: vec![1.0], sigma: 0.1 };
+/// let pull = AnchorPrior { vertices: vec![[150]], reference: vec![pull], weights: vec![1.0], sigma: 0.1 };
 /// let start = Unknowns { vertices: posed.clone(), globals: vec![] };
 /// let (found, _) = Objective::over(posed.len(), 0)
 ///     .plus("shearing", 3e4, Loss::Squared, Shearing { rest: &scene.faces })
@@ -58,7 +58,7 @@ pub struct Objective<'a> {
 }
 
 /// What outlives an objective: patterns, ordering, symbolic factors and memory. Hand it from solve
-/// to solve over the same mesh; an objective that it does not fit makes it anew.
+/// to solve over the same mesh; an objective that it does not fit makes it again.
 #[derive(Default)]
 pub struct Workspace {
     system: Option<System>,

@@ -15,9 +15,9 @@ use rayon::prelude::*;
 /// full mesh over the one that is solved on. The log gain `γ = g₀ + Σ wₖ gₖ` varies slowly over the
 /// surface; it and the ambient light `κ = g₁` are global unknowns.
 ///
-/// Unlike eq. 4, which speaks of vertices only, the samples carry the texture between them, so the
-/// image also fixes where on the surface a point lies. A sample that leaves the image goes on seeing
-/// its edge: refusing the step would stop an organ that crosses the border from moving at all.
+/// Unlike eq. 4, which has vertices only, the samples carry the texture between them, so the
+/// image also fixes where on the surface a point lies. A sample that leaves the image keeps the value
+/// at its edge: refusing the step would stop an organ that crosses the border from moving at all.
 #[doc(alias = "direct alignment")]
 #[derive(Clone, Debug)]
 pub struct Photometric<'a, C, L> {

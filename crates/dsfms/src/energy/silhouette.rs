@@ -10,7 +10,7 @@ use nalgebra::SVector;
 /// condition holds on one side only (the rim of an open surface, which need not be where the organ
 /// ends) has no residual inside.
 ///
-/// A vertex that leaves the image goes on seeing the distance at its edge.
+/// A vertex that leaves the image keeps the distance at its edge.
 #[doc(alias = "occluding contour")]
 #[derive(Clone, Debug)]
 pub struct Silhouette<'a, C> {

@@ -13,6 +13,7 @@ use crate::refine::{
     refine_printed,
 };
 use crate::register::scene::visibility;
+use crate::register::solve::{EXPLAINED, limit_px};
 use crate::register::{
     Body, Deformable, Match, Posed, RegisterOptions, Registered, Scene, find, pose, register,
     register_printed,
@@ -343,7 +344,7 @@ fn rigid_result(
     posed: &Posed,
     options: &RegisterOptions,
 ) -> Reconstruction {
-    let limit = (3.0 * options.robust_px[1]).max(3.0 * posed.median_px());
+    let limit = limit_px(options).max(EXPLAINED * posed.median_px());
     let kept = posed.residuals_px.iter().map(|&r| r <= limit);
     Reconstruction {
         verdict: Verdict::default(),

@@ -9,7 +9,7 @@ use crate::raster::{Raster, regions::distance_to};
 use crate::register::Body;
 
 /// A vertex further inside the predicted silhouette than this is on no contour against what lies
-/// around the organ, px.
+/// around the organ, px: the noise of an outline.
 const AT_CONTOUR: f64 = 2.0;
 
 /// Vertices of the contour of `shape` (camera axes) against its surroundings: where faces turned to

@@ -11,7 +11,8 @@ use crate::light::LightModel;
 use crate::raster::visible_vertices;
 use crate::register::Body;
 
-/// Bounds of the spread of the normals of a highlight, degrees.
+/// Bounds of the spread of the normals of a highlight, degrees: what highlights on wet tissue show
+/// (`docs/results/choices.md`, highlights).
 const LOBE_DEG: [f64; 2] = [4.0, 15.0];
 
 /// The cues of one photograph at one shape.

@@ -1,4 +1,4 @@
-//! Which vertices may speak of shading, which mirror the light, and what albedo they have.
+//! Which vertices show shading, which mirror the light, and what albedo they have.
 
 use super::RefineOptions;
 use super::glare::weigh;

@@ -8,7 +8,7 @@
 
 use crate::geometry::Point3;
 
-/// Nodes that a place reads.
+/// Nodes that a place reads: beyond a length and a half from it weights are next to nothing.
 pub(super) const NEAREST: usize = 4;
 
 /// Nodes at most: more would cost more than they tell.

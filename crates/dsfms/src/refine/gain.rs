@@ -7,7 +7,7 @@
 //! ([`scaled`]).
 
 use super::PhotometricModel;
-use super::hold::shared_motions;
+use super::depth_prior::shared_motions;
 use super::look::Look;
 use crate::geometry::triangle::area;
 use crate::geometry::{Point3, Vector3, median};
@@ -163,7 +163,7 @@ impl AtMatches {
 /// tissue does that, and a wrong exposure under a near light does.
 pub(super) fn scaled(scene: &Scene, shape: &[Point3]) -> bool {
     let rest = &scene.rest.positions;
-    // Seen area, and how much of it is stretched and shrunk.
+    // ImageSamples area, and how much of it is stretched and shrunk.
     let (mut seen, mut ends) = (0.0, [0.0; 2]);
     for face in &scene.rest.topology.faces {
         let [a, b, c] = face.map(|v| v as usize);

@@ -1,4 +1,4 @@
-//! Brightness without glare: which weighted sum of the channels speaks of shading, and how surely.
+//! Brightness without glare: which weighted sum of the channels shows shading, and with what noise.
 //!
 //! Light mirrored by wet tissue is white while tissue is not (dichromatic reflection), so the
 //! channels tell how much glare there is without knowing the shape. Where there is some, the sum that
@@ -46,7 +46,7 @@ pub(super) struct Weighed {
     pub(super) log_gain: f64,
 }
 
-/// Tissue paler than this does not tell glare from itself.
+/// Of all constants here: `docs/results/choices.md`, glare. Tissue paler than this does not tell glare from itself.
 const PALE: f64 = 0.1;
 
 /// Where glare of this part of the brightness could hide, colours do not tell.

@@ -6,13 +6,13 @@
 
 use super::Photograph;
 use super::cues::Cues;
+use super::depth_prior::depth_prior;
 use super::field::GainField;
 use super::gain::{AtMatches, GainPrior, scaled};
-use super::hold::hold;
 use super::joint_objective::JointProblem;
 use super::joint_options::JointOptions;
 use super::mirror::mirrored;
-use super::samples::{Seen, look};
+use super::samples::{ImageSamples, look};
 use crate::energy::{Boundary, FaceRings, Photometric, Unknowns, Workspace};
 use crate::geometry::Point3;
 use crate::light::LightModel;
@@ -97,13 +97,14 @@ fn join_told(
         let cues = Cues::of(&look, body, &state.vertices, photo, options);
         let at = || AtMatches::of(&look, scene, matches, [start, &scene.posed]);
         let at_matches = if stage == 0 { at() } else { None };
-        let mut seen = Seen::of(look, body, &state.vertices, options);
+        let mut seen = ImageSamples::of(look, body, &state.vertices, options);
         let Told { gain, hold, options, .. } = told.get_or_insert_with(|| {
             state.globals[0] = seen.log_gain;
             let gain = GainPrior::of(photo.exposure, seen.log_gain, at_matches, &options.image);
             // Brightness tells the distance from a near light as well as the exposure is known.
             let (light, slack) = (&photo.light.light, gain.slack(options.image.gain_sigma));
-            let hold = hold(scene, matches, &scene.posed, depth_sigma, light, options, slack);
+            let hold =
+                depth_prior(scene, matches, &scene.posed, depth_sigma, light, options, slack);
             let told = options.tells_distance(&gain, light) || *light == LightModel::Collinear;
             let options = if told { options.clone() } else { options.without_exposure() };
             Told { gain, at_matches, hold, options }
@@ -136,7 +137,7 @@ fn join_told(
         state = next;
         let residual = shading.mean_residual(topology, &state.vertices, &state.globals);
         last = Some((summary, count, residual));
-        // A near light tells the distance of everything, so the shape now knows the pose better than
+        // A near light tells the distance of everything, so the shape knows the pose better than
         // the matches did; under a distant one only the matches hold it.
         if matches!(photo.light.light, LightModel::Point(_)) {
             reposed = Some(scene.reposed(&state.vertices));

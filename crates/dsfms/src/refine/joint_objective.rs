@@ -9,7 +9,7 @@
 //!      + λ_h/n Σᵥ ρ_h(‖L × N‖² / σ_l²)            highlights         saturated vertices; n vertices are seen
 //!      + λ₃ R² Σᵥ Aᵥ/A ‖Lap(x − x₀)ᵥ‖²            smoothing
 //!      + λ_p/p Σⱼ ρ_p(rⱼ²)                        shading            p samples: r = (w·I − (γ g w·α L·N + w·a)) / σ
-//!      + Σᵢ H((zᵢ − z₀ᵢ)² / σᵢ²)                  depth prior        σᵢ: `hold.rs`
+//!      + Σᵢ H((zᵢ − z₀ᵢ)² / σᵢ²)                  depth prior        σᵢ: `depth_prior.rs`
 //!      + λₕ Σᵥ Aᵥ/A ‖xᵥ − x₀ᵥ‖² / σₕ²             hidden side        vertices that are not seen of x₀
 //!      + (ln g − ln g₀)² / σ_g² + a² / σ_a²       gain and ambient light of the frame
 //!      + Σₖ γₖ² / σ_γ²                            smooth gain        nodes k of the field γ: `field.rs`
@@ -41,7 +41,8 @@ use crate::light::Coated;
 use crate::register::{Match, Prior, Scene};
 use crate::solver::Loss::{GemanMcClure, Huber, Squared};
 
-/// Scale of Huber's loss of the silhouette, in standard deviations of the outline.
+/// Scale of Huber's loss of the silhouette, in standard deviations of the outline: what lies further is a mask
+/// drawn elsewhere.
 const OUTLINE_SCALE: f64 = 2.0;
 
 /// Scale of the loss of highlights, in widths of the lobe: a saturated vertex further from the mirror

@@ -1,8 +1,8 @@
 //! What one shape makes of a photograph at one blur: light and albedo at surface points.
 
 use super::Photograph;
-use super::foreign::foreign;
 use super::glare::{Channels, pale};
+use super::occluders::occluders;
 use crate::camera::Camera;
 use crate::geometry::{Point2, Point3, Vector3, point_at};
 use crate::image::filter::blur_masked_all;
@@ -87,7 +87,7 @@ impl<'a> Look<'a> {
             |i: usize| known[i] && photo.usable.data[i] && picture.clipped[i] == [false; 3];
         let counts: Vec<bool> = (0..known.len()).map(counts).collect();
         let told = look.options.colour && !pale(&look.albedo, &known);
-        let covered = if told { look.foreign(&counts) } else { look.possible_glare() };
+        let covered = if told { look.occluders(&counts) } else { look.possible_glare() };
         let data = counts.iter().zip(&covered.data).map(|(&counts, covered)| counts && !covered);
         let mask = Mask { size: look.raster.size, data: data.collect() };
         let channels = [0, 1, 2].map(|c| (&picture.linear, c)).into_par_iter();
@@ -102,14 +102,14 @@ impl<'a> Look<'a> {
     }
 
     /// Pixels that show something else than the surface.
-    fn foreign(&self, counts: &[bool]) -> Mask {
+    fn occluders(&self, counts: &[bool]) -> Mask {
         let light = |(p, n)| self.photo.light.shade(p, n).value.max(0.0);
         let lit: Vec<f64> = self.shape.iter().zip(&self.normals).map(light).collect();
         let shade = self.raster.render(0.0, |face, b| {
             let corners = self.rest.topology.faces[face];
             (0..3).map(|k| b[k] * lit[corners[k] as usize]).sum()
         });
-        foreign(&self.photo.picture.linear, &self.albedo, &shade, counts)
+        occluders(&self.photo.picture.linear, &self.albedo, &shade, counts)
     }
 
     /// Pixels that may be glare, where their colour does not tell: they must not reach their

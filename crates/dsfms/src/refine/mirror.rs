@@ -7,7 +7,7 @@
 use crate::geometry::Point3;
 use crate::mesh::Topology;
 
-/// Vertices that moved less than this part of the largest movement belong to no region.
+/// Of all constants here: `docs/results/choices.md`, both signs. Vertices that moved less than this part of the largest movement belong to no region.
 const CALM: f64 = 0.1;
 
 /// Regions whose largest movement is less than this part of the largest of all are left alone.

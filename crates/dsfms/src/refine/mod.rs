@@ -1,28 +1,27 @@
 //! DSfMS: shading and specularities refine the coarse shape (paper §7, eq. 4).
 
-mod asked;
 mod contour;
 mod cues;
+mod depth_prior;
 pub mod evidence;
 mod field;
-mod foreign;
 mod gain;
 mod glare;
-mod hold;
 pub mod joint;
 mod joint_objective;
 pub mod joint_options;
 mod look;
 pub mod mirror;
 mod objective;
+mod occluders;
 pub mod options;
 mod photometric_model;
 mod printed;
 mod samples;
 mod solve;
+mod support;
 pub mod video;
 
-pub use asked::Comparison;
 pub use evidence::{Evidence, Photograph};
 pub use gain::AtMatches;
 pub use joint::{Joined, join};
@@ -31,4 +30,5 @@ pub use options::RefineOptions;
 pub use photometric_model::PhotometricModel;
 pub use printed::refine_printed;
 pub use solve::{Refined, refine};
+pub use support::Comparison;
 pub use video::{Carried, Near, NearFrame, VideoMemory, VideoOptions, join_near};

@@ -40,14 +40,14 @@ pub(super) fn look<'a>(
 }
 
 /// What a look leaves for the solve.
-pub(super) struct Seen {
+pub(super) struct ImageSamples {
     pub(super) image: ColorImage,
     pub(super) samples: Vec<Sample>,
     /// Robust ratio of image to prediction, the start of the gain.
     pub(super) log_gain: f64,
 }
 
-impl Seen {
+impl ImageSamples {
     /// `shape`: the mesh that is solved on, which carries the full mesh that the look is at.
     pub(super) fn of(look: Look, body: &Body, shape: &[Point3], options: &JointOptions) -> Self {
         let places = match body.is_carried() {
@@ -96,7 +96,7 @@ fn inside_faces(look: &Look, options: &JointOptions) -> Vec<(Place, Channels)> {
     all.filter_map(|i| one(i / inside.len(), inside[i % inside.len()])).collect()
 }
 
-/// Samples at the vertices of a full mesh that a control mesh carries; of very many every so-manieth.
+/// Samples at the vertices of a full mesh that a control mesh carries; of very many one in several.
 fn at_vertices(
     look: &Look,
     body: &Body,

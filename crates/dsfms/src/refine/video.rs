@@ -1,16 +1,16 @@
-//! The joint solve of a frame whose surface is nearly known: that of the frame before.
+//! The joint solve of a frame whose surface is nearly known: that of the previous frame.
 //!
 //! A shape that is right but for what happens in a twenty-fifth of a second needs no coarse blur, no
 //! annealing and no other starts: a few steps at the finest blur, from the last shape, with the
 //! memory of the last solve.
 
 use super::Photograph;
+use super::depth_prior::depth_prior;
 use super::gain::{AtMatches, GainPrior, scaled};
-use super::hold::hold;
 use super::joint::Told;
 use super::joint_objective::JointProblem;
 use super::joint_options::JointOptions;
-use super::samples::{Seen, look};
+use super::samples::{ImageSamples, look};
 use crate::energy::{FaceRings, Photometric, Unknowns, Workspace};
 use crate::geometry::Point3;
 use crate::options::{OptionError, check, from_zero, positive};
@@ -202,7 +202,7 @@ fn near_told(
         // Where only the pose puts the matches: a shape that a wrong exposure has moved agrees with it.
         let at = || AtMatches::of(&look, scene, matches, [posed; 2]);
         let at_matches = if stage == 0 { at() } else { None };
-        let seen = Seen::of(look, body, &state.vertices, joint);
+        let seen = ImageSamples::of(look, body, &state.vertices, joint);
         let Told { gain, hold, options, .. } = told.get_or_insert_with(|| {
             // The many matches of a followed frame tell the exposure themselves where they are at rest.
             let here = at_matches.filter(AtMatches::calm).map(|at| at.log_gain);
@@ -210,7 +210,7 @@ fn near_told(
             let exposure = photo.exposure.map(here);
             let gain = GainPrior::of(exposure, seen.log_gain, at_matches, &joint.image);
             let slack = gain.slack(joint.image.gain_sigma);
-            let hold = hold(scene, matches, posed, frame.depth_sigma, light, joint, slack);
+            let hold = depth_prior(scene, matches, posed, frame.depth_sigma, light, joint, slack);
             let told = joint.tells_distance(&gain, light);
             let options = if told { joint.clone() } else { joint.without_exposure() };
             Told { gain, at_matches, hold, options }

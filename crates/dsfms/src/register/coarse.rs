@@ -18,7 +18,8 @@ pub(super) struct Coarse {
     memory: Box<RegisterMemory>,
 }
 
-/// Meshes of more vertices are first solved on a coarse one.
+/// Meshes of more vertices are first solved on a coarse one: below, making it takes as long as it saves
+/// (`docs/results/solver.md`, as all constants here).
 const COARSE_ABOVE: usize = 900;
 
 /// Vertices of the coarsest mesh.

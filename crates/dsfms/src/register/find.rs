@@ -16,6 +16,10 @@ use rayon::prelude::*;
 /// with some pose are likely.
 pub const NEEDED: usize = 12;
 
+/// Descriptors within this part of the largest side of the template are of one place, which repeated tissue
+/// must not compete with.
+const ONE_PLACE: f64 = 0.02;
+
 /// Matches kept at most; more only repeat one another.
 const MOST: usize = 600;
 
@@ -57,7 +61,7 @@ impl<'a> Search<'a> {
         Self {
             places: places.map(|(&f, &b)| point_at(rest.corners(f as usize), b)).collect(),
             descriptors: UnitDescriptors::new(&features.descriptors),
-            radius: 0.02 * extent(&rest.positions),
+            radius: ONE_PLACE * extent(&rest.positions),
             features,
         }
     }

@@ -127,7 +127,7 @@ fn settled(
 fn shared_motion(offsets: &[(Point3, Vector2)]) -> f64 {
     let places = Neighbours::of(offsets.iter().map(|o| o.0.coords.into()).collect());
     let neighbour = |i: usize| places.nearest(i, 1).first().copied();
-    // Of very many matches every so-manieth tells as much.
+    // Of very many matches one in several tells as much.
     let products: Vec<f64> = (0..offsets.len())
         .step_by(offsets.len() / MOST_SAMPLED + 1)
         .filter_map(|i| Some(offsets[i].1.dot(&offsets[neighbour(i)?].1)))

@@ -52,7 +52,7 @@ impl<'a> Scene<'a> {
         Self { camera, rest, posed, visible, visible_area, faces, laplacian }
     }
 
-    /// The same frame with the rest shape posed anew: where most of what is seen of `shape` lies.
+    /// The same frame with the rest shape posed again: where most of what is seen of `shape` lies.
     pub fn reposed(&self, shape: &[Point3]) -> Self {
         let seen = || (0..shape.len()).filter(|&v| self.visible[v]);
         let rest: Vec<Point3> = seen().map(|v| self.rest.positions[v]).collect();

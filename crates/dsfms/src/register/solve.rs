@@ -33,7 +33,7 @@ const GROWTH: f64 = 1.1;
 /// A step that lowers the cost by less than this part of it is the last.
 pub(super) const TOLERANCE: f64 = 1e-4;
 
-/// Steps under one loss at most.
+/// Steps under one loss at most: a bound on time.
 pub(super) const STEPS: usize = 15;
 
 /// What outlives a frame of the same template: the coarse mesh and the symbolic factors.
@@ -47,7 +47,7 @@ pub struct RegisterMemory {
 ///
 /// Where neighbouring matches share a motion that the pose does not explain and that the depth hold
 /// would not allow, the surface bends as a whole and no part of it gives the pose: the solve is then
-/// repeated from the rest shape posed anew, with smoothing and depth hold loosened to the motion
+/// repeated from the rest shape posed again, with smoothing and depth hold loosened to the motion
 /// found, until that no longer grows.
 ///
 /// ```
@@ -81,7 +81,7 @@ pub fn register(
 }
 
 /// Solve eq. 3 from the rigid pose with what an earlier frame of the same template has left; a
-/// memory of another template is made anew.
+/// memory of another template is made again.
 pub fn register_in(
     memory: &mut RegisterMemory,
     scene: &Scene,
@@ -135,7 +135,7 @@ fn displacement_near(
     displacement.max(displacement_of(scene, matches, near, options))
 }
 
-/// Solve eq. 3 from a shape near the solution (that of the frame before): the last loss alone, and
+/// Solve eq. 3 from a shape near the solution (that of the previous frame): the last loss alone, and
 /// no rounds.
 pub fn register_near(
     memory: &mut RegisterMemory,
@@ -149,7 +149,7 @@ pub fn register_near(
     let problem = Problem { scene, matches, displacement, options };
     let losses = losses(options);
     let start = Unknowns { vertices: near.to_vec(), globals: Vec::new() };
-    // Few good steps: a start this near needs no more, and the next frame goes on.
+    // Few good steps: a start this near needs no more, and the next frame continues.
     let solver =
         Options { max_steps: 4, cost_tolerance: 1e-3, reduction: 0.03, ..Options::default() };
     let problem = problem.objective(losses[losses.len() - 1]);
@@ -245,9 +245,10 @@ fn displacement_of(
 
 /// A match further from a shape than this many of the last Geman-McClure scales is not explained by it:
 /// nine tenths of the loss are spent there.
-const EXPLAINED: f64 = 3.0;
+pub(crate) const EXPLAINED: f64 = 3.0;
 
-fn limit_px(options: &RegisterOptions) -> f64 {
+/// The largest distance in the image at which a match is explained, px.
+pub(crate) fn limit_px(options: &RegisterOptions) -> f64 {
     EXPLAINED * options.robust_px[1]
 }
 

@@ -2,10 +2,11 @@
 
 use super::{Match, Prior, Scene};
 use crate::camera::CameraModel;
-use crate::energy::{Arap, Boundary, Motion, Stay};
+use crate::energy::{AnchorPrior, Arap, Boundary, Motion};
 use crate::geometry::Point3;
 
-/// Expected distance of what is not seen from its reference, of the visible radius.
+/// Expected distance of what is not seen from its reference, of the visible radius: as `depth_hold`, the
+/// tolerance of what is held to the rigid pose.
 const HIDDEN_SPREAD: f64 = 0.04;
 
 impl<'a> Scene<'a> {
@@ -31,9 +32,9 @@ impl<'a> Scene<'a> {
     }
 
     /// Vertices that are not `visible` stay near `shape`, each by its share of the visible area.
-    pub fn hidden(&self, visible: &[bool], shape: &[Point3]) -> Stay {
+    pub fn hidden(&self, visible: &[bool], shape: &[Point3]) -> AnchorPrior {
         let hidden: Vec<usize> = (0..shape.len()).filter(|&v| !visible[v]).collect();
-        Stay {
+        AnchorPrior {
             vertices: hidden.iter().map(|&v| [v as u32]).collect(),
             reference: hidden.iter().map(|&v| shape[v]).collect(),
             weights: hidden.iter().map(|&v| self.laplacian.mass[v] / self.visible_area).collect(),

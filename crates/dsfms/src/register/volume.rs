@@ -1,4 +1,4 @@
-//! The side nobody sees moves like tissue: a volumetric prior.
+//! The hidden side moves like tissue: a volumetric prior.
 //!
 //! What a frame shows of an organ carries the rest along: inside a closed surface lies tissue that
 //! resists strain. The surface and points inside it form a graph whose edges turn as rigidly as they

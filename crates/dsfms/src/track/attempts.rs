@@ -3,7 +3,7 @@
 use super::judged::Candidate;
 use super::prepare::View;
 use super::tracker::{Clock, Last, Tracker};
-use super::{TrackStatus, Way};
+use super::{Origin, TrackStatus};
 use crate::image::Frame;
 use crate::register::Match;
 use crate::verdict::Reason;
@@ -29,8 +29,8 @@ impl Tracker<'_> {
         let followed = match self.last.as_ref().and_then(fresh) {
             Some(_) => {
                 let matches = clock.time("follow", || self.followed(view));
-                let draft = self.carried(view, matches, Way::Followed, clock);
-                draft.map(|draft| self.judged(view, draft, Way::Followed, clock))
+                let draft = self.carried(view, matches, Origin::Followed, clock);
+                draft.map(|draft| self.judged(view, draft, Origin::Followed, clock))
             }
             None => Err("not found yet".to_owned()),
         };
@@ -87,9 +87,9 @@ impl Tracker<'_> {
             other_camera(cameras, limit, rest, &matches, &options.register, options.seed)
         });
         let again = self.last.is_some().then(|| self.again(view, matches.clone(), clock));
-        let again = again.and_then(Result::ok).map(|d| self.judged(view, d, Way::Found, clock));
+        let again = again.and_then(Result::ok).map(|d| self.judged(view, d, Origin::Found, clock));
         let anew = self.anew(view, matches, clock).map(|draft| {
-            let first = self.judged(view, draft, Way::Found, clock);
+            let first = self.judged(view, draft, Origin::Found, clock);
             self.followed_at_once(view, first, clock)
         });
         match (again, anew) {
@@ -115,8 +115,8 @@ impl Tracker<'_> {
             look: first.look.clone(),
         });
         let matches = clock.time("follow", || self.followed(view));
-        let again = self.carried(view, matches, Way::Found, clock);
-        let again = again.map(|draft| self.judged(view, draft, Way::Found, clock));
+        let again = self.carried(view, matches, Origin::Found, clock);
+        let again = again.map(|draft| self.judged(view, draft, Origin::Found, clock));
         self.last = earlier;
         match again {
             Ok(again) if again.verdict.level <= first.verdict.level => again,

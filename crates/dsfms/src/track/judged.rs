@@ -5,7 +5,7 @@ use super::look::{Look, edge_px};
 use super::prepare::View;
 use super::tracker::{Clock, Draft, Tracker};
 use super::verdict::{Known, evidence};
-use super::{Surface, Way};
+use super::{Origin, Surface};
 use crate::geometry::Point3;
 use crate::verdict::{Compared, Looked, Says, Verdict, judge, look, regions};
 use std::cmp::Ordering;
@@ -44,7 +44,7 @@ impl Tracker<'_> {
         &self,
         view: &View,
         draft: Draft,
-        way: Way,
+        origin: Origin,
         clock: &mut Clock,
     ) -> Candidate {
         let rest = &self.template.mesh;
@@ -70,9 +70,10 @@ impl Tracker<'_> {
             depth_uncertainty: draft.depth_uncertainty,
             agreement: agreeing as f64 / places.max(1) as f64,
             places,
-            way,
+            origin,
         };
-        let last = self.last.as_ref().filter(|l| way == Way::Followed && l.frame + 1 == self.count);
+        let last =
+            self.last.as_ref().filter(|l| origin == Origin::Followed && l.frame + 1 == self.count);
         let before = last.map(|l| l.vertices.as_slice());
         let verdict = clock.time("verdict", || {
             let appearance = looked.as_ref().map(|l| l.appearance);

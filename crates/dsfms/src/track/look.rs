@@ -16,7 +16,8 @@ use rayon::prelude::*;
 /// Sizes of the image that patches are followed through.
 pub const LEVELS: usize = 3;
 
-/// Where anchors are sought, px of the working image.
+/// Where anchors are sought, px of the working image: a place in every square of 10 px
+/// (`docs/results/choices.md`, the video solve).
 const GRID: CornerGrid = CornerGrid { cell: 10, stride: 4, most: 700 };
 
 /// The working image is halved until its diagonal is no longer than this, px.

@@ -3,11 +3,12 @@
 //! A frame is first tried from the last shape: patches of the template's albedo, rendered at that
 //! shape, are followed into the frame, so that every match is one of the template and nothing
 //! drifts. Where that fails, and every so often where it is not quite convincing, the template is
-//! found anew by its descriptors. Every surface is then looked at: where the frame does not agree
+//! found again by its descriptors. Every surface is then looked at: where the frame does not agree
 //! with the albedo rendered at it, it is not shown as good.
 
 mod attempts;
-mod awake;
+mod baseline;
+mod busy_wait;
 mod exposed;
 mod judged;
 pub mod look;
@@ -17,7 +18,6 @@ mod reduce;
 pub mod shapes;
 mod surface;
 mod tracker;
-mod usual;
 mod verdict;
 
 use crate::geometry::{Isometry, Point3};
@@ -143,10 +143,10 @@ pub type TrackStatus = crate::verdict::Level;
 /// How a surface came about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Way {
+pub enum Origin {
     /// By descriptors.
     Found,
-    /// From the frame before.
+    /// From the previous frame.
     Followed,
 }
 
@@ -180,7 +180,7 @@ pub struct Surface {
     /// Number of such places.
     pub places: usize,
     /// How it came about.
-    pub way: Way,
+    pub origin: Origin,
 }
 
 impl Surface {

@@ -1,6 +1,6 @@
-//! The surface that matches give: anew, or from the shape of the frame before.
+//! The surface that matches give: with nothing known, or from the shape of the previous frame.
 
-use super::Way;
+use super::Origin;
 use super::exposed::Shown;
 use super::look::edge_px;
 use super::prepare::View;
@@ -66,10 +66,10 @@ impl Tracker<'_> {
         &mut self,
         view: &View,
         matches: Vec<Match>,
-        way: Way,
+        origin: Origin,
         clock: &mut Clock,
     ) -> Result<Draft, String> {
-        self.beside_last(view, matches, way, clock, |tracker, last, matches| {
+        self.beside_last(view, matches, origin, clock, |tracker, last, matches| {
             let options = &tracker.options.reconstruct.register;
             let to = |matches: &[Match], points: &[Point3], start: Isometry| {
                 let pixels: Vec<Point2> = matches.iter().map(|m| m.pixel).collect();
@@ -93,7 +93,7 @@ impl Tracker<'_> {
         matches: Vec<Match>,
         clock: &mut Clock,
     ) -> Result<Draft, String> {
-        self.beside_last(view, matches, Way::Found, clock, |tracker, last, matches| {
+        self.beside_last(view, matches, Origin::Found, clock, |tracker, last, matches| {
             let options = &tracker.options.reconstruct;
             let (rest, register) = (&tracker.template.mesh, &options.register);
             let posed = pose(tracker.camera, rest, matches, register, options.seed)?;
@@ -107,7 +107,7 @@ impl Tracker<'_> {
         &mut self,
         view: &View,
         matches: Vec<Match>,
-        way: Way,
+        origin: Origin,
         clock: &mut Clock,
         start: impl FnOnce(&Self, &Last, &[Match]) -> Result<Start, RegisterError>,
     ) -> Result<Draft, String> {
@@ -115,7 +115,7 @@ impl Tracker<'_> {
         let last = self.last.as_ref().ok_or("nothing to follow")?;
         let near = clock.time("pose", || start(self, last, &matches));
         let near = near.map_err(|error| error.to_string())?;
-        Ok(self.solved(view, matches, near, way, clock))
+        Ok(self.solved(view, matches, near, origin, clock))
     }
 
     /// A shape like the last moved by a motion, as a start.
@@ -150,7 +150,7 @@ impl Tracker<'_> {
         view: &View,
         matches: Vec<Match>,
         near: Start,
-        way: Way,
+        origin: Origin,
         clock: &mut Clock,
     ) -> Draft {
         let mut memory = std::mem::take(&mut self.memory);
@@ -171,7 +171,7 @@ impl Tracker<'_> {
                 Draft::of(&body, &near.posed, &matches, &coarse, options.anchor)
             }
             Some(photo) => clock.time("joint", || {
-                self.shaded(&mut memory.video, &body, &matches, &near, &photo, way)
+                self.shaded(&mut memory.video, &body, &matches, &near, &photo, origin)
             }),
         };
         self.memory = memory;
@@ -186,7 +186,7 @@ impl Tracker<'_> {
         matches: &[Match],
         near: &Start,
         photo: &Photograph,
-        way: Way,
+        origin: Origin,
     ) -> Draft {
         let (options, video) = (&self.options.reconstruct, &self.options.video);
         let (scene, posed) = (body.scene(), &near.posed);
@@ -198,9 +198,9 @@ impl Tracker<'_> {
         let near = Near { shape: &start, ambient: near.ambient, gap: near.gap || jumped };
         let found = join_near(memory, &frame, near, &options.joint, video);
         let (kept, residual_px) = explained(scene, &on_body, &found.vertices, &options.register);
-        let vertices = match way {
-            Way::Followed => found.vertices,
-            Way::Found => {
+        let vertices = match origin {
+            Origin::Followed => found.vertices,
+            Origin::Found => {
                 let kept = kept.iter().zip(&*on_body).filter(|m| *m.0);
                 let kept: Vec<Match> = kept.map(|m| *m.1).collect();
                 options.comparison(body, &kept, photo).kept(&scene.posed, found.vertices)

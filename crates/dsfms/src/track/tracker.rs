@@ -1,13 +1,13 @@
 //! The state between frames, and one frame's way through find, follow and verdict.
 
-use super::awake::awake;
+use super::baseline::BaselineResidual;
+use super::busy_wait::busy_wait;
 use super::exposed::{Exposed, Shown};
 use super::judged::Candidate;
 use super::look::{Anchor, Look, Working};
 use super::mips::Mips;
 use super::prepare::{Preparation, Prepared, Regions, View};
-use super::usual::Usual;
-use super::{TrackError, TrackOptions, TrackStatus, Tracked, Way};
+use super::{Origin, TrackError, TrackOptions, TrackStatus, Tracked};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3, Vector2, align_rigid_robust, median, point_at};
 use crate::image::flow::{correlation, follow, settle, whole};
@@ -69,7 +69,7 @@ pub struct Tracker<'a> {
     pub(super) memory: Memory,
     preparation: Preparation,
     pub(super) last: Option<Last>,
-    pub(super) usual: Usual,
+    pub(super) usual: BaselineResidual,
     exposed: Exposed,
     /// See [`other_camera`]; of the last search by descriptors.
     pub(super) other_camera: Option<(f64, [f64; 2])>,
@@ -162,7 +162,7 @@ impl<'a> Tracker<'a> {
             memory: Memory::default(),
             preparation,
             last: None,
-            usual: Usual::default(),
+            usual: BaselineResidual::default(),
             exposed: Exposed::default(),
             other_camera: None,
             count: 0,
@@ -195,7 +195,7 @@ impl<'a> Tracker<'a> {
     pub fn solve(&mut self, prepared: &Prepared) -> Tracked {
         let start = Instant::now();
         let mut tracked = if self.options.awake {
-            awake(|| self.solve_here(prepared))
+            busy_wait(|| self.solve_here(prepared))
         } else {
             // On a thread of the pool its many small parallel loops cost no hand-over.
             rayon::scope(|_| self.solve_here(prepared))
@@ -236,7 +236,7 @@ impl<'a> Tracker<'a> {
                 let alike = correlation(&render.levels[0], a.pixel, &frame.levels[0], place)?;
                 (alike >= self.options.correlation).then_some((place, alike))
             };
-            // Mostly the last motion goes on; only where it does not must coarser levels tell.
+            // Mostly the last motion can be extrapolated; only where it does not must coarser levels tell.
             let (place, alike) =
                 settle(render, frame, a.pixel, start).and_then(alike).or_else(|| {
                     let elsewhere = (start - a.pixel).norm() > APART_PX;
@@ -286,7 +286,7 @@ impl<'a> Tracker<'a> {
                 let before = self
                     .last
                     .as_ref()
-                    .filter(|l| l.frame + 1 == self.count && c.surface.way == Way::Followed);
+                    .filter(|l| l.frame + 1 == self.count && c.surface.origin == Origin::Followed);
                 let vertices = c.surface.vertices.clone();
                 let ahead = before.and_then(|l| ahead(&l.vertices, &vertices));
                 self.last = Some(Last {
@@ -304,7 +304,7 @@ impl<'a> Tracker<'a> {
     }
 }
 
-/// Part of the change of shape that is expected to go on.
+/// Part of the change of shape that is extrapolated.
 const GOES_ON: f64 = 0.7;
 
 /// A shape moved and bent on as since the one before.

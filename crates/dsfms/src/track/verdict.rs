@@ -15,7 +15,7 @@ use crate::verdict::{Evidence, MatchCount, Region};
 /// What is known beside a surface itself.
 #[derive(Default)]
 pub(super) struct Known<'a> {
-    /// The surface of the frame before, where there is one.
+    /// The surface of the previous frame, where there is one.
     pub before: Option<&'a [Point3]>,
     /// The photometric residual of good frames before, where it is known.
     pub residual: Option<f64>,
@@ -76,7 +76,7 @@ mod tests {
     use crate::geometry::{Isometry, Point2};
     use crate::register::Match;
     use crate::synth::patch;
-    use crate::track::Way;
+    use crate::track::Origin;
     use crate::verdict::{Level, Reason, Thresholds, judge};
 
     fn surface(mesh: &Mesh, kept: usize, agreement: f64) -> Surface {
@@ -96,7 +96,7 @@ mod tests {
             depth_uncertainty: 0.04,
             agreement,
             places: 100,
-            way: Way::Followed,
+            origin: Origin::Followed,
         }
     }
 

@@ -60,13 +60,13 @@ pub struct Evidence {
     pub gain: Option<f64>,
     /// Largest connected part that the image contradicts.
     pub contradicted: Option<Part>,
-    /// Largest connected part that nothing speaks of.
+    /// Largest connected part that is unobserved.
     pub unobserved: Option<Part>,
     /// Faces that are folded over, and their share of the visible area.
     pub folded: Option<(usize, f64)>,
     /// Change of length that one edge in twenty exceeds.
     pub strain: Option<f64>,
-    /// Change of shape since the frame before, of the radius.
+    /// Change of shape since the previous frame, of the radius.
     pub jump: Option<f64>,
 }
 

@@ -15,7 +15,7 @@ pub enum Region {
     Hidden = 0,
     /// Seen, and matches or the image around speak for it.
     Observed = 1,
-    /// Seen, but nothing in the frame speaks of it.
+    /// Seen, but unobserved: no match and no brightness constrains it.
     Unobserved = 2,
     /// Seen, and the image shows something else than the template there.
     Contradicted = 3,

@@ -13,7 +13,7 @@ pub struct Thresholds {
     /// Fewest distinct matches that the surface explains, where they were found: chance agreements of
     /// unrelated tissue with some pose reach a dozen.
     pub matches: [usize; 2],
-    /// The same where they were given: a person or a program vouches for them. Below four there is no pose.
+    /// The same where they were given: a person or a program stands for them. Below four there is no pose.
     pub given: [usize; 2],
     /// Least share of found and of given matches that the surface explains; below, degraded. With a third
     /// of given ones at random places the surface is a millimetre off (`docs/results/verdict.md`).
@@ -53,7 +53,7 @@ pub struct Thresholds {
     pub compared: f64,
     /// Largest connected part of the visible area that the image contradicts; above, degraded.
     pub contradicted: f64,
-    /// Largest connected part of the visible area that nothing speaks of; above, degraded.
+    /// Largest connected part of the visible area that is unobserved; above, degraded.
     pub unobserved: f64,
     /// Largest share of the visible area that is folded over; above, degraded.
     pub folded: f64,

@@ -1,6 +1,6 @@
 //! Times, processor time and memory of a run.
 
-use dsfms::track::{TrackStatus, Tracked, Way};
+use dsfms::track::{Origin, TrackStatus, Tracked};
 use std::collections::BTreeMap;
 use std::fs::read_to_string;
 use std::time::Duration;
@@ -46,7 +46,8 @@ impl Meter {
         self.latency_ms.push(1e3 * latency.as_secs_f64());
         self.solve_ms.push(1e3 * solve.as_secs_f64());
         self.status[tracked.status as usize] += 1;
-        self.found += usize::from(tracked.surface.as_ref().is_some_and(|s| s.way == Way::Found));
+        self.found +=
+            usize::from(tracked.surface.as_ref().is_some_and(|s| s.origin == Origin::Found));
         if let Some(s) = &tracked.surface {
             self.residuals[0].extend(s.photometric.map(|r| 100.0 * r));
             self.residuals[1].push(s.reprojection_px);

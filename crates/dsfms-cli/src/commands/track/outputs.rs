@@ -7,7 +7,7 @@ use dsfms::camera::CameraModel;
 use dsfms::image::Frame;
 use dsfms::register::scene::visibility;
 use dsfms::template::Template;
-use dsfms::track::{TrackStatus, Tracked, Way};
+use dsfms::track::{Origin, TrackStatus, Tracked};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -27,7 +27,7 @@ pub fn row(number: usize, input: &str, tracked: &Tracked, dropped: usize, ms: f6
     let (status, reasons) = (tracked.status.label(), quoted(&joined(&tracked.reasons)));
     let name = quoted(input);
     let measured = tracked.surface.as_ref().map_or([",", ",,,,,,,,,"].map(String::from), |s| {
-        let way = if s.way == Way::Found { "found" } else { "followed" };
+        let way = if s.origin == Origin::Found { "found" } else { "followed" };
         let (total, kept) = (s.matches.len(), s.matches_kept());
         let photometric = s.photometric.map_or(String::new(), |p| format!("{p:.4}"));
         let figures = format!(

@@ -10,7 +10,7 @@ const LOOKS: usize = 16;
 ///
 /// A frame is hundreds of parallel loops of a tenth of a millisecond to a few; a thread that sleeps
 /// between them wakes (most of all on a virtual machine) when they are over.
-pub(super) fn awake<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+pub(super) fn busy_wait<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     let done = AtomicBool::new(false);
     // On a thread of the pool its many small parallel loops cost no hand-over.
     rayon::scope(|scope| {
@@ -59,9 +59,9 @@ mod tests {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let sum = || (0..1000).into_par_iter().map(|i| i * i).sum::<u64>();
             // From outside of the pool, and from within it.
-            let outside = pool.install(|| awake(|| (sum(), rayon::join(sum, sum))));
+            let outside = pool.install(|| busy_wait(|| (sum(), rayon::join(sum, sum))));
             assert_eq!(outside, (332_833_500, (332_833_500, 332_833_500)));
-            let fails = || pool.install(|| awake(|| -> u64 { panic!("as it should") }));
+            let fails = || pool.install(|| busy_wait(|| -> u64 { panic!("as it should") }));
             assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(fails)).is_err());
         }
     }

@@ -1,4 +1,4 @@
-//! What nobody sees stays near a reference shape.
+//! What is not seen stays near a reference shape.
 
 use super::{EnergyTerm, Infeasible, Jacobian};
 use crate::geometry::Point3;
@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, SVector};
 /// `r = (xᵢ − x₀ᵢ) / σ`, weighted per vertex.
 #[doc(alias = "anchor prior")]
 #[derive(Clone, Debug)]
-pub struct Stay {
+pub struct AnchorPrior {
     /// Vertices that are held.
     pub vertices: Vec<[u32; 1]>,
     /// Where they are held.
@@ -18,7 +18,7 @@ pub struct Stay {
     pub sigma: f64,
 }
 
-impl EnergyTerm<3> for Stay {
+impl EnergyTerm<3> for AnchorPrior {
     fn count(&self) -> usize {
         self.vertices.len()
     }
@@ -53,7 +53,7 @@ mod tests {
     #[test]
     fn derivative() {
         let mesh = bent_patch();
-        let term = Stay {
+        let term = AnchorPrior {
             vertices: vec![[7]],
             reference: vec![mesh.positions[3]],
             weights: vec![1.0],

@@ -12,11 +12,11 @@ const ENOUGH: usize = 4;
 
 /// Photometric residuals of the last good frames.
 #[derive(Default)]
-pub(super) struct Usual {
+pub(super) struct BaselineResidual {
     residuals: VecDeque<f64>,
 }
 
-impl Usual {
+impl BaselineResidual {
     /// Remember a good frame.
     pub fn add(&mut self, residual: f64) {
         if self.residuals.len() == REMEMBERED {
@@ -40,7 +40,7 @@ mod tests {
 
     #[test]
     fn few_tell_nothing_and_the_oldest_are_forgotten() {
-        let mut usual = Usual::default();
+        let mut usual = BaselineResidual::default();
         (0..ENOUGH - 1).for_each(|_| usual.add(1.0));
         assert_eq!(usual.median(), None);
         usual.add(1.0);

@@ -9,7 +9,7 @@ use crate::geometry::centre_and_spread;
 use crate::image::{ColorImage, Mask, diagonal};
 use rayon::prelude::*;
 
-/// Less than this fraction of the coloured part that the shape predicts, beside more white than colour, is
+/// Of all constants here: `docs/results/choices.md`, instruments. Less than this fraction of the coloured part that the shape predicts, beside more white than colour, is
 /// something else.
 const LITTLE: f64 = 0.5;
 
@@ -35,7 +35,7 @@ const MARGIN: f64 = 0.004;
 ///
 /// `albedo` and `shade` as the surface is expected at a pixel; `known`: `true` where they and the image
 /// count.
-pub(super) fn foreign(
+pub(super) fn occluders(
     image: &ColorImage,
     albedo: &ColorImage,
     shade: &[f64],
@@ -129,7 +129,7 @@ mod tests {
             let own = albedo.data[y * 60 + x].map(|a| lit * a + glare);
             if (20..30).contains(&x) { bar } else { own }
         });
-        foreign(&image, &albedo, &shade, &vec![true; shade.len()])
+        occluders(&image, &albedo, &shade, &vec![true; shade.len()])
     }
 
     #[test]

@@ -13,13 +13,14 @@ use crate::register::pose::rest_point;
 use crate::register::{Match, Scene};
 use rayon::prelude::*;
 
-/// Neighbours that a match shares its motion with.
+/// Neighbours that a match shares its motion with: few, for a tool moves a small place
+/// (`docs/results/choices.md`, what fixes the distance).
 const NEIGHBOURS: usize = 4;
 
 /// The depth of the matches held to the rest shape where they pose it (camera axes); `depth_sigma` is
 /// eq. 3's tolerance. `slack`: how much looser than where nothing is known of the exposure, since
 /// brightness tells the distance from a near light as well as the exposure is known.
-pub(super) fn hold(
+pub(super) fn depth_prior(
     scene: &Scene,
     matches: &[Match],
     posed: &[Point3],
