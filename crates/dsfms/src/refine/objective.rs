@@ -7,7 +7,6 @@ use crate::energy::{
     Diffuse, GlobalsPrior, Objective, Reprojection, Smoothing, Specular, Stay, Unknowns, Workspace,
 };
 use crate::geometry::Point3;
-use crate::light::LightModel;
 use crate::register::terms::hold_depth;
 use crate::register::{Body, Match, Scene};
 use crate::solver::{Loss, Options, Summary};
@@ -90,7 +89,7 @@ fn objective<'a>(
     let share = options.reference_count / count as f64;
     let seen = (0..coarse.len() as u32).filter(|&v| evidence.visible[v as usize]);
     // Brightness tells the distance from a near light as well as the exposure is known.
-    let near = matches!(photo.light.light, LightModel::Point(_)) && !options.literal;
+    let near = photo.light.light.tells_distance() && !options.literal;
     let slack = if near { prior.slack(options.gain_sigma) } else { 1.0 };
     let sigmas = vec![slack * options.depth_hold * scene.radius(); matches.len()];
     let boundary = hold_depth(scene, matches, coarse, sigmas);
