@@ -99,7 +99,7 @@ impl SideView {
         let focal = 0.47 * size[0].min(size[1]) as f64 * (distance - radius) / reach;
         let middle = [0.5 * (size[0] as f64 - 1.0), 0.5 * (size[1] as f64 - 1.0)];
         let camera =
-            CameraModel { size, focal: [focal, focal], centre: middle, lens: Lens::Pinhole };
+            CameraModel { size, focal: [focal, focal], centre: middle, lens: Lens::default() };
         Self { centre, camera, distance, turn: turn(yaw, pitch) }
     }
 

@@ -72,20 +72,12 @@ fn tone(value: &Bound<'_, PyAny>) -> PyResult<ToneCurve> {
 
 fn lens(distortion: Option<Vec<f64>>, model: &str) -> PyResult<Lens> {
     let given = distortion.unwrap_or_default();
-    let bad = |expected: &str| wrong("distortion", expected, format!("{given:?}"));
-    match (model, given.as_slice()) {
-        ("brown_conrady", []) => Ok(Lens::Pinhole),
-        ("brown_conrady", &[k1, k2, p1, p2]) => {
-            Ok(Lens::BrownConrady { k: [k1, k2, 0.0], p: [p1, p2] })
-        }
-        ("brown_conrady", &[k1, k2, p1, p2, k3]) => {
-            Ok(Lens::BrownConrady { k: [k1, k2, k3], p: [p1, p2] })
-        }
-        ("brown_conrady", _) => Err(bad("k1, k2, p1, p2 or k1, k2, p1, p2, k3")),
-        ("kannala_brandt", &[a, b, c, d]) => Ok(Lens::KannalaBrandt { k: [a, b, c, d] }),
-        ("kannala_brandt", _) => Err(bad("k1, k2, k3, k4")),
-        _ => Err(wrong("model", "\"brown_conrady\" or \"kannala_brandt\"", format!("{model:?}"))),
-    }
+    let Some(kind) = Lens::KINDS.iter().find(|kind| kind.name == model) else {
+        let names: Vec<_> = Lens::KINDS.iter().map(|kind| format!("{:?}", kind.name)).collect();
+        return Err(wrong("model", &names.join(", "), format!("{model:?}")));
+    };
+    kind.listed_coefficients(&given)
+        .map_err(|_| wrong("distortion", &kind.coefficients.join(", "), format!("{given:?}")))
 }
 
 #[pymethods]

@@ -155,10 +155,9 @@ pub fn _synthesize<'py>(
     if !(50..=50_000).contains(&vertices) {
         return Err(wrong("vertices", "50 to 50,000", vertices.to_string()));
     }
-    let light = match light {
-        "distant" => LightKind::Distant,
-        "near" => LightKind::Near,
-        _ => return Err(wrong("light", "\"distant\" or \"near\"", format!("{light:?}"))),
+    let Some(light) = LightKind::named(light) else {
+        let names = LightKind::ALL.map(|l| format!("{:?}", l.name())).join(", ");
+        return Err(wrong("light", &format!("one of {names}"), format!("{light:?}")));
     };
     let protocol = Protocol { vertices, light, matches, everywhere, seed, ..Default::default() };
     let case = work::run(py, None, move |_| {

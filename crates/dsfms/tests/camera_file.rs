@@ -4,7 +4,7 @@ use dsfms::camera::{CameraModel, Lens};
 use dsfms::geometry::Point3;
 use dsfms::image::ToneCurve;
 use dsfms::io::camera::{CameraFile, read_camera, write_camera};
-use dsfms::light::{LightModel, PointLight, Spot};
+use dsfms::light::{LightModel, PointLight, RingLight, Spot};
 use serde_json::Value;
 use std::path::Path;
 
@@ -76,16 +76,23 @@ fn the_schema_knows_every_field_that_is_written() {
     };
     assert!(known(&file, &schema), "{file:#}");
     let light = &schema["properties"]["light"];
-    assert!(known(&file["light"], light), "{:#}", file["light"]);
     let kinds = light["properties"]["kind"]["enum"].as_array().unwrap();
-    assert!(kinds.contains(&file["light"]["kind"]));
+    let (reference_distance, spot) = (60.0, Spot::Isotropic);
+    let ring = RingLight { radius: 4.0, centre: Point3::origin(), reference_distance, spot };
+    for given in [described().light.unwrap(), ring.into(), LightModel::Collinear] {
+        let file = written(&CameraFile { light: Some(given), ..described() });
+        assert!(known(&file["light"], light), "{:#}", file["light"]);
+        assert!(kinds.contains(&file["light"]["kind"]));
+    }
     let models = schema["properties"]["distortion_model"]["enum"].as_array().unwrap();
-    for lens in [Lens::Pinhole, Lens::KannalaBrandt { k: [0.1, 0.0, 0.0, 0.0] }] {
+    for kind in Lens::KINDS {
+        let named: Vec<_> = kind.coefficients.iter().map(|name| (*name, 0.01)).collect();
         let mut file = described();
-        file.camera.lens = lens;
-        if let Some(model) = written(&file).get("distortion_model") {
-            assert!(models.contains(model), "{model}");
-        }
+        file.camera.lens = kind.named_coefficients(&named);
+        let file = written(&file);
+        assert!(models.contains(&file["distortion_model"]), "{file:#}");
+        let distortion = &schema["properties"]["distortion"]["oneOf"][0];
+        assert!(known(&file["distortion"], distortion), "{file:#}");
     }
     let conventions = schema["properties"]["pixel_convention"]["enum"].as_array().unwrap();
     assert!(conventions.contains(&file["pixel_convention"]));

@@ -18,7 +18,7 @@ use dsfms::io::poses::{PoseList, read_poses};
 use dsfms::io::stl::write_stl;
 use dsfms::io::vertex_truth::{VertexTruth, read_vertex_truth, write_vertex_truth};
 use dsfms::io::vtk::{VtkExtras, write_vtp};
-use dsfms::light::{LightModel, PointLight, Spot};
+use dsfms::light::{LightModel, PointLight, RingLight, Spot};
 use dsfms::synth::{Case, patch};
 use dsfms::template::{Features, Template};
 use dsfms::track::shapes::{ShapeFile, read_shapes};
@@ -139,7 +139,14 @@ fn camera() -> impl Strategy<Value = CameraModel> {
                 k[0] = first;
                 Lens::BrownConrady { k, p }
             }),
-        prop::array::uniform4(c).prop_map(|k| Lens::KannalaBrandt { k }),
+        prop::array::uniform4(c.clone()).prop_map(|k| Lens::KannalaBrandt { k }),
+        (prop::array::uniform6(c), prop::array::uniform2(-0.1..0.1f64), 0.01..0.9f64).prop_map(
+            |(mut k, p, last)| {
+                // Without a denominator it is Brown-Conrady.
+                k[5] = last;
+                Lens::Rational { k, p }
+            }
+        ),
     ];
     let size = prop::array::uniform2(1usize..4000);
     (size, prop::array::uniform2(1.0..1e5f64), prop::array::uniform2(-0.9..1.9f64), lens).prop_map(
@@ -164,11 +171,17 @@ fn camera_file() -> impl Strategy<Value = CameraFile> {
         (0.1..9.0f64).prop_map(|exponent| Spot::CosinePower { exponent }),
     ];
     let places = prop::collection::vec(prop::array::uniform3(number()), 1..4);
-    let point = (places, 0.1..1e3f64, spot).prop_map(|(positions, reference_distance, spot)| {
-        let positions = positions.into_iter().map(|[x, y, z]| Point3::new(x, y, z)).collect();
-        Some(LightModel::Point(PointLight { positions, reference_distance, spot }))
-    });
-    let light = prop_oneof![Just(None), Just(Some(LightModel::Collinear)), point];
+    let point =
+        (places, 0.1..1e3f64, spot.clone()).prop_map(|(positions, reference_distance, spot)| {
+            let positions = positions.into_iter().map(|[x, y, z]| Point3::new(x, y, z)).collect();
+            Some(LightModel::Point(PointLight { positions, reference_distance, spot }))
+        });
+    let ring = (0.0..50.0f64, prop::array::uniform3(number()), 0.1..1e3f64, spot).prop_map(
+        |(radius, centre, reference_distance, spot)| {
+            Some(RingLight { radius, centre: centre.into(), reference_distance, spot }.into())
+        },
+    );
+    let light = prop_oneof![Just(None), Just(Some(LightModel::Collinear)), point, ring];
     (camera(), tone, light, prop::option::of(-2.0..0.0f64)).prop_map(
         |(camera, tone, light, vignetting)| CameraFile { camera, tone, light, vignetting },
     )

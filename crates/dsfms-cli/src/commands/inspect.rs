@@ -3,7 +3,6 @@
 use crate::exit::Outcome;
 use clap::Args;
 use dsfms::io::template::read_template;
-use dsfms::light::{LightModel, Spot};
 use dsfms::template::Template;
 use dsfms::template::statistics::{TemplateStatistics, template_statistics};
 use std::path::PathBuf;
@@ -77,7 +76,7 @@ fn rows(template: &Template, s: &TemplateStatistics) -> Vec<(&'static str, Strin
     let light = template
         .light
         .as_ref()
-        .map_or("none".into(), |l| format!("{}{vignetting}", light_text(l, unit)));
+        .map_or("none".into(), |l| format!("{}{vignetting}", l.describe(unit)));
     let seen = s.seen_vertices.map_or("not known".into(), |n| format!("{n} vertices"));
     let sigma = s
         .median_sigma
@@ -105,35 +104,4 @@ fn rows(template: &Template, s: &TemplateStatistics) -> Vec<(&'static str, Strin
         ("light", light),
         ("descriptors", s.features.to_string()),
     ]
-}
-
-fn light_text(light: &LightModel, unit: &str) -> String {
-    let LightModel::Point(light) = light else { return "distant, along the optical axis".into() };
-    let places: Vec<String> =
-        light.positions.iter().map(|p| format!("({:.2}, {:.2}, {:.2})", p.x, p.y, p.z)).collect();
-    let spot = match light.spot {
-        Spot::Isotropic => "the same in all directions".to_string(),
-        Spot::Linear { inner_deg, outer_deg } => {
-            format!("full within {inner_deg:.1} deg of the axis, none beyond {outer_deg:.1} deg")
-        }
-        Spot::CosinePower { exponent } => format!("cosine of the angle to the power {exponent:.2}"),
-    };
-    format!("near, at {} {unit} in camera axes; {spot}", places.join(", "))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use dsfms::geometry::Point3;
-    use dsfms::light::PointLight;
-
-    #[test]
-    fn a_light_is_told_in_words() {
-        let positions = vec![Point3::new(0.0, -3.0, 0.0)];
-        let spot = Spot::Linear { inner_deg: 10.0, outer_deg: 52.0 };
-        let light = LightModel::Point(PointLight { positions, reference_distance: 50.0, spot });
-        let text = light_text(&light, "mm");
-        assert!(text.starts_with("near, at (0.00, -3.00, 0.00) mm") && text.contains("52.0 deg"));
-        assert!(light_text(&LightModel::Collinear, "mm").contains("distant"));
-    }
 }

@@ -5,7 +5,6 @@ use crate::outputs::FrameReport;
 use dsfms::camera::{Camera, CameraModel};
 use dsfms::geometry::{Isometry, Point3};
 use dsfms::image::Frame;
-use dsfms::light::LightModel;
 use dsfms::mesh::Mesh;
 use dsfms::pipeline::Reconstruction;
 use dsfms::register::Match;
@@ -246,8 +245,8 @@ impl PageData {
             let baked = bake(texels, f, ALBEDO_SIDE, ALBEDO_MARGIN)?;
             data.albedo = Some(embed::jpeg(&embed::displayed(&baked.image))?);
         }
-        if let Some(LightModel::Point(light)) = &template.light {
-            data.lights = light.positions.iter().map(|p| (p * scale).coords.into()).collect();
+        if let Some(light) = &template.light {
+            data.lights = light.sources().iter().map(|p| (p * scale).coords.into()).collect();
         }
         data.camera = template.camera.as_ref().map(ShownCamera::of);
         if !template.seen.is_empty() {

@@ -91,7 +91,7 @@ fn summary(plan: &Plan) -> String {
             ),
         ),
         ("Matches", format!("{} {place}, noise {} px", p.matches, list(&plan.noises))),
-        ("Light", format!("{:?}", p.light)),
+        ("Light", p.light.name().into()),
         ("Errors", "absolute: nothing is aligned".into()),
         ("In 3D", "the first case of every extension, solved once more".into()),
     ])

@@ -169,7 +169,7 @@ def synthesize(
     *,
     noise: float = 0.0,
     vertices: int = 334,
-    light: Literal["distant", "near"] = "distant",
+    light: Literal["distant", "near", "ring"] = "distant",
     matches: int = 25,
     everywhere: bool = False,
     index: int = 0,
@@ -187,7 +187,7 @@ def synthesize(
         Standard deviation of the matches, px.
     vertices : int
         Vertices of the template, 50 to 50,000.
-    light : {"distant", "near"}
+    light : {"distant", "near", "ring"}
         Along the optical axis, or a point at the camera with inverse-square fall-off.
     matches : int
         Number of matches.

@@ -2,7 +2,7 @@
 
 use super::homography::homography;
 use super::{Board, BoardCorner, on_board};
-use crate::camera::{Camera, CameraModel, Lens};
+use crate::camera::{BrownConrady, Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3, Vector2, Vector3};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SymmetricEigen, Translation3, UnitQuaternion};
 
@@ -37,7 +37,7 @@ pub(super) fn start(size: [usize; 2], views: &[&[BoardCorner]], board: &Board) -
             size,
             focal: [fx * scale, fy * scale],
             centre: [cx * scale + middle[0], cy * scale + middle[1]],
-            lens: Lens::BrownConrady { k: [0.0; 3], p: [0.0; 2] },
+            lens: BrownConrady::default().into(),
         };
         camera.validate().ok()?;
         let start = Start { camera, poses: poses? };
@@ -130,6 +130,7 @@ fn cost(start: &Start, views: &[&[BoardCorner]], board: &Board) -> Option<f64> {
 mod tests {
     use super::super::test_scene::{board, camera, poses};
     use super::*;
+    use crate::camera::Lens;
 
     fn corners(camera: &CameraModel) -> Vec<Vec<BoardCorner>> {
         let view = |pose: &Isometry| {

@@ -5,7 +5,7 @@
 
 use super::closed_form::Start;
 use super::{Board, BoardCorner, CalibrateError, CalibrateOptions, Estimate, on_board};
-use crate::camera::{Camera, CameraModel, Lens};
+use crate::camera::{BrownConrady, Camera, CameraModel};
 use crate::geometry::{Isometry, Point3, Vector2, Vector3};
 use crate::solver::Summary;
 use crate::solver::levenberg_marquardt::{Options, Problem, Step, minimize};
@@ -89,7 +89,7 @@ struct Reprojection<'a> {
 impl Reprojection<'_> {
     fn camera(&self, state: &State) -> CameraModel {
         let [fx, fy, cx, cy, k1, k2, p1, p2, k3] = state.intrinsics;
-        let lens = Lens::BrownConrady { k: [k1, k2, k3], p: [p1, p2] };
+        let lens = BrownConrady { k: [k1, k2, k3], p: [p1, p2] }.into();
         CameraModel { size: self.size, focal: [fx, fy], centre: [cx, cy], lens }
     }
 
@@ -286,6 +286,7 @@ impl Problem for Reprojection<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::Lens;
 
     #[test]
     fn jacobians_match_central_differences() {

@@ -72,6 +72,32 @@ fn kannala_brandt() {
 }
 
 #[test]
+fn rational() {
+    // cv2.calibrateCamera with CALIB_RATIONAL_MODEL gives pairs of large coefficients that nearly cancel.
+    let lens = Lens::Rational { k: [4.21, 1.37, -0.052, 4.44, 2.39, 0.213], p: [0.0011, -0.0007] };
+    assert_eq!(check_camera(&laparoscope(lens)), 1.0);
+}
+
+/// `∂(x_d, y_d)/∂(k1, k2)` of every lens against central differences.
+#[test]
+fn radial_derivatives() {
+    let point = crate::geometry::Vector2::new(0.4, -0.3);
+    for kind in Lens::KINDS {
+        let named = ["k1", "k2", "k3", "k4", "p1", "p2"].map(|name| (name, 0.02));
+        let lens = kind.named_coefficients(&named);
+        let analytic = lens.radial_derivatives(&point);
+        for (n, analytic) in analytic.iter().enumerate() {
+            let at = |h: f64| {
+                let step = [0, 1].map(|i| if i == n { h } else { 0.0 });
+                lens.radial_moved(step).distort(&point).unwrap().value
+            };
+            let numeric = (at(1e-6) - at(-1e-6)) / 2e-6;
+            assert!((numeric - analytic).norm() < 1e-9, "{}, k{}", kind.name, n + 1);
+        }
+    }
+}
+
+#[test]
 fn behind_the_camera_is_refused() {
     let camera = laparoscope(Lens::Pinhole);
     assert!(camera.project(&Point3::new(1.0, 1.0, 0.0)).is_none());

@@ -42,13 +42,22 @@ pub trait Camera: Send + Sync {
     fn unproject(&self, pixel: &Point2) -> Option<Vector3>;
 }
 
-pub mod brown_conrady;
+mod brown_conrady;
 #[cfg(test)]
 mod check;
-pub mod kannala_brandt;
-pub mod model;
-pub mod pinhole;
+mod kannala_brandt;
+mod lens;
+mod model;
+mod newton;
+mod pinhole;
 mod polynomial;
+mod rational;
 pub mod resample;
 
-pub use model::{CameraError, CameraModel, Lens};
+pub use brown_conrady::BrownConrady;
+pub use kannala_brandt::KannalaBrandt;
+pub(crate) use lens::LensModel;
+pub use lens::{Lens, LensKind};
+pub use model::{CameraError, CameraModel};
+pub use pinhole::Pinhole;
+pub use rational::Rational;

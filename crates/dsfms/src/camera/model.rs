@@ -1,6 +1,6 @@
-//! The camera models a file can name.
+//! Intrinsics: focal lengths, principal point, lens.
 
-use super::{Camera, Distorted, Projection, brown_conrady, kannala_brandt, pinhole};
+use super::{Camera, Distorted, Lens, Projection};
 use crate::geometry::{Point2, Point3, Vector2, Vector3};
 use nalgebra::{Matrix2x3, Matrix3};
 use serde::{Deserialize, Serialize};
@@ -17,27 +17,6 @@ pub struct CameraModel {
     pub centre: [f64; 2],
     /// Lens distortion.
     pub lens: Lens,
-}
-
-/// Lens distortion of normalised coordinates.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Lens {
-    /// Perfect pinhole.
-    #[default]
-    Pinhole,
-    /// OpenCV's k1, k2, k3 (radial) and p1, p2 (tangential).
-    BrownConrady {
-        /// Radial coefficients k1, k2, k3.
-        k: [f64; 3],
-        /// Tangential coefficients p1, p2.
-        p: [f64; 2],
-    },
-    /// OpenCV fisheye: `θ_d = θ(1 + k1θ² + k2θ⁴ + k3θ⁶ + k4θ⁸)`.
-    KannalaBrandt {
-        /// k1 to k4.
-        k: [f64; 4],
-    },
 }
 
 /// What makes a camera unusable.
@@ -75,37 +54,6 @@ pub enum CameraError {
         /// Width or height, px.
         size: usize,
     },
-}
-
-impl Lens {
-    /// Distorted normalised coordinates `(x/z, y/z)`; `None` outside the model's domain.
-    pub fn distort(&self, point: &Vector2) -> Option<Distorted> {
-        match self {
-            Self::Pinhole => pinhole::distort(point),
-            Self::BrownConrady { k, p } => brown_conrady::distort(k, p, point),
-            Self::KannalaBrandt { k } => kannala_brandt::distort(k, point),
-        }
-    }
-
-    /// Inverse of [`Lens::distort`]; `None` where there is none.
-    pub fn undistort(&self, point: &Vector2) -> Option<Vector2> {
-        match self {
-            Self::Pinhole => pinhole::undistort(point),
-            Self::BrownConrady { k, p } => brown_conrady::undistort(k, p, point),
-            Self::KannalaBrandt { k } => kannala_brandt::undistort(k, point),
-        }
-    }
-
-    /// Every coefficient with its name, in the order of OpenCV.
-    pub fn coefficients(&self) -> Vec<(&'static str, f64)> {
-        match self {
-            Self::Pinhole => Vec::new(),
-            Self::BrownConrady { k, p } => {
-                vec![("k1", k[0]), ("k2", k[1]), ("p1", p[0]), ("p2", p[1]), ("k3", k[2])]
-            }
-            Self::KannalaBrandt { k } => ["k1", "k2", "k3", "k4"].into_iter().zip(*k).collect(),
-        }
-    }
 }
 
 impl CameraModel {

@@ -59,7 +59,12 @@ impl<'a> Pyramid<'a> {
     /// Camera of a level as a [`CameraModel`].
     pub fn camera_of(&self, level: usize) -> CameraModel {
         let Image { size, k, .. } = &self.levels[level];
-        CameraModel { size: *size, focal: [k[0], k[1]], centre: [k[2], k[3]], lens: Lens::Pinhole }
+        CameraModel {
+            size: *size,
+            focal: [k[0], k[1]],
+            centre: [k[2], k[3]],
+            lens: Lens::default(),
+        }
     }
 
     /// Whether a pixel of the depth grid lies in the masks (saturated ones do too).
@@ -109,7 +114,7 @@ fn pinhole(view: &PosedFrame, scale: f64) -> Result<Image, DenseError> {
         let size = size.map(|s| (s as usize).max(16));
         Image { size, k: [f[0], f[1], c[0], c[1]], grey: Vec::new() }
     };
-    if camera.lens == Lens::Pinhole {
+    if camera.lens == Lens::default() {
         // A pixel's left edge stays where it is: (c + ½) scales, not c.
         let c = camera.centre.map(|c| (c + 0.5) * scale - 0.5);
         return Ok(image([(w * scale).round(), (h * scale).round()], c));

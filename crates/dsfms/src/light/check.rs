@@ -1,7 +1,7 @@
 //! The check every light passes: both derivatives against central differences.
 
 use super::coat::WET_TISSUE;
-use super::{Coat, Coated, Light, LightModel, PointLight, Spot, specular_angle};
+use super::{Coat, Coated, Light, LightModel, PointLight, RingLight, Spot, specular_angle};
 use crate::geometry::{Point3, Vector3};
 
 const WET: Coat = Coat { refractive_index: WET_TISSUE, ambient: 0.05, vignetting: 0.0 };
@@ -50,19 +50,62 @@ fn point_light(spot: Spot, positions: &[[f64; 3]]) -> LightModel {
 fn every_light_passes() {
     check_light(&LightModel::Collinear);
     check_light(&Coated { light: LightModel::Collinear, coat: WET });
-    let ring = [[0.0, -3.0, 0.0], [2.6, 1.5, 0.0], [-2.6, 1.5, -1.0]];
+    let several = [[0.0, -3.0, 0.0], [2.6, 1.5, 0.0], [-2.6, 1.5, -1.0]];
     for spot in [
         Spot::Isotropic,
         Spot::Linear { inner_deg: 10.0, outer_deg: 52.0 },
         Spot::CosinePower { exponent: 1.5 },
     ] {
-        for positions in [&ring[..1], &ring] {
-            let light = point_light(spot, positions);
+        let ring = RingLight {
+            radius: 4.0,
+            centre: [0.5, -1.0, 0.0].into(),
+            reference_distance: 50.0,
+            spot,
+        };
+        for light in [point_light(spot, &several[..1]), point_light(spot, &several), ring.into()] {
             light.validate().unwrap();
             check_light(&light);
             check_light(&Coated { light: light.clone(), coat: WET });
             check_light(&Coated { light, coat: DARK_CORNERS });
         }
+    }
+}
+
+#[test]
+fn a_light_is_told_in_words() {
+    let text = point_light(Spot::Linear { inner_deg: 10.0, outer_deg: 52.0 }, &[[0.0, -3.0, 0.0]])
+        .describe("mm");
+    assert!(text.starts_with("near, at (0.00, -3.00, 0.00) mm") && text.contains("52.0 deg"));
+    assert!(LightModel::Collinear.describe("mm").contains("distant"));
+}
+
+/// What others ask of a light agrees with itself.
+#[test]
+fn a_light_tells_where_it_is() {
+    let several = [[0.0, -3.0, 0.0], [2.6, 1.5, 0.0], [-2.6, 1.5, -1.0]];
+    let ring = RingLight {
+        radius: 4.0,
+        centre: [0.5, -1.0, 0.0].into(),
+        reference_distance: 50.0,
+        spot: Spot::CosinePower { exponent: 2.0 },
+    };
+    for light in [point_light(Spot::Isotropic, &several), ring.into(), LightModel::Collinear] {
+        let sources = light.sources();
+        assert_eq!(light.tells_distance(), light.centre().is_some());
+        assert_eq!(light.tells_distance(), !sources.is_empty());
+        if let Some(centre) = light.centre() {
+            let sum: Vector3 = sources.iter().map(|p| p.coords).sum();
+            assert!((sum / sources.len() as f64 - centre.coords).norm() < 1e-12);
+        }
+        let moved = light.at_camera();
+        assert_eq!(moved.spot(), light.spot());
+        assert_eq!(moved.reference_distance(), light.reference_distance());
+        assert!(moved.centre().is_none_or(|c| c == Point3::origin()));
+        // The share of each source of what a point gets.
+        let (near, far) = (Point3::new(3.0, 2.0, 50.0), Point3::new(6.0, 4.0, 100.0));
+        let falls =
+            light.shade(&near, &-Vector3::z()).value > light.shade(&far, &-Vector3::z()).value;
+        assert_eq!(falls, light.tells_distance());
     }
 }
 

@@ -11,7 +11,7 @@
 //! vignetting of the lens ([`vignetting`]).
 
 use super::vignetting::vignetting;
-use super::{Light, LightModel, Shade};
+use super::{Cosine, Light, LightModel, Shade};
 use crate::geometry::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -85,10 +85,7 @@ impl Coat {
     /// `T · (s + a)`, what reaches the lens; `bare`: `s`.
     fn sent(&self, light: &LightModel, bare: Shade, point: &Point3, normal: &Vector3) -> Shade {
         let seen = Cosine::towards(&Point3::origin(), point, normal);
-        let lit = match light {
-            LightModel::Collinear => Cosine::along(-Vector3::z(), normal),
-            LightModel::Point(light) => Cosine::towards(&light.mean_position(), point, normal),
-        };
+        let lit = light.cosine(point, normal);
         let [into, out] = [&lit, &seen].map(|c| transmission(self.refractive_index, c.value));
         // Face on: (1 − ((n − 1)/(n + 1))²)².
         let mirrored = (self.refractive_index - 1.0) / (self.refractive_index + 1.0);
@@ -102,28 +99,6 @@ impl Coat {
                 + (lit.d_normal * d_lit + seen.d_normal * d_seen) * light,
             d_point: bare.d_point * passed + (lit.d_point * d_lit + seen.d_point * d_seen) * light,
         }
-    }
-}
-
-/// Cosine between a normal and a direction from the surface, with its derivatives.
-struct Cosine {
-    value: f64,
-    d_normal: Vector3,
-    d_point: Vector3,
-}
-
-impl Cosine {
-    fn along(direction: Vector3, normal: &Vector3) -> Self {
-        Self { value: normal.dot(&direction), d_normal: direction, d_point: Vector3::zeros() }
-    }
-
-    fn towards(place: &Point3, point: &Point3, normal: &Vector3) -> Self {
-        let way = place - point;
-        let distance = way.norm().max(f64::MIN_POSITIVE);
-        let direction = way / distance;
-        let value = normal.dot(&direction);
-        let d_point = (direction * value - normal) / distance;
-        Self { value, d_normal: direction, d_point }
     }
 }
 

@@ -1,18 +1,24 @@
-//! The paper's light: distant, along the optical axis, `s = −N_z`.
+//! The paper's light: distant, along the optical axis, `s = max(0, −N_z)`; it does not depend on the point.
 
-use super::Shade;
+use super::{LightError, LightSource, Shade};
 use crate::geometry::{Point3, Vector3};
 
-/// `s = max(0, −N_z)`; it does not depend on the point.
-pub fn shade(normal: &Vector3) -> Shade {
-    if normal.z >= 0.0 {
-        return Shade::default();
-    }
-    Shade { value: -normal.z, d_normal: -Vector3::z(), d_point: Vector3::zeros() }
-}
+/// The light of the paper; nothing about it is free.
+pub(super) struct Collinear;
 
-/// Half vector between the directions to the camera centre and to a light infinitely far behind
-/// the camera (`−z`).
-pub fn mirror_normal(point: &Point3) -> Vector3 {
-    (-point.coords.normalize() - Vector3::z()).normalize()
+impl LightSource for Collinear {
+    fn shade(&self, _: &Point3, normal: &Vector3) -> Shade {
+        if normal.z >= 0.0 {
+            return Shade::default();
+        }
+        Shade { value: -normal.z, d_normal: -Vector3::z(), d_point: Vector3::zeros() }
+    }
+
+    fn validate(&self) -> Result<(), LightError> {
+        Ok(())
+    }
+
+    fn describe(&self, _: &str) -> String {
+        "distant, along the optical axis".into()
+    }
 }

@@ -28,6 +28,34 @@ pub trait Light: Send + Sync {
     fn mirror_normal(&self, point: &Point3) -> Vector3;
 }
 
+/// What a kind of light says of itself; everything else follows from it ([`LightModel`]).
+///
+/// A new kind is a struct with this trait in a file of its own, and its line in the table of `model.rs`.
+pub(crate) trait LightSource: Send + Sync {
+    /// Diffuse shading of a point, in camera axes.
+    fn shade(&self, point: &Point3, normal: &Vector3) -> Shade;
+    /// Mean of where its rays come from, camera axes; `None` for a distant light along the optical axis.
+    fn centre(&self) -> Option<Point3> {
+        None
+    }
+    /// Where its rays come from.
+    fn sources(&self) -> Vec<Point3> {
+        Vec::new()
+    }
+    /// Distance at which a fronto-parallel point on the axis has `s = 1`; `None` where distance is all one.
+    fn reference_distance(&self) -> Option<f64> {
+        None
+    }
+    /// Angular profile about the optical axis.
+    fn spot(&self) -> Spot {
+        Spot::Isotropic
+    }
+    /// Check every number.
+    fn validate(&self) -> Result<(), LightError>;
+    /// In words; `unit` of its lengths.
+    fn describe(&self, unit: &str) -> String;
+}
+
 /// Angle in rad, `[0, π]`, between a unit normal and the one that would mirror the light into
 /// the camera: highlights sit where it is small.
 pub fn specular_angle(light: &impl Light, point: &Point3, normal: &Vector3) -> f64 {
@@ -39,10 +67,19 @@ pub fn specular_angle(light: &impl Light, point: &Point3, normal: &Vector3) -> f
 #[cfg(test)]
 mod check;
 pub mod coat;
-pub mod collinear;
-pub mod model;
-pub mod point;
+mod collinear;
+mod cosine;
+mod model;
+mod near;
+mod point;
+mod ring;
+mod spot;
 pub mod vignetting;
 
 pub use coat::{Coat, Coated};
-pub use model::{LightError, LightModel, PointLight, Spot};
+pub use cosine::Cosine;
+pub use model::{LightError, LightModel};
+pub use near::REFERENCE_DISTANCE;
+pub use point::PointLight;
+pub use ring::RingLight;
+pub use spot::Spot;

@@ -1,95 +1,45 @@
 //! The lights a camera file can name.
 
-use super::{Light, Shade, collinear, point};
+use super::collinear::Collinear;
+use super::{Cosine, Light, LightSource, PointLight, RingLight, Shade, Spot};
 use crate::geometry::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// A light rigidly mounted on the camera.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum LightModel {
+/// The table of the lights: a kind, and the struct of what is free about it, which says the rest
+/// ([`LightSource`]). Files call it by the kind in small letters.
+macro_rules! lights {
+    ($($(#[$meta:meta])* $kind:ident $(($light:ident: $data:ty))?),* $(,)?) => {
+        /// A light rigidly mounted on the camera.
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        pub enum LightModel {
+            $($(#[$meta])* $kind $(($data))?,)*
+        }
+
+        impl LightModel {
+            fn source(&self) -> &dyn LightSource {
+                match self { $(Self::$kind $(($light))? => lights!(@source $kind $($light)?),)* }
+            }
+        }
+
+        $($(impl From<$data> for LightModel {
+            fn from(light: $data) -> Self {
+                Self::$kind(light)
+            }
+        })?)*
+    };
+    (@source $kind:ident) => { &$kind };
+    (@source $kind:ident $light:ident) => { $light };
+}
+
+lights! {
     /// Distant and along the optical axis (the paper): `s = −N_z`.
     #[default]
     Collinear,
     /// Near, with inverse-square fall-off and a spot profile.
-    Point(PointLight),
-}
-
-/// One or several equal point lights around the optics.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PointLight {
-    /// Positions in camera axes, length units of the template.
-    pub positions: Vec<Point3>,
-    /// Distance at which a fronto-parallel point on the axis has `s = 1`.
-    pub reference_distance: f64,
-    /// Angular profile about the camera's z axis, seen from the light.
-    pub spot: Spot,
-}
-
-/// Angular profile of a light about its axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Spot {
-    /// The same in every direction.
-    #[default]
-    Isotropic,
-    /// 1 inside `inner_deg`, falling linearly with the angle to 0 at `outer_deg`.
-    Linear {
-        /// Half angle of full light, degrees.
-        inner_deg: f64,
-        /// Half angle where the light ends, degrees.
-        outer_deg: f64,
-    },
-    /// `cosⁿ` of the angle.
-    CosinePower {
-        /// The exponent n.
-        exponent: f64,
-    },
-}
-
-impl Spot {
-    /// Relative intensity at an angle from the axis (rad, `[0, π]`) and its derivative per rad.
-    /// Within the kinks of [`Spot::Linear`] the derivative is that of the inner side.
-    pub fn profile(&self, angle: f64) -> (f64, f64) {
-        match *self {
-            Self::Isotropic => (1.0, 0.0),
-            Self::Linear { inner_deg, outer_deg } => {
-                let (inner, outer) = (inner_deg.to_radians(), outer_deg.to_radians());
-                let slope = -1.0 / (outer - inner);
-                if angle <= inner {
-                    (1.0, 0.0)
-                } else if angle <= outer {
-                    (slope * (angle - outer), slope)
-                } else {
-                    (0.0, 0.0)
-                }
-            }
-            Self::CosinePower { exponent: 0.0 } => (1.0, 0.0),
-            Self::CosinePower { exponent } => {
-                let cos = angle.cos();
-                if cos <= 0.0 {
-                    return (0.0, 0.0);
-                }
-                let power = cos.powf(exponent - 1.0);
-                (power * cos, -exponent * power * angle.sin())
-            }
-        }
-    }
-
-    fn validate(&self) -> Result<(), LightError> {
-        match *self {
-            Self::Linear { inner_deg, outer_deg }
-                if !(0.0 <= inner_deg && inner_deg < outer_deg && outer_deg <= 180.0) =>
-            {
-                Err(LightError::Spot { inner_deg, outer_deg })
-            }
-            Self::CosinePower { exponent } if !(exponent >= 0.0 && exponent.is_finite()) => {
-                Err(LightError::Exponent(exponent))
-            }
-            _ => Ok(()),
-        }
-    }
+    Point(light: PointLight),
+    /// Near, from a circle around the lens.
+    Ring(light: RingLight),
 }
 
 /// What makes a light unusable.
@@ -116,79 +66,89 @@ pub enum LightError {
         outer_deg: f64,
     },
     /// Negative or not finite.
+    #[error("light.radius is {0}; it must not be negative")]
+    Radius(f64),
+    /// NaN or infinite coordinate.
+    #[error("light.centre holds a number that is not finite")]
+    Centre,
+    /// Negative or not finite.
     #[error("light.spot exponent is {0}; it must not be negative")]
     Exponent(f64),
 }
 
-impl PointLight {
-    /// Mean of the positions, camera axes.
-    pub fn mean_position(&self) -> Point3 {
-        let sum: Vector3 = self.positions.iter().map(|p| p.coords).sum();
-        (sum / self.positions.len().max(1) as f64).into()
-    }
-}
-
 impl LightModel {
+    /// A point at the camera's centre, the same in every direction.
+    pub fn at_origin(reference_distance: f64) -> Self {
+        let positions = vec![Point3::origin()];
+        PointLight { positions, reference_distance, spot: Spot::Isotropic }.into()
+    }
+
+    /// The same light at the camera's centre; a distant one is there already.
+    pub fn at_camera(&self) -> Self {
+        let Some(reference_distance) = self.reference_distance() else { return self.clone() };
+        let positions = vec![Point3::origin()];
+        PointLight { positions, reference_distance, spot: self.spot() }.into()
+    }
+
+    /// Whether brightness depends on how far away the surface is: fall-off from a place that is near.
+    pub fn tells_distance(&self) -> bool {
+        self.reference_distance().is_some()
+    }
+
+    /// Distance at which a fronto-parallel point on the axis has `s = 1`, of a light that tells distance.
+    pub fn reference_distance(&self) -> Option<f64> {
+        self.source().reference_distance()
+    }
+
+    /// Where its rays come from, camera axes, all alike; empty for a distant light along the optical axis.
+    pub fn sources(&self) -> Vec<Point3> {
+        self.source().sources()
+    }
+
+    /// Mean of the [`sources`](Self::sources); `None` for a distant light.
+    pub fn centre(&self) -> Option<Point3> {
+        self.source().centre()
+    }
+
+    /// Angular profile about the optical axis.
+    pub fn spot(&self) -> Spot {
+        self.source().spot()
+    }
+
+    /// Cosine of the angle between the normal and the direction to the middle of the light.
+    pub fn cosine(&self, point: &Point3, normal: &Vector3) -> Cosine {
+        match self.centre() {
+            Some(centre) => Cosine::towards(&centre, point, normal),
+            None => Cosine::along(-Vector3::z(), normal),
+        }
+    }
+
     /// Check every number.
+    ///
+    /// # Errors
+    /// The first that cannot be.
     pub fn validate(&self) -> Result<(), LightError> {
-        let Self::Point(light) = self else { return Ok(()) };
-        if light.positions.is_empty() {
-            return Err(LightError::NoPosition);
-        }
-        let infinite = |p: &Point3| p.coords.iter().any(|v| !v.is_finite());
-        if let Some(i) = light.positions.iter().position(infinite) {
-            return Err(LightError::Position(i));
-        }
-        if !(light.reference_distance > 0.0 && light.reference_distance.is_finite()) {
-            return Err(LightError::ReferenceDistance(light.reference_distance));
-        }
-        light.spot.validate()
+        self.source().validate()
+    }
+
+    /// In words; `unit` of its lengths.
+    pub fn describe(&self, unit: &str) -> String {
+        self.source().describe(unit)
     }
 }
 
 impl Light for LightModel {
     fn shade(&self, point: &Point3, normal: &Vector3) -> Shade {
-        match self {
-            Self::Collinear => collinear::shade(normal),
-            Self::Point(light) => point::shade(light, point, normal),
-        }
+        self.source().shade(point, normal)
     }
 
     fn mirror_normal(&self, point: &Point3) -> Vector3 {
-        match self {
-            Self::Collinear => collinear::mirror_normal(point),
-            Self::Point(light) => point::mirror_normal(light, point),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn linear_spot_by_hand() {
-        let spot = Spot::Linear { inner_deg: 10.0, outer_deg: 52.0 };
-        assert_eq!(spot.profile(0.0), (1.0, 0.0));
-        let (value, slope) = spot.profile(31_f64.to_radians());
-        assert!((value - 0.5).abs() < 1e-12);
-        assert!((slope + 1.0 / 42_f64.to_radians()).abs() < 1e-12);
-        assert_eq!(spot.profile(1.0).0, 0.0);
-    }
-
-    #[test]
-    fn validate_names_the_field() {
-        let light = |spot, distance| {
-            LightModel::Point(PointLight {
-                positions: vec![Point3::new(0.0, -3.0, 0.0)],
-                reference_distance: distance,
-                spot,
-            })
+        let to_camera = -point.coords.normalize();
+        // A distant light stands infinitely far behind the camera.
+        let to_light = match self.centre() {
+            Some(centre) => (centre - point).normalize(),
+            None => -Vector3::z(),
         };
-        assert!(light(Spot::Isotropic, 50.0).validate().is_ok());
-        let message = light(Spot::Isotropic, f64::NAN).validate().unwrap_err().to_string();
-        assert!(message.contains("reference_distance"));
-        assert!(light(Spot::Linear { inner_deg: 50.0, outer_deg: 10.0 }, 1.0).validate().is_err());
-        assert!(light(Spot::CosinePower { exponent: -1.0 }, 1.0).validate().is_err());
+        (to_camera + to_light).normalize()
     }
 }

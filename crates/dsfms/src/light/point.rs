@@ -1,54 +1,78 @@
-//! Near light: inverse-square fall-off and a spot profile about the camera's z axis,
-//!
-//! ```text
-//! s = mean over lights of  max(0, −N·l) · (D0/r)² · spot(φ),   l = (x − p_L)/r,   cos φ = l_z
-//! ```
+//! One or several point lights around the optics.
 
-use super::{PointLight, Shade};
+use super::{LightError, LightSource, Shade, Spot, near};
 use crate::geometry::{Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
-/// Shading of one surface point: the mean over the light's positions.
-pub fn shade(light: &PointLight, point: &Point3, normal: &Vector3) -> Shade {
-    let mut sum = Shade::default();
-    for position in &light.positions {
-        let one = shade_one(light, &(point - position), normal);
-        sum.value += one.value;
-        sum.d_normal += one.d_normal;
-        sum.d_point += one.d_point;
-    }
-    let share = 1.0 / light.positions.len().max(1) as f64;
-    Shade { value: sum.value * share, d_normal: sum.d_normal * share, d_point: sum.d_point * share }
+/// One or several equal point lights around the optics.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PointLight {
+    /// Positions in camera axes, length units of the template.
+    pub positions: Vec<Point3>,
+    /// Distance at which a fronto-parallel point on the axis has `s = 1`.
+    #[serde(default = "near::reference_distance")]
+    pub reference_distance: f64,
+    /// Angular profile about the camera's z axis, seen from the light.
+    #[serde(default)]
+    pub spot: Spot,
 }
 
-/// One position, seen along `q = x − p_L`: `s = D0² · (−N·q) · r⁻³ · spot(φ)`.
-fn shade_one(light: &PointLight, q: &Vector3, normal: &Vector3) -> Shade {
-    let facing = -normal.dot(q);
-    let r2 = q.norm_squared();
-    // Facing away, or a point in the light itself.
-    if !(facing > 0.0 && r2 > 0.0) {
-        return Shade::default();
+impl LightSource for PointLight {
+    fn shade(&self, point: &Point3, normal: &Vector3) -> Shade {
+        let sources = self.positions.iter().copied();
+        near::shade(sources, self.reference_distance, self.spot, point, normal)
     }
-    let rho = (q.x * q.x + q.y * q.y).sqrt();
-    let (spot, slope) = light.spot.profile(rho.atan2(q.z));
-    let falloff = light.reference_distance.powi(2) / (r2 * r2.sqrt());
-    let value = facing * falloff * spot;
-    // φ = atan2(ρ, z); on the axis its derivative has no direction and the profile no slope.
-    let d_angle = if rho > 1e-12 * q.z.abs() {
-        Vector3::new(q.x * q.z / rho, q.y * q.z / rho, -rho) / r2
-    } else {
-        Vector3::zeros()
-    };
-    Shade {
-        value,
-        d_normal: -q * (falloff * spot),
-        d_point: -normal * (falloff * spot) - q * (3.0 * value / r2)
-            + d_angle * (facing * falloff * slope),
+
+    fn centre(&self) -> Option<Point3> {
+        let sum: Vector3 = self.positions.iter().map(|p| p.coords).sum();
+        Some((sum / self.positions.len().max(1) as f64).into())
+    }
+
+    fn sources(&self) -> Vec<Point3> {
+        self.positions.clone()
+    }
+
+    fn reference_distance(&self) -> Option<f64> {
+        Some(self.reference_distance)
+    }
+
+    fn spot(&self) -> Spot {
+        self.spot
+    }
+
+    fn validate(&self) -> Result<(), LightError> {
+        if self.positions.is_empty() {
+            return Err(LightError::NoPosition);
+        }
+        let infinite = |p: &Point3| p.coords.iter().any(|v| !v.is_finite());
+        if let Some(i) = self.positions.iter().position(infinite) {
+            return Err(LightError::Position(i));
+        }
+        near::validate(self.reference_distance, &self.spot)
+    }
+
+    fn describe(&self, unit: &str) -> String {
+        let places: Vec<String> = self.positions.iter().map(near::place).collect();
+        format!("near, at {} {unit} in camera axes; {}", places.join(", "), self.spot.describe())
     }
 }
 
-/// Half vector between the directions to the camera centre and to the mean light position.
-pub fn mirror_normal(light: &PointLight, point: &Point3) -> Vector3 {
-    let to_camera = -point.coords.normalize();
-    let to_light = (light.mean_position() - point).normalize();
-    (to_camera + to_light).normalize()
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn validate_names_the_field() {
+        let light = |spot, reference_distance| PointLight {
+            positions: vec![Point3::new(0.0, -3.0, 0.0)],
+            reference_distance,
+            spot,
+        };
+        assert!(light(Spot::Isotropic, 50.0).validate().is_ok());
+        let message = light(Spot::Isotropic, f64::NAN).validate().unwrap_err().to_string();
+        assert!(message.contains("reference_distance"));
+        assert!(light(Spot::Linear { inner_deg: 50.0, outer_deg: 10.0 }, 1.0).validate().is_err());
+        assert!(light(Spot::CosinePower { exponent: -1.0 }, 1.0).validate().is_err());
+    }
 }

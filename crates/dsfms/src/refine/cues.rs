@@ -7,7 +7,6 @@ use super::look::Look;
 use crate::camera::CameraModel;
 use crate::energy::{Silhouette, Specular};
 use crate::geometry::{Point3, Vector3, median};
-use crate::light::LightModel;
 use crate::raster::visible_vertices;
 use crate::register::Body;
 
@@ -40,7 +39,7 @@ impl<'a> Cues<'a> {
             silhouette(camera, body, [look.shape, shape], raster, outline, options.silhouette_px)
         };
         let visible = visible_vertices(camera, topology, look.shape, raster, look.tolerance);
-        let near = matches!(photo.light.light, LightModel::Point(_));
+        let near = photo.light.light.tells_distance();
         let highlights = near.then(|| {
             let found = look.highlights(&visible);
             let lobe = lobe(&found, &look.normals);

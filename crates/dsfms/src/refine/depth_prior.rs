@@ -29,13 +29,12 @@ pub(super) fn depth_prior(
     options: &JointOptions,
     slack: f64,
 ) -> Boundary {
-    let sigmas = match light {
-        LightModel::Point(_) => {
-            let calm = slack * options.near_depth_hold * scene.radius();
-            let motions = shared_motions(scene, matches, posed).into_iter();
-            motions.map(|m| calm.hypot(options.near_depth_motion * m)).collect()
-        }
-        LightModel::Collinear => vec![depth_sigma; matches.len()],
+    let sigmas = if light.tells_distance() {
+        let calm = slack * options.near_depth_hold * scene.radius();
+        let motions = shared_motions(scene, matches, posed).into_iter();
+        motions.map(|m| calm.hypot(options.near_depth_motion * m)).collect()
+    } else {
+        vec![depth_sigma; matches.len()]
     };
     scene.depth_of(matches, posed, sigmas)
 }

@@ -15,7 +15,6 @@ use super::mirror::mirrored;
 use super::samples::{ImageSamples, look};
 use crate::energy::{Boundary, FaceRings, Photometric, Unknowns, Workspace};
 use crate::geometry::Point3;
-use crate::light::LightModel;
 use crate::mesh::Topology;
 use crate::register::{Body, Match, Scene};
 use crate::solver::{Options, Summary};
@@ -105,7 +104,7 @@ fn join_told(
             let (light, slack) = (&photo.light.light, gain.slack(options.image.gain_sigma));
             let hold =
                 depth_prior(scene, matches, &scene.posed, depth_sigma, light, options, slack);
-            let told = options.tells_distance(&gain, light) || *light == LightModel::Collinear;
+            let told = options.tells_distance(&gain, light) || !light.tells_distance();
             let options = if told { options.clone() } else { options.without_exposure() };
             Told { gain, at_matches, hold, options }
         });
@@ -139,7 +138,7 @@ fn join_told(
         last = Some((summary, count, residual));
         // A near light tells the distance of everything, so the shape knows the pose better than
         // the matches did; under a distant one only the matches hold it.
-        if matches!(photo.light.light, LightModel::Point(_)) {
+        if photo.light.light.tells_distance() {
             reposed = Some(scene.reposed(&state.vertices));
         }
     }

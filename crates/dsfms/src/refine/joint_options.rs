@@ -79,7 +79,7 @@ impl Default for ExposureUnknown {
 impl JointOptions {
     /// Whether brightness tells distance: a near light, and its exposure known.
     pub(super) fn tells_distance(&self, gain: &GainPrior, light: &LightModel) -> bool {
-        matches!(light, LightModel::Point(_)) && gain.is_told(self.image.gain_sigma)
+        light.tells_distance() && gain.is_told(self.image.gain_sigma)
     }
 
     /// The same under a near light of unknown exposure.

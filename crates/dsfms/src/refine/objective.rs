@@ -20,7 +20,6 @@ use super::evidence::{Evidence, Photograph};
 use super::gain::GainPrior;
 use crate::energy::{Diffuse, GlobalsPrior, Objective, Reprojection, Smoothing, Specular};
 use crate::geometry::Point3;
-use crate::light::LightModel;
 use crate::register::{Match, Scene};
 use crate::solver::Loss::{Huber, Squared};
 
@@ -37,7 +36,7 @@ pub(super) fn objective<'a>(
     let (topology, visible) = (&scene.rest.topology, &evidence.visible);
     let of_seen = |lambda: f64| lambda / evidence.seen_count() as f64;
     // Brightness tells the distance from a near light as well as the exposure is known.
-    let near = matches!(photo.light.light, LightModel::Point(_));
+    let near = photo.light.light.tells_distance();
     let slack = if near { gain.slack(options.image.gain_sigma) } else { 1.0 };
     let depth_sigma = slack * options.depth_hold * scene.radius();
     let boundary = scene.depth_of(matches, coarse, vec![depth_sigma; matches.len()]);

@@ -1,7 +1,7 @@
 //! Shared intrinsics as unknowns of the bundle adjustment.
 
-use crate::camera::{CameraModel, Lens};
-use crate::geometry::{Point2, Point3};
+use crate::camera::{BrownConrady, CameraModel, Lens};
+use crate::geometry::{Point2, Point3, Vector2};
 use nalgebra::SMatrix;
 use serde::{Deserialize, Serialize};
 
@@ -62,57 +62,42 @@ pub(super) fn prior_sigmas(camera: &CameraModel, per_view: f64) -> [f64; COUNT] 
 /// zero coefficients when `distortion` is on.
 pub(super) fn prepared(camera: &CameraModel, refine: &RefineIntrinsics) -> CameraModel {
     let mut camera = camera.clone();
-    if refine.distortion && camera.lens == Lens::Pinhole {
-        camera.lens = Lens::BrownConrady { k: [0.0; 3], p: [0.0; 2] };
+    if refine.distortion && camera.lens == Lens::default() {
+        camera.lens = BrownConrady::default().into();
     }
     camera
 }
 
 /// `∂pixel/∂(ln f, cx, cy, k1, k2)` at a point in camera axes that projects to `pixel`.
 ///
-/// From `pixel = f·x_d + c`: `∂/∂ln f = pixel − c`; Brown–Conrady `∂x_d/∂kₙ = x·r²ⁿ`;
-/// Kannala–Brandt `∂x_d/∂kₙ = (x/r)·θ²ⁿ⁺¹`. A pinhole has zero columns for k1, k2.
+/// From `pixel = f·x_d + c`: `∂/∂ln f = pixel − c`, and `f·∂x_d/∂kₙ`, which the lens tells
+/// ([`Lens::radial_derivatives`]).
 pub(super) fn jacobian(
     camera: &CameraModel,
     point: &Point3,
     pixel: &Point2,
 ) -> SMatrix<f64, 2, COUNT> {
-    let (x, y) = (point.x / point.z, point.y / point.z);
-    let r2 = x * x + y * y;
-    let powers = match camera.lens {
-        Lens::Pinhole => [0.0, 0.0],
-        Lens::BrownConrady { .. } => [r2, r2 * r2],
-        Lens::KannalaBrandt { .. } => {
-            let r = r2.sqrt();
-            let theta = r.atan();
-            let first = if r < 1e-9 { r2 } else { theta.powi(3) / r };
-            [first, first * theta * theta]
-        }
-    };
+    let normalised = Vector2::new(point.x / point.z, point.y / point.z);
+    let [d_k1, d_k2] = camera.lens.radial_derivatives(&normalised);
     let [fx, fy] = camera.focal;
     let [cx, cy] = camera.centre;
     SMatrix::<f64, 2, COUNT>::from_row_slice(&[
         pixel.x - cx,
         1.0,
         0.0,
-        fx * x * powers[0],
-        fx * x * powers[1],
+        fx * d_k1.x,
+        fx * d_k2.x,
         pixel.y - cy,
         0.0,
         1.0,
-        fy * y * powers[0],
-        fy * y * powers[1],
+        fy * d_k1.y,
+        fy * d_k2.y,
     ])
 }
 
 /// `camera − prior` in `(ln f, cx, cy, k1, k2)`; a pinhole has zero coefficients.
 pub(super) fn difference(camera: &CameraModel, prior: &CameraModel) -> [f64; COUNT] {
-    let radial = |camera: &CameraModel| match camera.lens {
-        Lens::Pinhole => [0.0; 2],
-        Lens::BrownConrady { k, .. } => [k[0], k[1]],
-        Lens::KannalaBrandt { k } => [k[0], k[1]],
-    };
-    let (k, k0) = (radial(camera), radial(prior));
+    let (k, k0) = (camera.lens.radial(), prior.lens.radial());
     [
         (camera.focal[0] / prior.focal[0]).ln(),
         camera.centre[0] - prior.centre[0],
@@ -127,11 +112,7 @@ pub(super) fn retract(camera: &CameraModel, step: &[f64; COUNT]) -> CameraModel 
     let mut moved = camera.clone();
     moved.focal = camera.focal.map(|f| f * step[0].exp());
     moved.centre = [camera.centre[0] + step[1], camera.centre[1] + step[2]];
-    match &mut moved.lens {
-        Lens::Pinhole => {}
-        Lens::BrownConrady { k, .. } => (0..2).for_each(|n| k[n] += step[3 + n]),
-        Lens::KannalaBrandt { k } => (0..2).for_each(|n| k[n] += step[3 + n]),
-    }
+    moved.lens = camera.lens.radial_moved([step[3], step[4]]);
     moved
 }
 
@@ -156,6 +137,7 @@ mod tests {
             Lens::Pinhole,
             Lens::BrownConrady { k: [-0.1, 0.03, 0.0], p: [0.001, -0.002] },
             Lens::KannalaBrandt { k: [0.02, -0.01, 0.003, 0.0] },
+            Lens::Rational { k: [0.3, 0.02, 0.0, 0.4, 0.1, 0.0], p: [0.001, -0.002] },
         ];
         let point = Point3::new(0.4, -0.3, 1.1);
         for lens in lenses {

@@ -21,7 +21,7 @@ mod rows;
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point3};
 use crate::image::{Mask, Plane};
-use crate::light::{LightModel, PointLight};
+use crate::light::LightModel;
 use crate::mesh::Mesh;
 use crate::raster::{rasterize, visible_vertices};
 use crate::solver::Summary;
@@ -131,7 +131,7 @@ pub fn shape_from_shading(input: &SfsInput, options: &SfsOptions) -> Result<SfsR
     }
     let posed: Vec<_> = input.mesh.positions.iter().map(|p| input.pose * p).collect();
     let raster = rasterize(input.camera, &input.mesh.topology, &posed);
-    let light = at_camera(input.light);
+    let light = input.light.at_camera();
     let grid = grid::Grid::new(input, &raster, &posed, &light, options)?;
     let (log_depth, summary) = depth_map::solve(&grid, &light, options);
     let tolerance = 0.01 * grid.mean_depth;
@@ -141,22 +141,12 @@ pub fn shape_from_shading(input: &SfsInput, options: &SfsOptions) -> Result<SfsR
     Ok(SfsResult { vertices, gain: grid.gain, summary })
 }
 
-/// The same light, at the camera's centre.
-fn at_camera(light: &LightModel) -> LightModel {
-    match light {
-        LightModel::Collinear => LightModel::Collinear,
-        LightModel::Point(light) => {
-            LightModel::Point(PointLight { positions: vec![Point3::origin()], ..light.clone() })
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::camera::Lens;
     use crate::geometry::Vector3;
-    use crate::light::{Light, Spot};
+    use crate::light::{Light, PointLight, Spot};
     use crate::mesh::normals::vertex_normals;
 
     const SIZE: [usize; 2] = [80, 80];

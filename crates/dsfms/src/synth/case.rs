@@ -88,7 +88,7 @@ impl Case {
             size: [720, 576],
             focal: [750.0, 750.0],
             centre: [359.5, 287.5],
-            lens: Lens::Pinhole,
+            lens: Lens::default(),
         };
         let look = RenderOptions {
             gain: (0.2 * normal(random)).exp(),
@@ -129,7 +129,7 @@ impl Case {
         let options = CaseOptions {
             vertices: 300,
             extension: 0.03,
-            light: LightModel::Collinear,
+            light: LightModel::default(),
             draw: Draw { count: 25, sigma_px: 1.0 },
             pull: true,
         };

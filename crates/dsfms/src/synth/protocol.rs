@@ -3,7 +3,7 @@
 use super::random::{Random, uniform};
 use super::{Admitted, Attraction, Case, CaseOptions, Draw, ExtensionOf, Patch, deform_to, patch};
 use crate::geometry::{Point3, Vector3};
-use crate::light::{LightModel, PointLight, Spot};
+use crate::light::{LightModel, PointLight, RingLight, Spot};
 use crate::mesh::Mesh;
 use crate::mesh::boundary::boundary_loops;
 use crate::mesh::normals::vertex_normals;
@@ -17,18 +17,41 @@ pub enum LightKind {
     Distant,
     /// A point 3 mm above the camera with inverse-square fall-off, full light at 75 mm.
     Near,
+    /// A ring of 4 mm radius around the lens with inverse-square fall-off, full light at 75 mm.
+    Ring,
 }
 
 impl LightKind {
+    /// Every one.
+    pub const ALL: [Self; 3] = [Self::Distant, Self::Near, Self::Ring];
+
+    /// As options and experiment files call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Distant => "distant",
+            Self::Near => "near",
+            Self::Ring => "ring",
+        }
+    }
+
+    /// The light of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|light| light.name() == name)
+    }
+
     /// The light model.
     pub fn model(self) -> LightModel {
+        let (reference_distance, spot) = (75.0, Spot::Isotropic);
         match self {
-            Self::Distant => LightModel::Collinear,
-            Self::Near => LightModel::Point(PointLight {
-                positions: vec![Point3::new(0.0, -3.0, 0.0)],
-                reference_distance: 75.0,
-                spot: Spot::Isotropic,
-            }),
+            Self::Distant => LightModel::default(),
+            Self::Near => {
+                let positions = vec![Point3::new(0.0, -3.0, 0.0)];
+                PointLight { positions, reference_distance, spot }.into()
+            }
+            Self::Ring => {
+                let centre = Point3::origin();
+                RingLight { radius: 4.0, centre, reference_distance, spot }.into()
+            }
         }
     }
 }

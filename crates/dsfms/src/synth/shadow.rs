@@ -29,10 +29,10 @@ impl Shadows {
     /// Look at the surface (camera axes) from every position of the light along z.
     pub fn cast(light: &LightModel, mesh: &Mesh) -> Self {
         let deepest = mesh.positions.iter().map(|p| p.z).fold(0.0, f64::max);
-        let positions = match light {
-            LightModel::Collinear => vec![Vector3::new(0.0, 0.0, -FAR * deepest)],
-            LightModel::Point(near) => near.positions.iter().map(|p| p.coords).collect(),
-        };
+        let mut positions: Vec<Vector3> = light.sources().iter().map(|p| p.coords).collect();
+        if positions.is_empty() {
+            positions.push(Vector3::new(0.0, 0.0, -FAR * deepest));
+        }
         let maps = positions.into_iter().map(|position| Map::of(position, mesh)).collect();
         Self { maps, bias: 0.25 * mesh.mean_edge_length() }
     }
@@ -57,7 +57,7 @@ impl Map {
             size: [SIDE; 2],
             focal: [0.98 * middle / widest; 2],
             centre: [middle; 2],
-            lens: Lens::Pinhole,
+            lens: Lens::default(),
         };
         let raster = rasterize(&camera, &mesh.topology, &positions);
         Self { light, camera, raster }

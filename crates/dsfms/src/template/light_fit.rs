@@ -131,7 +131,7 @@ pub fn fit_light(
     check_views(views)?;
     let normals = smoothed_normals(mesh, options.normal_smoothing);
     let prepared = prepare(mesh, views, &options.bounds);
-    let at_camera = point_light(Point3::origin(), 1.0, Spot::Isotropic);
+    let at_camera = LightModel::at_origin(1.0);
     let gate = initial.unwrap_or(&at_camera);
     let count = options.spots.max(100);
     let seen = observe_spots(mesh, &normals, &prepared, gate, &options.bounds, count);
@@ -164,7 +164,7 @@ fn assumed(
     spots: &[Vec<Observation>],
     options: &LightFitOptions,
 ) -> LightFit {
-    let at_camera = || point_light(Point3::origin(), median_distance(spots), Spot::Isotropic);
+    let at_camera = || LightModel::at_origin(median_distance(spots));
     LightFit {
         light: initial.cloned().unwrap_or_else(at_camera),
         ambient: 0.0,
@@ -212,10 +212,6 @@ fn median_distance(spots: &[Vec<Observation>]) -> f64 {
     median(&mut distances).unwrap_or(0.0)
 }
 
-fn point_light(position: Point3, reference_distance: f64, spot: Spot) -> LightModel {
-    LightModel::Point(PointLight { positions: vec![position], reference_distance, spot })
-}
-
 /// Which family of lights.
 #[derive(Clone, Debug)]
 enum Family {
@@ -254,14 +250,11 @@ fn models(
     options: &LightFitOptions,
 ) -> Vec<ParametricLight> {
     use SpotFamily::{Cosine, Isotropic, Linear};
-    let given = match initial {
-        Some(LightModel::Point(light)) if !light.positions.is_empty() => Some(light),
-        _ => None,
-    };
-    let distance = given.map_or(median, |l| l.reference_distance);
-    let origin = given.map_or([0.0; 3], |l| (l.mean_position() / distance).coords.into());
-    let spot = given.map_or(Spot::Isotropic, |l| l.spot);
-    let mut families = vec![Family::Fixed("collinear", LightModel::Collinear)];
+    let distance = initial.and_then(LightModel::reference_distance).unwrap_or(median);
+    let origin = initial.and_then(LightModel::centre).unwrap_or_default() / distance;
+    let origin = origin.coords.into();
+    let spot = initial.map_or(Spot::Isotropic, LightModel::spot);
+    let mut families = vec![Family::Fixed("collinear", LightModel::default())];
     families.extend(initial.map(|light| Family::Fixed("given", light.clone())));
     for offset in [false, true] {
         families.extend([Isotropic, Cosine, Linear].map(|spot| Family::Near { offset, spot }));
@@ -328,7 +321,8 @@ impl ParametricLight {
                     [x, y, z] => Point3::new(*x, *y, *z) * self.distance,
                     _ => Point3::origin(),
                 };
-                point_light(place, self.distance, decode_spot(*spot, rest))
+                let (positions, spot) = (vec![place], decode_spot(*spot, rest));
+                PointLight { positions, reference_distance: self.distance, spot }.into()
             }
         };
         (light, Coat { refractive_index: self.refractive_index, ambient, vignetting })

@@ -8,7 +8,6 @@ use super::tracker::{Clock, Draft, Last, Tracker};
 use crate::camera::Camera;
 use crate::geometry::{Isometry, Point2, Point3, align_rigid_robust, point_at};
 use crate::image::diagonal;
-use crate::light::LightModel;
 use crate::pipeline::Method;
 use crate::refine::{Near, NearFrame, Photograph, VideoMemory, join, join_near};
 use crate::register::solve::{depth_tolerance, errors_px, explained};
@@ -132,14 +131,13 @@ impl Tracker<'_> {
         let rest = &self.template.mesh.positions;
         // A near light tells the distance of everything, so the shape knows the pose better than the
         // matches do; under a distant one only they hold it.
-        let base = match self.light.light {
-            LightModel::Point(_) => {
-                let seen = |shape: &[Point3]| -> Vec<Point3> {
-                    shape.iter().zip(&visible).filter(|s| *s.1).map(|s| *s.0).collect()
-                };
-                align_rigid_robust(&seen(rest), &seen(&shape)).unwrap_or(posed.pose)
-            }
-            LightModel::Collinear => posed.pose,
+        let base = if self.light.light.tells_distance() {
+            let seen = |shape: &[Point3]| -> Vec<Point3> {
+                shape.iter().zip(&visible).filter(|s| *s.1).map(|s| *s.0).collect()
+            };
+            align_rigid_robust(&seen(rest), &seen(&shape)).unwrap_or(posed.pose)
+        } else {
+            posed.pose
         };
         let rigid = rest.iter().map(|p| base * p).collect();
         Start { shape, ambient: last.ambient, gap, posed, rigid, visible }

@@ -1,6 +1,7 @@
 //! The options that every series of cases has.
 
 use crate::exit::Usage;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use dsfms::experiment::Organ;
 use dsfms::synth::{ExtensionOf, LightKind, Protocol};
@@ -21,9 +22,9 @@ pub struct SeriesArgs {
     /// 25 matches outside the deformed zone, or 500 over the whole surface.
     #[arg(long, value_enum, default_value_t = Matches::Sparse)]
     matches: Matches,
-    /// Light along the optical axis, or near and 3 mm above the camera.
-    #[arg(long, value_enum, default_value_t = LightName::Distant)]
-    light: LightName,
+    /// Light along the optical axis, near and 3 mm above the camera, or a ring of 4 mm around the lens.
+    #[arg(long, value_name = "LIGHT", default_value = LightKind::Distant.name(), value_parser = light())]
+    light: LightKind,
     /// Vertices of the template; default 334, for a clip 1000.
     #[arg(long, value_name = "N", value_parser = vertices)]
     vertices: Option<usize>,
@@ -60,22 +61,12 @@ enum ExtensionName {
     Mean,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum LightName {
-    Distant,
-    Near,
-}
-
 impl SeriesArgs {
     /// What all cases share.
     pub fn protocol(&self, seed: u64) -> Protocol {
         let (matches, everywhere) = match self.matches {
             Matches::Sparse => (25, false),
             Matches::Dense => (500, true),
-        };
-        let light = match self.light {
-            LightName::Distant => LightKind::Distant,
-            LightName::Near => LightKind::Near,
         };
         let extension_of = match self.extension_of {
             ExtensionName::Largest => ExtensionOf::Largest,
@@ -87,7 +78,7 @@ impl SeriesArgs {
         let vertices = self.vertices_or(Protocol::default().vertices);
         Protocol {
             vertices,
-            light,
+            light: self.light,
             matches,
             everywhere,
             extension_of,
@@ -134,6 +125,12 @@ fn within(text: &str, most: f64, expected: &str) -> Result<f64, String> {
 }
 
 /// A length above zero.
+/// A light by its name.
+fn light() -> impl TypedValueParser<Value = LightKind> {
+    let names = PossibleValuesParser::new(LightKind::ALL.map(LightKind::name));
+    names.try_map(|name| LightKind::named(&name).ok_or("no such light"))
+}
+
 fn length(text: &str) -> Result<f64, String> {
     let valid = |v: &f64| (0.5..=100.0).contains(v);
     text.parse().ok().filter(valid).ok_or_else(|| "expected 0.5 to 100 mm".to_owned())

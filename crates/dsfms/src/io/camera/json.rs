@@ -2,8 +2,8 @@
 
 use super::super::error::InputError;
 use super::fields::{Fields, flat_numbers};
-use super::{CameraFile, Family, brown_conrady, family, light, tone};
-use crate::camera::{CameraModel, Lens};
+use super::{CameraFile, lens_kind, light, tone};
+use crate::camera::{CameraModel, Lens, LensKind};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
@@ -34,7 +34,11 @@ const KNOWN: [&str; 23] = [
     "vignetting",
 ];
 
+/// Coefficients of any lens.
 const COEFFICIENTS: [&str; 8] = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"];
+
+/// Coefficients by name.
+type Named = Vec<(&'static str, f64)>;
 
 pub(super) fn read(path: &Path, value: &Value) -> Result<CameraFile, InputError> {
     let fields = Fields::new(path, "", value)?;
@@ -74,34 +78,27 @@ fn pixel_shift(fields: &Fields) -> Result<f64, InputError> {
 
 fn lens(fields: &Fields) -> Result<Lens, InputError> {
     let key = fields.first(&["distortion_model", "camera_model"]);
-    let family = family(fields.path, "distortion_model", key.map(|(_, value)| value))?;
-    let c = match fields.get("distortion") {
-        Some(Value::Array(_)) => listed(fields)?,
+    let kind = lens_kind(fields.path, "distortion_model", key.map(|(_, value)| value))?;
+    let named = match fields.get("distortion") {
+        Some(Value::Array(_)) => return listed(fields, kind),
         Some(value) => named(fields.path, value)?,
         None => coefficients(fields)?,
     };
-    from_coefficients(fields.path, family, &c)
-}
-
-/// The lens of k1 k2 p1 p2 k3 k4 k5 k6.
-fn from_coefficients(path: &Path, family: Family, c: &[f64; 8]) -> Result<Lens, InputError> {
-    let [k1, k2, p1, p2, k3, k4, ..] = *c;
-    let unused = |used: &[usize]| {
-        (0..8).find(|i| c[*i] != 0.0 && !used.contains(i)).map(|i| {
-            let problem = format!("is {} but the distortion model has no such coefficient (brown_conrady: k1 k2 p1 p2 k3, rational models are not supported; fisheye: k1 to k4)", c[i]);
-            InputError::field(path, format!("distortion.{}", COEFFICIENTS[i]), problem)
-        })
-    };
-    let (lens, used): (_, &[usize]) = match family {
-        Family::Pinhole => (Lens::Pinhole, &[]),
-        Family::BrownConrady => (brown_conrady([k1, k2, k3], [p1, p2]), &[0, 1, 2, 3, 4]),
-        Family::Fisheye => (Lens::KannalaBrandt { k: [k1, k2, k3, k4] }, &[0, 1, 4, 5]),
-    };
-    unused(used).map_or(Ok(lens), Err)
+    let unused = named.iter().find(|c| c.1 != 0.0 && !kind.coefficients.contains(&c.0));
+    if let Some((name, value)) = unused {
+        let kinds: Vec<String> = Lens::KINDS.iter().map(LensKind::expected).collect();
+        let problem = format!(
+            "is {value} but the distortion model {} has no such coefficient ({})",
+            kind.name,
+            kinds.join("; ")
+        );
+        return Err(InputError::field(fields.path, format!("distortion.{name}"), problem));
+    }
+    Ok(kind.named_coefficients(&named).simplest())
 }
 
 /// `"distortion": { "k1": …, … }`: a name that is no coefficient is an error unless it is a text.
-fn named(path: &Path, value: &Value) -> Result<[f64; 8], InputError> {
+fn named(path: &Path, value: &Value) -> Result<Named, InputError> {
     let fields = Fields::new(path, "distortion", value)?;
     for (key, value) in fields.keys() {
         if !COEFFICIENTS.contains(&key.as_str()) && !value.is_string() {
@@ -112,39 +109,21 @@ fn named(path: &Path, value: &Value) -> Result<[f64; 8], InputError> {
     coefficients(&fields)
 }
 
-fn coefficients(fields: &Fields) -> Result<[f64; 8], InputError> {
-    let mut out = [0.0; 8];
-    for (out, key) in out.iter_mut().zip(COEFFICIENTS) {
-        *out = fields.number_or(key, 0.0)?;
-    }
-    Ok(out)
+fn coefficients(fields: &Fields) -> Result<Named, InputError> {
+    COEFFICIENTS.iter().map(|&key| Ok((key, fields.number_or(key, 0.0)?))).collect()
 }
 
-/// `"distortion": [k1, k2, p1, p2, k3]`, or `[k1, k2, k3, k4]` of a fisheye.
-fn listed(fields: &Fields) -> Result<[f64; 8], InputError> {
+/// `"distortion": [k1, k2, p1, p2, k3]`, or what else the model has, in OpenCV's order; what is left out at
+/// its end is 0.
+fn listed(fields: &Fields, kind: &LensKind) -> Result<Lens, InputError> {
     let value = fields.get("distortion").unwrap_or(&Value::Null);
-    let list = flat_numbers(value).map_err(|problem| fields.error("distortion", problem))?;
-    let key = fields.first(&["distortion_model", "camera_model"]);
-    let fisheye =
-        family(fields.path, "distortion_model", key.map(|(_, value)| value))? == Family::Fisheye;
-    // Where each entry of the list belongs among k1 k2 p1 p2 k3 k4 k5 k6.
-    let places: &[usize] = if fisheye { &[0, 1, 4, 5] } else { &[0, 1, 2, 3, 4, 5, 6, 7] };
-    if list.len() > places.len() {
-        let problem = format!("holds {} numbers, at most {} are known", list.len(), places.len());
-        return Err(fields.error("distortion", problem));
-    }
-    let mut out = [0.0; 8];
-    places.iter().zip(list).for_each(|(&place, value)| out[place] = value);
-    Ok(out)
+    let mut list = flat_numbers(value).map_err(|problem| fields.error("distortion", problem))?;
+    list.resize(list.len().max(kind.coefficients.len()), 0.0);
+    kind.listed_coefficients(&list).map_err(|problem| fields.error("distortion", problem))
 }
 
 pub(super) fn write(file: &CameraFile) -> Value {
     let camera = &file.camera;
-    let model = match camera.lens {
-        Lens::Pinhole => "none",
-        Lens::BrownConrady { .. } => "brown_conrady",
-        Lens::KannalaBrandt { .. } => "kannala_brandt",
-    };
     let coefficients = camera.lens.coefficients().into_iter();
     let distortion: Map<_, _> = coefficients.map(|(key, v)| (key.to_owned(), json!(v))).collect();
     let mut out = json!({
@@ -154,7 +133,7 @@ pub(super) fn write(file: &CameraFile) -> Value {
         "fy": camera.focal[1],
         "cx": camera.centre[0],
         "cy": camera.centre[1],
-        "distortion_model": model,
+        "distortion_model": camera.lens.kind().name,
         "distortion": distortion,
         "pixel_convention": "opencv",
     });

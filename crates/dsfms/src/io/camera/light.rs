@@ -2,69 +2,95 @@
 //! a description.
 
 use super::super::error::InputError;
-use super::REFERENCE_DISTANCE;
-use super::fields::{Fields, flat_numbers, numbers_in};
+use super::fields::{Fields, flat_numbers, number, numbers_in};
 use crate::geometry::Point3;
-use crate::light::{LightModel, PointLight, Spot};
-use serde_json::{Value, json};
+use crate::light::{LightModel, Spot};
+use serde_json::{Map, Value, json};
 use std::path::Path;
 
 const DISTANT: [&str; 5] = ["collinear", "distant", "directional", "parallel", "infinite"];
 const NEAR: [&str; 6] = ["offset", "point", "near", "ring", "spot", "several"];
 const AT_CAMERA: [&str; 4] = ["colocated", "co-located", "coaxial", "camera"];
 
-/// Fields that are read, besides those of places.
-const KNOWN: [&str; 8] = [
-    "kind",
-    "type",
-    "reference_distance",
-    "reference_distance_mm",
-    "spot",
-    "falloff",
-    "fall_off",
-    "profile",
-];
+/// The kind that a place makes of a light.
+const POINT: &str = "point";
 
+/// How an error about the kind begins.
+const UNKNOWN: &str = "unknown variant";
+
+/// Fields that are read of any light, besides those of places.
+const KNOWN: [&str; 7] =
+    ["kind", "type", "reference_distance", "spot", "falloff", "fall_off", "profile"];
+
+/// A light by its kind and the parameters that the kind itself tells ([`LightModel`]), once words and names
+/// of older files are put into ours.
 pub(super) fn read(path: &Path, value: &Value) -> Result<LightModel, InputError> {
     // A bare word: "light": "collinear".
     if let Some(word) = value.as_str() {
         return read(path, &json!({ "kind": word }));
     }
     let fields = Fields::new(path, "light", value)?;
-    let places = fields.keys().map(|(key, _)| key.as_str()).filter(|key| is_place(key));
-    let known: Vec<&str> = KNOWN.into_iter().chain(places).collect();
-    fields.check_names(&known, true)?;
+    fields.check_names(&KNOWN, false)?;
+    let positions = positions(&fields)?;
     let kind = match fields.get("kind").or(fields.get("type")) {
         Some(kind) => kind.as_str().unwrap_or_default().to_lowercase(),
-        None if positions(&fields)?.is_some() => "point".into(),
-        None => return Err(fields.error("kind", format!("is missing; expected {}", kinds()))),
+        None if positions.is_some() => "point".into(),
+        None => return Err(fields.error("kind", "is missing; expected the name of a light")),
     };
     let says = |words: &[&str]| words.iter().any(|word| kind.contains(word));
-    let positions = positions(&fields)?;
-    let positions = match positions {
-        _ if says(&DISTANT) => return Ok(LightModel::Collinear),
-        Some(positions) if says(&NEAR) || says(&AT_CAMERA) => positions,
-        None if says(&AT_CAMERA) => vec![Point3::origin()],
-        None if says(&NEAR) => {
-            let problem = "is missing; expected a list of [x, y, z] in camera axes (offsets_mm_camera_frame does as well)";
-            return Err(fields.error("positions", problem));
-        }
-        _ => {
-            return Err(
-                fields.error("kind", format!("{kind:?} is not known; expected {}", kinds()))
-            );
-        }
+    if says(&DISTANT) {
+        return Ok(LightModel::default());
+    }
+    let mut parameters = parameters(&fields)?;
+    let near = says(&NEAR) || says(&AT_CAMERA);
+    let places = positions.or_else(|| says(&AT_CAMERA).then(|| vec![Point3::origin()]));
+    let placed = places.is_some() && near;
+    if let Some(places) = places {
+        parameters.insert("positions".into(), json!(places));
+    }
+    let of_kind = |kind: &str| {
+        let tagged = [(kind.to_owned(), Value::from(parameters.clone()))];
+        serde_json::from_value(Value::Object(tagged.into_iter().collect()))
     };
-    let distance = fields.first(&["reference_distance", "reference_distance_mm"]);
-    let reference_distance = match distance {
-        Some((key, _)) => fields.number(key)?,
-        None => REFERENCE_DISTANCE,
-    };
-    Ok(LightModel::Point(PointLight { positions, reference_distance, spot: spot(&fields)? }))
+    let light = of_kind(if placed { POINT } else { &kind });
+    let unknown = |error: &serde_json::Error| error.to_string().starts_with(UNKNOWN);
+    let light =
+        light.or_else(|error| if near && unknown(&error) { of_kind(POINT) } else { Err(error) });
+    light.map_err(|error| explained(&fields, &error.to_string()))
 }
 
-fn kinds() -> &'static str {
-    "\"point\" (with positions), \"colocated\" or \"collinear\""
+/// The error at the field that it names, which stands between back ticks.
+fn explained(fields: &Fields, error: &str) -> InputError {
+    match error.split('`').nth(1) {
+        Some(_) if error.starts_with(UNKNOWN) => fields.error("kind", error),
+        Some("positions") if error.starts_with("missing") => {
+            let problem = "is missing; expected a list of [x, y, z] in camera axes (offsets_mm_camera_frame does as well)";
+            fields.error("positions", problem)
+        }
+        Some(field) => fields.error(field, error),
+        None => fields.error("kind", format!("{error} in its parameters")),
+    }
+}
+
+/// What is neither kind nor place: the spot in our notation, numbers under their names without a unit.
+/// A text that is no number is a remark.
+fn parameters(fields: &Fields) -> Result<Map<String, Value>, InputError> {
+    let mut out = Map::new();
+    if let Some(spot) = spot(fields)? {
+        out.insert("spot".into(), json!(spot));
+    }
+    for (key, value) in fields.keys() {
+        if KNOWN.contains(&key.as_str()) && key != "reference_distance" || is_place(key) {
+            continue;
+        }
+        let value = match number(value) {
+            Ok(number) => json!(number),
+            Err(_) if value.is_string() || value.is_null() => continue,
+            Err(_) => value.clone(),
+        };
+        out.insert(key.strip_suffix("_mm").unwrap_or(key).into(), value);
+    }
+    Ok(out)
 }
 
 fn is_place(key: &str) -> bool {
@@ -91,12 +117,12 @@ fn positions(fields: &Fields) -> Result<Option<Vec<Point3>>, InputError> {
     }
 }
 
-fn spot(fields: &Fields) -> Result<Spot, InputError> {
+fn spot(fields: &Fields) -> Result<Option<Spot>, InputError> {
     if let Some(value) = fields.get("spot") {
-        return spot_of_value(fields, value);
+        return spot_of_value(fields, value).map(Some);
     }
     let described = fields.first(&["falloff", "fall_off", "profile"]);
-    let Some((key, value)) = described else { return Ok(Spot::Isotropic) };
+    let Some((key, value)) = described else { return Ok(None) };
     let Some(text) = value.as_str() else { return Err(fields.error(key, "expected a text")) };
     let text = text.to_lowercase();
     let decays = ["inverse", "1/r", "quadratic", "square"].iter().any(|word| text.contains(word));
@@ -104,7 +130,7 @@ fn spot(fields: &Fields) -> Result<Spot, InputError> {
         let problem = "a near light without inverse-square fall-off is not modelled; use kind \"collinear\" for a distant one";
         return Err(fields.error(key, problem));
     }
-    spot_of_text(&text).ok_or_else(|| {
+    spot_of_text(&text).map(Some).ok_or_else(|| {
         fields.error(key, "the spot profile is not understood; give \"spot\": {\"inner_deg\": …, \"outer_deg\": …} or {\"exponent\": …}")
     })
 }
@@ -144,20 +170,19 @@ fn spot_of_value(fields: &Fields, value: &Value) -> Result<Spot, InputError> {
     })
 }
 
+/// Kind and parameters side by side, the spot without the name of its profile; [`read`] takes it back.
 pub(super) fn write(light: &LightModel) -> Value {
-    match light {
-        LightModel::Collinear => json!({ "kind": "collinear" }),
-        LightModel::Point(light) => json!({
-            "kind": "point",
-            "positions": light.positions.iter().map(|p| [p.x, p.y, p.z]).collect::<Vec<_>>(),
-            "reference_distance": light.reference_distance,
-            "spot": match light.spot {
-                Spot::Isotropic => json!("isotropic"),
-                Spot::Linear { inner_deg, outer_deg } => {
-                    json!({ "inner_deg": inner_deg, "outer_deg": outer_deg })
-                }
-                Spot::CosinePower { exponent } => json!({ "exponent": exponent }),
-            },
-        }),
+    let Ok(Value::Object(tagged)) = serde_json::to_value(light) else {
+        return json!({ "kind": light });
+    };
+    let mut out = Map::new();
+    for (kind, parameters) in tagged {
+        out.insert("kind".into(), kind.into());
+        out.extend(parameters.as_object().cloned().unwrap_or_default());
     }
+    let spot = out.get("spot").and_then(Value::as_object);
+    if let Some(bare) = spot.and_then(|s| s.values().next()).cloned() {
+        out.insert("spot".into(), bare);
+    }
+    out.into()
 }

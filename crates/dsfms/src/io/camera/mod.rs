@@ -2,7 +2,8 @@
 //! `transforms.json`, the strings of P2ILF's metadata.
 //!
 //! The JSON holds `width`, `height`, `fx`, `fy`, `cx`, `cy` (a complete file), and optionally
-//! `distortion` (`k1 k2 p1 p2 k3`, or `k1` to `k4` with a `distortion_model` that says fisheye),
+//! `distortion` (`k1 k2 p1 p2 k3`, `k1` to `k4` with a `distortion_model` that says fisheye, or
+//! `k1 k2 p1 p2 k3 k4 k5 k6` with one that says rational),
 //! `pixel_convention`, `tone_curve`, `light` and `vignetting` (`a` of `1 + a r²`, r in focal
 //! lengths). A further field is a remark where it is a text, and an error where it is anything else or
 //! nearly one of these names.
@@ -18,19 +19,17 @@ mod xml;
 
 use super::colmap::{file_in, is_binary};
 use super::error::{InputError, parse_json, read_text, write_text};
-use crate::camera::{CameraModel, Lens};
+use crate::camera::{CameraModel, Lens, LensKind};
 use crate::image::ToneCurve;
 use crate::light::{LightModel, vignetting};
 use serde_json::Value;
 use std::path::Path;
 
-/// Distance at which shading is 1 when a camera file gives a point light without
-/// `reference_distance`: 50 length units, a usual working distance of a laparoscope in mm. It
-/// scales all shading alike, and so is absorbed by the gain.
-pub const REFERENCE_DISTANCE: f64 = 50.0;
-
 /// Most bytes of a camera file; its values take thirty times as much in memory.
 const MOST_TEXT: usize = 16 << 20;
+
+/// The lens of coefficients that come without a name.
+const USUAL_LENS: &str = "brown_conrady";
 
 pub use colmap::{ImageCameras, read_image_cameras};
 
@@ -131,36 +130,19 @@ pub fn write_camera(path: &Path, file: &CameraFile) -> Result<(), InputError> {
     write_text(path, &(text + "\n"))
 }
 
-/// Brown-Conrady, or the pinhole when every coefficient is zero.
-fn brown_conrady(k: [f64; 3], p: [f64; 2]) -> Lens {
-    if k == [0.0; 3] && p == [0.0; 2] { Lens::Pinhole } else { Lens::BrownConrady { k, p } }
-}
-
-/// Lens families a file can name in free text.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Family {
-    Pinhole,
-    BrownConrady,
-    Fisheye,
-}
-
-/// The family named by a field such as `distortion_model`; Brown-Conrady when there is none.
-fn family(path: &Path, field: &str, value: Option<&Value>) -> Result<Family, InputError> {
-    let Some(value) = value.filter(|v| !v.is_null()) else { return Ok(Family::BrownConrady) };
-    let text = value.as_str().unwrap_or_default().to_lowercase();
-    let says = |words: &[&str]| words.iter().any(|word| text.contains(word));
-    if says(&["fisheye", "kannala", "equidistant"]) {
-        Ok(Family::Fisheye)
-    } else if says(&["brown", "opencv", "plumb", "radtan", "radial", "rational"]) {
-        Ok(Family::BrownConrady)
-    } else if says(&["none", "pinhole", "no "]) {
-        Ok(Family::Pinhole)
-    } else {
-        let problem = format!(
-            "{value} is not known; expected brown_conrady, kannala_brandt (fisheye) or none"
-        );
-        Err(InputError::field(path, field, problem))
-    }
+/// The kind of lens that a field such as `distortion_model` names; Brown-Conrady when there is none.
+fn lens_kind(
+    path: &Path,
+    field: &str,
+    value: Option<&Value>,
+) -> Result<&'static LensKind, InputError> {
+    let value = value.filter(|v| !v.is_null());
+    let text = value.map_or(Some(USUAL_LENS), Value::as_str).unwrap_or_default();
+    LensKind::told(text).ok_or_else(|| {
+        let known: Vec<&str> = Lens::KINDS.iter().map(|kind| kind.name).collect();
+        let problem = format!("{text:?} is not known; expected one of {}", known.join(", "));
+        InputError::field(path, field, problem)
+    })
 }
 
 #[cfg(test)]

@@ -3,10 +3,13 @@
 
 use super::super::error::InputError;
 use super::fields::Fields;
-use super::{CameraFile, brown_conrady};
-use crate::camera::{CameraModel, Lens};
+use super::{CameraFile, lens_kind};
+use crate::camera::CameraModel;
 use serde_json::Value;
 use std::path::Path;
+
+/// What the model of a fisheye says.
+const FISHEYE: &str = "FISHEYE";
 
 pub(super) fn is_nerfstudio(value: &Value) -> bool {
     value.get("fl_x").is_some() || value.get("camera_angle_x").is_some()
@@ -15,19 +18,21 @@ pub(super) fn is_nerfstudio(value: &Value) -> bool {
 pub(super) fn read(path: &Path, value: &Value) -> Result<CameraFile, InputError> {
     let fields = Fields::new(path, "", value)?;
     let fx = fields.number("fl_x")?;
-    let k = |key: &str| fields.number_or(key, 0.0);
     let model = fields.get("camera_model").and_then(Value::as_str).unwrap_or("OPENCV");
-    let fisheye = model.to_uppercase().contains("FISHEYE")
+    let fisheye = model.to_uppercase().contains(FISHEYE)
         || fields.get("is_fisheye").and_then(Value::as_bool) == Some(true);
-    let [k1, k2, k3, k4] = [k("k1")?, k("k2")?, k("k3")?, k("k4")?];
-    let lens = match fisheye {
-        true => Lens::KannalaBrandt { k: [k1, k2, k3, k4] },
-        false if k4 != 0.0 => {
-            let problem = format!("is {k4}, but the model {model} has no such coefficient");
-            return Err(fields.error("k4", problem));
+    let kind = lens_kind(path, "camera_model", fisheye.then_some(&FISHEYE.into()))?;
+    let mut named = Vec::new();
+    for name in ["k1", "k2", "k3", "k4", "p1", "p2"] {
+        let value = fields.number_or(name, 0.0)?;
+        // Of a fisheye nerfstudio writes p1 and p2 as well, and does not use them.
+        if value != 0.0 && kind.perspective && !kind.coefficients.contains(&name) {
+            let problem = format!("is {value}, but the model {model} has no such coefficient");
+            return Err(fields.error(name, problem));
         }
-        false => brown_conrady([k1, k2, k3], [k("p1")?, k("p2")?]),
-    };
+        named.push((name, value));
+    }
+    let lens = kind.named_coefficients(&named).simplest();
     let camera = CameraModel {
         size: [fields.count("w")?, fields.count("h")?],
         focal: [fx, fields.number_or("fl_y", fx)?],

@@ -3,8 +3,8 @@
 
 use super::super::error::InputError;
 use super::fields::{Fields, flat_numbers};
-use super::{CameraFile, Family, brown_conrady, family};
-use crate::camera::{CameraModel, Lens};
+use super::{CameraFile, lens_kind};
+use crate::camera::{CameraModel, Lens, LensKind};
 use serde_json::Value;
 use std::path::Path;
 
@@ -81,40 +81,28 @@ fn size(fields: &Fields) -> Result<[usize; 2], InputError> {
 }
 
 fn lens(fields: &Fields) -> Result<Lens, InputError> {
-    let family = match fields.first(&MODEL) {
-        Some((key, value)) => family(fields.path, key, Some(value))?,
-        None if flagged_fisheye(fields) => Family::Fisheye,
-        None => Family::BrownConrady,
+    let told = match fields.first(&MODEL) {
+        Some((key, value)) => Some(lens_kind(fields.path, key, Some(value))?),
+        None if flagged_fisheye(fields) => LensKind::told("fisheye"),
+        None => None,
     };
     let Some((key, _)) = fields.first(&DISTORTION) else {
-        return match family {
-            Family::Fisheye => {
-                Err(fields.error(DISTORTION[0], "is missing; a fisheye needs k1 to k4"))
+        return match told.filter(|kind| !kind.perspective) {
+            Some(kind) => {
+                Err(fields.error(DISTORTION[0], format!("is missing; {}", kind.expected())))
             }
-            _ => Ok(Lens::Pinhole),
+            None => Ok(Lens::default()),
         };
     };
     let c = numbers(fields, key)?;
-    let count = c.len();
-    match (family, c.as_slice()) {
-        (Family::Fisheye, &[k1, k2, k3, k4]) => Ok(Lens::KannalaBrandt { k: [k1, k2, k3, k4] }),
-        (Family::Fisheye, _) => {
-            Err(fields.error(key, format!("holds {count} numbers; a fisheye has k1 to k4")))
-        }
-        (_, c) if c.iter().skip(5).any(|v| *v != 0.0) => {
-            let problem = format!(
-                "holds {count} coefficients, some beyond the fifth not zero: the rational, thin-prism and tilted models are not supported; calibrate with k1 k2 p1 p2 k3"
-            );
-            Err(fields.error(key, problem))
-        }
-        (Family::Pinhole, c) if c.iter().any(|v| *v != 0.0) => {
-            Err(fields.error(key, "is not zero, but the camera model says none"))
-        }
-        (_, []) => Ok(Lens::Pinhole),
-        (_, &[k1, k2, p1, p2]) => Ok(brown_conrady([k1, k2, 0.0], [p1, p2])),
-        (_, &[k1, k2, p1, p2, k3, ..]) => Ok(brown_conrady([k1, k2, k3], [p1, p2])),
-        _ => Err(fields.error(key, format!("holds {count} numbers; expected k1 k2 p1 p2 [k3]"))),
-    }
+    // OpenCV tells its own models apart by the number of their coefficients.
+    let told = told.or_else(|| LensKind::told("rational").filter(|_| c.len() >= 8));
+    let kind = told.map_or_else(|| lens_kind(fields.path, key, None), Ok)?;
+    kind.listed_coefficients(&c).map_err(|problem| {
+        let more =
+            if c.len() > 8 { "; thin-prism and tilted models are not supported" } else { "" };
+        fields.error(key, problem + more)
+    })
 }
 
 /// OpenCV's sample writes `fisheye_model: 1`; others `fisheye: true`.

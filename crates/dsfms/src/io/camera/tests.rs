@@ -1,6 +1,6 @@
 use super::*;
 use crate::geometry::Point3;
-use crate::light::{PointLight, Spot};
+use crate::light::{PointLight, REFERENCE_DISTANCE, RingLight, Spot};
 
 fn read(name: &str, text: &str) -> Result<CameraFile, String> {
     let dir = tempfile::tempdir().unwrap();
@@ -79,6 +79,19 @@ fn written_files_read_back() {
             Some(ToneCurve::Table(table)),
             Some(light(Spot::Linear { inner_deg: 5.0, outer_deg: 40.0 })),
         ),
+        (
+            Lens::Rational { k: [0.5, 0.1, 0.01, 0.6, 0.2, 0.02], p: [0.1, 0.2] },
+            None,
+            Some(
+                RingLight {
+                    radius: 3.5,
+                    centre: Point3::new(0.1, 0.2, -1.0),
+                    reference_distance: 62.5,
+                    spot: Spot::Linear { inner_deg: 5.0, outer_deg: 40.0 },
+                }
+                .into(),
+            ),
+        ),
         (Lens::Pinhole, Some(ToneCurve::Linear), Some(light(Spot::Isotropic))),
         (Lens::Pinhole, Some(ToneCurve::Srgb), Some(LightModel::Collinear)),
     ] {
@@ -115,6 +128,30 @@ fn words_for_lights_tones_and_conventions() {
         panic!()
     };
     assert_eq!(point.spot, Spot::Linear { inner_deg: 1.0, outer_deg: 2.0 });
+    let ring = |spot| RingLight {
+        radius: 4.5,
+        centre: Point3::new(0.0, 0.0, -2.0),
+        reference_distance: 60.0,
+        spot,
+    };
+    for (text, spot) in [
+        (r#""radius": 4.5, "reference_distance": 60, "note": "of LEDs""#, Spot::Isotropic),
+        (
+            r#""radius_mm": 4.5, "reference_distance_mm": 60, "spot": {"exponent": 2}"#,
+            Spot::CosinePower { exponent: 2.0 },
+        ),
+    ] {
+        let text = format!(r#"{{"kind": "ring", "centre": [0, 0, -2], {text}}}"#);
+        assert_eq!(light(&text), Some(ring(spot).into()));
+    }
+    // Older files call several points a ring.
+    assert_eq!(
+        light(r#"{"kind": "ring of points", "positions": [[1, 0, 0], [-1, 0, 0]]}"#)
+            .unwrap()
+            .sources()
+            .len(),
+        2
+    );
     let tone =
         |text: &str| read("c.json", &with(&format!("\"tone_curve\": \"{text}\""))).unwrap().tone;
     assert_eq!(tone("Gamma 2.2"), Some(ToneCurve::Gamma(2.2)));
@@ -149,12 +186,19 @@ fn bad_json_is_explained() {
         (PLAIN.replace("640", "640.5"), "field width"),
         (PLAIN.replace("316.4", "9000"), "cx is 9000"),
         (with("\"distortion\": {\"k_1\": 0.1}"), "field distortion.k_1: is no coefficient"),
-        (with("\"distortion\": {\"k1\": 0.1, \"k4\": 0.1}"), "rational models are not supported"),
+        (
+            with("\"distortion\": {\"k1\": 0.1, \"k4\": 0.1}"),
+            "brown_conrady has no such coefficient",
+        ),
         (with("\"distortion\": {\"k1\": null}"), "field distortion.k1"),
         (with("\"distortion_model\": \"moebius\""), "field distortion_model"),
         (with("\"tone_curve\": \"log-c\""), "field tone_curve"),
         (with("\"light\": {\"kind\": \"torch\"}"), "field light.kind"),
         (with("\"light\": {\"kind\": \"point\"}"), "field light.positions"),
+        (with("\"light\": {\"kind\": \"ring\"}"), "field light.radius: missing"),
+        (with("\"light\": {\"kind\": \"ring\", \"radius\": -1}"), "light.radius is -1"),
+        (with("\"light\": {\"kind\": \"ring\", \"radios\": 4}"), "field light.radios"),
+        (with("\"light\": {\"kind\": \"ring\", \"radius\": [4]}"), "field light"),
         (
             with("\"light\": {\"kind\": \"point\", \"positions\": [[1, 2]]}"),
             "field light.positions",
@@ -179,7 +223,15 @@ fn opencv_yaml_and_json() {
     let lens = Lens::KannalaBrandt { k: [0.1, 0.2, 0.3, 0.4] };
     assert_eq!(read("c.json", json).unwrap().camera, CameraModel { lens, ..plain() });
     let rational = yaml.replace("0.05 ]", "0.05, 0.1, 0.2, 0.3 ]");
-    assert!(read("c.yml", &rational).unwrap_err().contains("not supported"));
+    let lens = Lens::Rational { k: [-0.2, 0.1, 0.05, 0.1, 0.2, 0.3], p: [0.001, 0.002] };
+    assert_eq!(read("c.yml", &rational).unwrap().camera.lens, lens);
+    let thin = yaml.replace("0.05 ]", "0.05, 0, 0, 0, 0.01, 0, 0, 0 ]");
+    assert!(read("c.yml", &thin).unwrap_err().contains("thin-prism"));
+    let plumb = rational.replace("camera_matrix", "distortion_model: plumb_bob\ncamera_matrix");
+    assert!(read("c.yml", &plumb).unwrap_err().contains("brown_conrady has k1 k2 p1 p2 k3"));
+    let ros =
+        rational.replace("camera_matrix", "distortion_model: rational_polynomial\ncamera_matrix");
+    assert_eq!(read("c.yml", &ros).unwrap().camera.lens, lens);
     assert!(read("c.yml", &yaml.replace("548.", ".nan")).unwrap_err().contains("camera_matrix"));
     let sizeless = yaml.replace("image_width", "wide");
     assert!(read("c.yml", &sizeless).unwrap_err().contains("field image_width: is missing"));

@@ -123,9 +123,9 @@ impl Clip {
             size: options.size,
             focal: [0.85 * w; 2],
             centre: [0.5 * (w - 1.0), 0.5 * (h - 1.0)],
-            lens: Lens::Pinhole,
+            lens: Lens::default(),
         };
-        let light = LightModel::Point(PointLight {
+        let light = LightModel::from(PointLight {
             positions: vec![Point3::new(1.5, -3.0, 0.0)],
             reference_distance: 75.0,
             spot: Spot::CosinePower { exponent: 3.0 },

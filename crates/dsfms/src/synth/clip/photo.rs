@@ -6,7 +6,7 @@ use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point3, Vector3, point_at};
 use crate::image::filter::blur;
 use crate::image::{ColorImage, Frame, Mask, ToneCurve};
-use crate::light::{Coated, Light, LightModel, specular_angle};
+use crate::light::{Coated, Light, specular_angle};
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
 use crate::raster::Raster;
@@ -73,6 +73,7 @@ pub(super) fn photograph(
     }
     let stage = Stage {
         light,
+        sources: light.light.sources(),
         set,
         scene,
         raster,
@@ -95,6 +96,7 @@ pub(super) fn photograph(
 /// What the sightlines meet.
 struct Stage<'a> {
     light: &'a Coated,
+    sources: Vec<Point3>,
     set: &'a Set,
     scene: &'a Mesh,
     raster: &'a Raster,
@@ -142,9 +144,11 @@ impl Stage<'_> {
 
     /// Share of the light that reaches a point.
     fn lit(&self, point: &Point3) -> f64 {
-        let LightModel::Point(near) = &self.light.light else { return self.shadows.lit(point) };
+        if self.sources.is_empty() {
+            return self.shadows.lit(point);
+        }
         let free = |source: &&Point3| self.instruments.iter().all(|i| !i.between(point, source));
-        let share = near.positions.iter().filter(free).count() as f64 / near.positions.len() as f64;
+        let share = self.sources.iter().filter(free).count() as f64 / self.sources.len() as f64;
         if share > 0.0 { share * self.shadows.lit(point) } else { 0.0 }
     }
 }

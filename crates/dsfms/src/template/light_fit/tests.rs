@@ -6,6 +6,10 @@ use super::*;
 
 const LIGHT_PLACE: [f64; 3] = [2.0, -4.0, 1.0];
 
+fn point_light(position: Point3, reference_distance: f64, spot: Spot) -> LightModel {
+    PointLight { positions: vec![position], reference_distance, spot }.into()
+}
+
 fn known_light() -> LightModel {
     point_light(LIGHT_PLACE.into(), 50.0, Spot::CosinePower { exponent: 2.0 })
 }
