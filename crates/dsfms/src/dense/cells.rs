@@ -1,5 +1,6 @@
 //! What the labelling of the organ reads of one frame, on a coarse grid of its depth map.
 
+use super::labels::Seeds;
 use super::{DepthMap, PosedFrame, tolerance};
 use crate::camera::Camera;
 use crate::geometry::{Point2, Point3, Vector3};
@@ -29,9 +30,11 @@ pub(super) struct Cell {
     rgb: [f64; 3],
     /// Two log ratios of colours and the height along the mean line of sight; NaN where unknown.
     pub(super) features: [f64; 3],
+    /// Of the frame; `None` beside it.
+    pub(super) pixel: Option<Point2>,
     /// From the middle of the frame, 1 at its edges.
     off: f64,
-    /// What a mask of the frame says.
+    /// What a mask of the frame, or a seed, says.
     pub(super) given: Option<bool>,
 }
 
@@ -94,20 +97,50 @@ impl<'a> Grid<'a> {
         ((z - p.z).abs() < super::SAME_SURFACE * p.z).then_some(node)
     }
 
-    /// Distance of every node from the middle of the frame, or from where a point (world axes) is seen: 1 is half
-    /// the frame's width or height.
-    pub(super) fn off(&self, at: Option<&Point3>) -> Vec<f64> {
-        let Some(at) = at else { return self.cells.iter().map(|cell| cell.off).collect() };
-        let Some(centre) = self.map.camera.project(&(self.map.pose * at)) else {
-            return vec![f64::INFINITY; self.cells.len()];
+    /// Let the nodes about what is known of single places hold it; where masks and seeds differ the masks count.
+    pub(super) fn hold(&mut self, seeds: &Seeds) {
+        let organ = seeds.organ.iter().map(|p| (p, true));
+        for (point, label) in organ.chain(seeds.other.iter().map(|p| (p, false))) {
+            let Some(node) = self.showing(point) else { continue };
+            let z = self.cells[node].point.map_or(0.0, |p| p.z);
+            let [w, h] = self.size;
+            let (x, y) = (node % w, node / w);
+            for v in y.saturating_sub(1)..(y + 2).min(h) {
+                for u in x.saturating_sub(1)..(x + 2).min(w) {
+                    let cell = &mut self.cells[v * w + u];
+                    let same = |p: Point3| (p.z - z).abs() < super::SAME_SURFACE * z;
+                    if cell.point.is_some_and(same) {
+                        cell.given.get_or_insert(label);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Distance of every node from what is known to be organ, without it from the middle of the frame, and from
+    /// what is known not to be: 1 is half the frame's width or height.
+    pub(super) fn off(&self, seeds: &Seeds) -> Vec<[f64; 2]> {
+        let nearest = |points: &[Point3]| {
+            let seen: Vec<Point2> = points.iter().filter_map(|p| self.place_of(p)).collect();
+            let [w, h] = self.size.map(|n| 0.5 * n as f64);
+            let off = move |k: usize| {
+                let (u, v) = ((k % self.size[0]) as f64, (k / self.size[0]) as f64);
+                let each = seen.iter().map(|p| ((u - p.x) / w).hypot((v - p.y) / h));
+                each.fold(f64::INFINITY, f64::min)
+            };
+            (0..self.cells.len()).map(off).collect::<Vec<f64>>()
         };
-        let [w, h] = self.size;
-        let [x, y] = [centre.pixel.x, centre.pixel.y].map(|v| v / self.stride as f64);
-        let off = |k: usize| {
-            let (u, v) = ((k % w) as f64, (k / w) as f64);
-            ((u - x) / (0.5 * w as f64)).hypot((v - y) / (0.5 * h as f64))
+        let organ = match seeds.organ.as_slice() {
+            [] => self.cells.iter().map(|cell| cell.off).collect(),
+            points => nearest(points),
         };
-        (0..self.cells.len()).map(off).collect()
+        organ.into_iter().zip(nearest(&seeds.other)).map(|(organ, other)| [organ, other]).collect()
+    }
+
+    /// Where a point (world axes) lies among the nodes; `None` behind the camera.
+    fn place_of(&self, point: &Point3) -> Option<Point2> {
+        let pixel = self.map.camera.project(&(self.map.pose * point))?.pixel;
+        Some(pixel / self.stride as f64)
     }
 }
 
@@ -126,6 +159,7 @@ impl Cell {
             normal: Vector3::from(map.normal[place].map(f64::from)),
             rgb,
             features: [log[0] - log[1], log[2] - log[1], height],
+            pixel: at.and(pixel),
             off: at.and(pixel).map_or(f64::INFINITY, off),
             given: at.and_then(|[x, y]| Some(view.organ?.at(x, y))),
         }

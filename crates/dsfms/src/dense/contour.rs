@@ -108,7 +108,7 @@ fn flooded(steepness: &[u32], mut own: Mask, other: &Mask) -> Mask {
 
 #[cfg(test)]
 mod tests {
-    use super::super::labelling;
+    use super::super::{Labelling, Parting, Seeds};
     use super::*;
     use crate::camera::{CameraModel, Lens};
     use crate::geometry::Isometry;
@@ -160,11 +160,15 @@ mod tests {
         frames.iter().enumerate().map(one).collect()
     }
 
+    fn parted(views: &[PosedFrame], maps: &[DepthMap], seeds: &Seeds) -> Labelling {
+        Parting::new(views, maps, seeds).best()
+    }
+
     #[test]
     fn a_plate_is_told_from_its_wall_and_its_outline_is_the_edge_in_the_image() {
         let (camera, (frames, maps)) = (camera(), scene(3.0, PLATE[0]));
         let views = posed(&frames, &camera);
-        let found = labelling(&views, &maps, None);
+        let found = parted(&views, &maps, &Seeds::default());
         assert!(found.stepping > 0.9 && found.marked > 0.9, "{} {}", found.stepping, found.marked);
         for (i, mask) in outlines(&found.masks, &views, &maps).iter().enumerate() {
             let wrong = |p: &usize| {
@@ -177,7 +181,7 @@ mod tests {
     #[test]
     fn no_depth_steps_on_one_surface() {
         let (camera, (frames, maps)) = (camera(), scene(0.0, WALL - 0.5));
-        let found = labelling(&posed(&frames, &camera), &maps, None);
+        let found = parted(&posed(&frames, &camera), &maps, &Seeds::default());
         assert!(found.stepping < 0.1, "{}", found.stepping);
     }
 
@@ -187,12 +191,15 @@ mod tests {
         let mut views = posed(&frames, &camera);
         // The corner of the wall that frame 2 shows at (8, 8).
         let wall = camera.unproject(&Point2::new(8.0, 8.0)).unwrap() * WALL;
-        let clicked = labelling(&views, &maps, Some(&wall.into())).masks;
+        let clicked = {
+            let seeds = Seeds { organ: vec![wall.into()], other: Vec::new() };
+            parted(&views, &maps, &seeds).masks
+        };
         assert!(clicked[2].at(8, 8) && !clicked[2].at(59, 44));
         let given =
             Mask { size: SIZE, data: (0..SIZE[0] * SIZE[1]).map(|p| plate(2, p, -2.0)).collect() };
         views[2].organ = Some(&given);
-        let found = labelling(&views, &maps, None).masks;
+        let found = parted(&views, &maps, &Seeds::default()).masks;
         assert_eq!(outlines(&found, &views, &maps)[2], given);
         assert!(found[0].at(59 + 15, 44) && !found[0].at(8, 8), "the other frames are told too");
     }

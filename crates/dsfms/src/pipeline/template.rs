@@ -7,16 +7,20 @@
 
 mod click;
 mod error;
+mod organ;
 mod outline;
 mod precision;
+mod strokes;
 mod surface;
 mod usual;
 mod views;
 
 pub use click::OrganClick;
 pub use error::TemplateError;
+pub use organ::{FoundOrgan, OrganGuess};
 pub use outline::OrganOutline;
 pub use precision::{FramePrecision, SparsePrecision};
+pub use strokes::{OrganStroke, StrokeError, read_strokes, strokes_from, write_strokes};
 
 use super::Progress;
 use crate::camera::CameraModel;
@@ -122,6 +126,8 @@ pub struct TemplateOptions {
     pub outlines: Vec<OrganOutline>,
     /// A pixel that shows the organ: the connected surface there stays.
     pub click: Option<OrganClick>,
+    /// Pixels that show the organ, and such that do not, as drawn on frames.
+    pub strokes: Vec<OrganStroke>,
     /// Refine the surface of stereo by the shading of all views.
     pub refine_by_shading: bool,
     /// Keep what lies behind the organ too, where depth steps and no mask, outline or click tells them
@@ -148,6 +154,7 @@ impl Default for TemplateOptions {
             flatten: FlattenOptions::default(),
             outlines: Vec::new(),
             click: None,
+            strokes: Vec::new(),
             refine_by_shading: true,
             whole: false,
             scale: Vec::new(),
@@ -256,19 +263,6 @@ pub struct BuiltTemplate {
     pub organ: Option<FoundOrgan>,
 }
 
-/// Where the organ ends, as found in the frames.
-#[derive(Clone, Debug)]
-pub struct FoundOrgan {
-    /// Name of every frame that shows it, and where: `true` = organ.
-    pub masks: Vec<(String, Mask)>,
-    /// Share of its outline along which depth steps: where it is small all is one surface.
-    pub stepping: f64,
-    /// Share along which depth steps or the image changes: where it is small the outline is a guess.
-    pub marked: f64,
-    /// Whether the template holds the organ only, or all that stereo saw.
-    pub taken: bool,
-}
-
 /// Build a template from frames alone. Its unit is [`LengthUnit::TemplateUnit`], or mm where the
 /// options hold known distances.
 ///
@@ -355,7 +349,7 @@ fn from_sparse(
     progress: &dyn Progress,
 ) -> Result<BuiltTemplate, TemplateError> {
     let points: Vec<Point3> = sparse.points.iter().map(|p| p.position).collect();
-    let Surface { mut mesh, mut sigma, organ } =
+    let Surface { mut mesh, mut sigma, organ, mut around } =
         dense_mesh(exploration, &sparse.camera, &sparse.poses, &points, options, progress)?;
     // Reconstruction took long: a mark beside the surface costs the unit, not the template.
     let scale = measure(exploration, &sparse.camera, &sparse.poses, &mesh, options).unwrap_or_else(
@@ -367,6 +361,7 @@ fn from_sparse(
     let unit = match &scale {
         Some(scale) => {
             apply(scale.factor, &mut mesh, &mut sparse);
+            around.iter_mut().flat_map(|m| &mut m.positions).for_each(|p| *p *= scale.factor);
             sigma.iter_mut().for_each(|s| *s *= scale.factor);
             LengthUnit::Millimetre
         }
@@ -382,6 +377,7 @@ fn from_sparse(
     let (mut template, light) = views.dress(mesh, Some(&sigma), unit, options, progress)?;
     template.points = sparse_points(&sparse);
     template.sigma = sigma;
+    template.surroundings = around;
     let name = |(i, why): &(usize, String)| (exploration.frames[*i].name.clone(), why.clone());
     let rejected = sparse.rejected.iter().map(name).collect();
     let covariance = sparse.covariance(options.sfm.refine).ok();
@@ -521,6 +517,7 @@ pub fn template_from_mesh(
         light: None,
         coat: Coat::default(),
         usual: None,
+        surroundings: None,
     }
 }
 
