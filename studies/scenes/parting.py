@@ -69,7 +69,7 @@ def main() -> None:
     parser.add_argument("--click", action="store_true")
     parser.add_argument("--also", action="store_true")
     parser.add_argument("--crop", type=float)
-    args = parser.parse_args()
+    args = parser.parse_intermixed_args()
     args.out.mkdir(parents=True, exist_ok=True)
     print(f"{'scene':<24}{'median':>8}{'worst':>8}{'s':>8}{'exit':>6}")
     for name in args.names or sorted(p.name for p in args.scenes.iterdir()):

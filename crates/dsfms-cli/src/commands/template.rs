@@ -31,7 +31,7 @@ use dsfms::template::flatten::FlattenMethod;
 use dsfms::template::light_fit::Vignetting;
 pub use found::LETTERS;
 use found::{models_text, organ_hint, precision_row, summary_text};
-use load::{Cameras, Loaded, load};
+use load::{Cameras, Loaded, load, load_also};
 use mesh::{Reading, open_mesh, read_albedo, unit};
 use organ::OrganArgs;
 use std::path::{Path, PathBuf};
@@ -267,7 +267,8 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
     check_folder(parent)?;
     check_target(&args.output)?;
     let optional = [&args.masks, &args.organ.organ_masks].into_iter().flatten();
-    let inputs: Vec<&Path> = args.frames.iter().chain(optional).map(PathBuf::as_path).collect();
+    let inputs: Vec<&Path> =
+        args.frames.iter().chain(optional).chain(&args.organ.also).map(PathBuf::as_path).collect();
     place::check_apart(&args.output, &inputs)?;
     let options = options(args, global)?;
     let pictures = args.output.join("pictures");
@@ -400,12 +401,13 @@ fn from_frames(
     let given = args.mesh.as_deref().map(|p| open_mesh(p, args.reading(), reporter)).transpose()?;
     let listed = args.poses.as_deref().map(|p| read_poses(p, PoseList::Exploration)).transpose()?;
     let loaded = load(args, &cameras, camera_path, reporter)?;
+    let also = load_also(args, &cameras, camera_path, reporter)?;
     let camera = &cameras.common;
     let mut options = options.clone();
     camera.tell_options(&mut options);
     let options = &options;
     let exploration = camera.exploration(&loaded.frames).valid(&loaded.valid).organ(&loaded.organ);
-    let exploration = exploration.metric(metric.as_ref().map(|m| &m.mesh));
+    let exploration = exploration.metric(metric.as_ref().map(|m| &m.mesh)).also(&also);
     let names: Vec<&str> = loaded.frames.iter().map(|f| f.name.as_str()).collect();
     let poses = listed.map(|list| match_poses(&list, &names));
     let built = match (given, poses) {

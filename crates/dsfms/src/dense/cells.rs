@@ -8,6 +8,8 @@ use crate::image::Mask;
 
 /// Nodes of a frame, at most: enough to tell the sides of an outline apart, which the image then gives exactly.
 pub(super) const NODES: usize = 20_000;
+/// How far about a point its motion is taken to be that of the surface, of the frame's width.
+const REACH: f64 = 0.03;
 /// How fast a fold inwards (rad between neighbours) makes a border cheap.
 const FOLD: f64 = 3.0;
 /// Added to encoded values, 0 to 1, before their logarithm: noise of dark pixels is no colour.
@@ -28,8 +30,8 @@ pub(super) struct Cell {
     normal: Vector3,
     /// Encoded, 0 to 1; NaN beside the frame.
     rgb: [f64; 3],
-    /// Two log ratios of colours and the height along the mean line of sight; NaN where unknown.
-    pub(super) features: [f64; 3],
+    /// Two log ratios of colours, the height along the mean line of sight, and motion; NaN where unknown.
+    pub(super) features: [f64; 4],
     /// Of the frame; `None` beside it.
     pub(super) pixel: Option<Point2>,
     /// From the middle of the frame, 1 at its edges.
@@ -117,6 +119,30 @@ impl<'a> Grid<'a> {
         }
     }
 
+    /// Give the nodes near points that were seen to move the mean of what they moved.
+    pub(super) fn note(&mut self, moved: &[(Point3, f64)]) {
+        let [w, h] = self.size;
+        let reach = ((REACH * w as f64) as usize).max(1);
+        let mut sums = vec![[0.0; 2]; self.cells.len()];
+        for (point, value) in moved {
+            let Some(node) = self.showing(point) else { continue };
+            let Some(z) = self.cells[node].point.map(|p| p.z) else { continue };
+            let (x, y) = (node % w, node / w);
+            for v in y.saturating_sub(reach)..(y + reach + 1).min(h) {
+                for u in x.saturating_sub(reach)..(x + reach + 1).min(w) {
+                    let near = |p: Point3| (p.z - z).abs() < super::SAME_SURFACE * 3.0 * z;
+                    if self.cells[v * w + u].point.is_some_and(near) {
+                        let sum = &mut sums[v * w + u];
+                        *sum = [sum[0] + value, sum[1] + 1.0];
+                    }
+                }
+            }
+        }
+        for (cell, [sum, count]) in self.cells.iter_mut().zip(sums).filter(|(_, s)| s[1] > 0.0) {
+            cell.features[3] = sum / count;
+        }
+    }
+
     /// Distance of every node from what is known to be organ, without it from the middle of the frame, and from
     /// what is known not to be: 1 is half the frame's width or height.
     pub(super) fn off(&self, seeds: &Seeds) -> Vec<[f64; 2]> {
@@ -158,7 +184,7 @@ impl Cell {
             point,
             normal: Vector3::from(map.normal[place].map(f64::from)),
             rgb,
-            features: [log[0] - log[1], log[2] - log[1], height],
+            features: [log[0] - log[1], log[2] - log[1], height, f64::NAN],
             pixel: at.and(pixel),
             off: at.and(pixel).map_or(f64::INFINITY, off),
             given: at.and_then(|[x, y]| Some(view.organ?.at(x, y))),

@@ -35,8 +35,8 @@ const LINK: f64 = 2.0;
 const LINKED: usize = 3;
 /// Most that the looks of a node say.
 const LOOKS: f64 = 4.0;
-/// What each feature says: two log ratios of colours, and half as much height, for walls are not flat.
-const SAYS: [f64; 3] = [0.5, 0.5, 0.25];
+/// What each feature says: two log ratios of colours, half as much height, for walls are not flat, and motion.
+const SAYS: [f64; 4] = [0.5, 0.5, 0.25, 0.5];
 /// Cuts, at most, each of which learns from the last, and the share of nodes below which a change is none.
 const CUTS: usize = 5;
 const SETTLED: f64 = 1e-3;
@@ -104,12 +104,21 @@ pub struct Parting<'a> {
 
 impl<'a> Parting<'a> {
     /// `maps` are those of [`super::depth_maps`] for the same `views`, in the same order. Masks of `views` and
-    /// `seeds` are kept; without seeds of the organ it is what the frames look at.
-    pub fn new(views: &[PosedFrame], maps: &'a [DepthMap], seeds: &Seeds) -> Self {
+    /// `seeds` are kept; without seeds of the organ it is what the frames look at. `moved`: points of the surface, world
+    /// axes, and how far they move in other frames, in any measure: which of the two moves is learned.
+    pub fn new(
+        views: &[PosedFrame],
+        maps: &'a [DepthMap],
+        seeds: &Seeds,
+        moved: &[(Point3, f64)],
+    ) -> Self {
         let axis: Vector3 = maps.iter().map(|m| m.pose.rotation.inverse() * Vector3::z()).sum();
         let grid = |(view, map)| Grid::new(view, map, &axis);
         let mut grids: Vec<Grid> = views.par_iter().zip(maps).map(grid).collect();
-        grids.par_iter_mut().for_each(|grid| grid.hold(seeds));
+        grids.par_iter_mut().for_each(|grid| {
+            grid.hold(seeds);
+            grid.note(moved);
+        });
         Self { nodes: Nodes::new(grids, seeds) }
     }
 

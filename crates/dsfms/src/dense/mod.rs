@@ -32,6 +32,8 @@ mod options;
 mod others;
 mod patchmatch;
 mod plane;
+#[cfg(test)]
+mod plates;
 mod polish;
 mod rim;
 mod score;

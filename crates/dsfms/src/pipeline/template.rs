@@ -5,6 +5,7 @@
 //! frames, mesh, poses ──────────────┴► flatten ─► light, gains, albedo ─► features ─► Template
 //! ```
 
+mod also;
 mod click;
 mod error;
 mod organ;
@@ -60,6 +61,8 @@ pub struct Exploration<'a> {
     pub light: Option<&'a LightModel>,
     /// A surface of the organ in mm, in any place: it gives a template from frames its scale.
     pub metric: Option<&'a Mesh>,
+    /// Frames of the deformed organ, by the same camera: what moves apart in them is apart.
+    pub also: &'a [Frame],
 }
 
 impl<'a> Exploration<'a> {
@@ -76,7 +79,7 @@ impl<'a> Exploration<'a> {
     /// ```
     pub fn new(frames: &'a [Frame], camera: &'a CameraModel) -> Self {
         let tone = &ToneCurve::Srgb;
-        Self { frames, valid: &[], organ: &[], camera, tone, light: None, metric: None }
+        Self { frames, valid: &[], organ: &[], camera, tone, light: None, metric: None, also: &[] }
     }
 
     /// With masks of the pixels that may be used; one per frame, or empty.
@@ -97,6 +100,11 @@ impl<'a> Exploration<'a> {
     /// With the light that its estimation starts from.
     pub fn light(self, light: impl Into<Option<&'a LightModel>>) -> Self {
         Self { light: light.into(), ..self }
+    }
+
+    /// With frames of the deformed organ, which help to tell it from what stays.
+    pub fn also(self, also: &'a [Frame]) -> Self {
+        Self { also, ..self }
     }
 
     /// With a surface of the organ in mm, which tells the scale.
@@ -190,6 +198,7 @@ impl TemplateOptions {
         let Self { vertices, remesh, flatten, light, albedo, anchor, .. } = self;
         let anchoring = [anchor.merge_px, anchor.merge_deg, anchor.contour_px, anchor.grazing_cos];
         check(&[
+            ("strokes", self.strokes.iter().all(OrganStroke::is_sound), "places near the frames"),
             ("vertices", (100..=50_000).contains(vertices), "100 to 50,000"),
             ("remesh.rounds", remesh.rounds >= 1, "at least 1"),
             (
@@ -350,7 +359,7 @@ fn from_sparse(
 ) -> Result<BuiltTemplate, TemplateError> {
     let points: Vec<Point3> = sparse.points.iter().map(|p| p.position).collect();
     let Surface { mut mesh, mut sigma, organ, mut around } =
-        dense_mesh(exploration, &sparse.camera, &sparse.poses, &points, options, progress)?;
+        dense_mesh(exploration, &sparse, &points, options, progress)?;
     // Reconstruction took long: a mark beside the surface costs the unit, not the template.
     let scale = measure(exploration, &sparse.camera, &sparse.poses, &mesh, options).unwrap_or_else(
         |error| {

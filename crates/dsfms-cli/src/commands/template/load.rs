@@ -161,6 +161,31 @@ pub fn load(
     }
 }
 
+/// Deformed frames that are looked at, at most.
+const ALSO: usize = 24;
+
+/// Frames of the deformed organ; those that cannot be read are left out with a warning.
+pub fn load_also(
+    args: &TemplateArgs,
+    cameras: &Cameras,
+    camera_path: &Path,
+    reporter: &Reporter,
+) -> anyhow::Result<Vec<Frame>> {
+    if args.organ.also.is_empty() {
+        return Ok(Vec::new());
+    }
+    let sources = inputs::sources(&args.organ.also, inputs::Purpose::Reconstruct, reporter)?;
+    let every = sources.len().div_ceil(ALSO).max(1);
+    let mut frames = Vec::new();
+    for source in sources.iter().step_by(every) {
+        match load_frame(source, &cameras.common.file.camera, camera_path) {
+            Ok(frame) => frames.push(frame),
+            Err(error) => reporter.warn(&format!("--also: {error}; the frame is left out")),
+        }
+    }
+    Ok(frames)
+}
+
 fn load_frame(source: &Source, camera: &CameraModel, path: &Path) -> Result<Frame, InputError> {
     let frame = source.frame()?;
     inputs::check_size(&frame, camera, path)?;

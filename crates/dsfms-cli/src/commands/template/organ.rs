@@ -26,8 +26,12 @@ pub struct OrganArgs {
     /// Strokes over the organ and over what is not, drawn on frames: a JSON file (see below).
     #[arg(help_heading = "Organ", long, value_name = "FILE", conflicts_with_all = ["organ_polygon", "mesh"])]
     pub organ_scribbles: Option<PathBuf>,
+    /// Frames or a video of the deformed organ by the same camera, at most 24 of them are looked at: what
+    /// moves apart is apart. They are no part of the template.
+    #[arg(help_heading = "Organ", long, value_name = "DEFORMED", conflicts_with_all = ["organ_polygon", "mesh"])]
+    pub also: Vec<PathBuf>,
     /// Keep what lies behind the organ too, as one surface.
-    #[arg(help_heading = "Organ", long, conflicts_with_all = ["organ_masks", "organ_polygon", "organ_click", "not_organ_click", "organ_scribbles", "mesh"])]
+    #[arg(help_heading = "Organ", long, conflicts_with_all = ["organ_masks", "organ_polygon", "organ_click", "not_organ_click", "organ_scribbles", "also", "mesh"])]
     pub whole: bool,
 }
 

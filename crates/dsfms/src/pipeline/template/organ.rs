@@ -1,13 +1,14 @@
 //! Which part of the frames is the organ: what is taken, and what else may be meant.
 
-use super::OrganClick;
 use super::click::shown_at;
 use super::surface::Scene;
+use super::{OrganClick, also};
 use super::{OrganStroke, TemplateError};
 use crate::dense::{
     Border, DenseOptions, DepthMap, Labelling, Parting, PosedFrame, Seeds, outlines, overlap,
     surface,
 };
+use crate::geometry::Point3;
 use crate::image::Mask;
 use crate::mesh::Mesh;
 use crate::mesh::remesh::remesh;
@@ -76,7 +77,8 @@ impl Scene<'_> {
         options: &DenseOptions,
     ) -> Result<Option<(FoundOrgan, Option<Mesh>)>, TemplateError> {
         let seeds = self.seeds(maps)?;
-        let parting = Parting::new(&self.views, maps, &seeds);
+        let moved = also::moved(self.exploration, self.sparse, &self.options.sfm);
+        let parting = Parting::new(&self.views, maps, &seeds, &moved);
         let own = parting.best();
         let said = seeds != Seeds::default() || self.views.iter().any(|view| view.organ.is_some());
         let sure = said || own.stepping >= STEPPING && own.marked >= MARKED;
@@ -95,7 +97,7 @@ impl Scene<'_> {
                 parts.remove(0);
             }
         }
-        let mut guesses = self.guesses(&parts, maps, !sure);
+        let mut guesses = self.guesses(&parts, maps, (!sure).then_some(&moved));
         let guess = guesses.remove(0);
         let taken = guess.masks.len() >= 2 && sure;
         let found = FoundOrgan { guess, taken, others: guesses };
@@ -122,8 +124,14 @@ impl Scene<'_> {
         Ok(seeds)
     }
 
-    /// Labellings as outlines in the frames; `ask`: with a click for each.
-    fn guesses(&self, parts: &[Labelling], maps: &[DepthMap], ask: bool) -> Vec<OrganGuess> {
+    /// Labellings as outlines in the frames; where it is open what is meant, with a click for each, under what is
+    /// known to have `moved`.
+    fn guesses(
+        &self,
+        parts: &[Labelling],
+        maps: &[DepthMap],
+        moved: Option<&Vec<(Point3, f64)>>,
+    ) -> Vec<OrganGuess> {
         let guess = |(i, part): (usize, &Labelling)| {
             let outlines = outlines(&part.masks, &self.views, maps);
             let shown = self.views.iter().zip(outlines).zip(&part.borders);
@@ -131,21 +139,27 @@ impl Scene<'_> {
             let (masks, borders) = shown
                 .map(|((view, mask), border)| ((view.frame.name.clone(), mask), border.clone()))
                 .unzip();
-            let click = ask.then(|| self.click_for(i, parts, maps)).flatten();
+            let click = moved.and_then(|moved| self.click_for(i, parts, maps, moved));
             OrganGuess { masks, borders, stepping: part.stepping, marked: part.marked, click }
         };
         parts.iter().enumerate().map(guess).collect()
     }
 
     /// A click that gives one of several labellings, tried.
-    fn click_for(&self, own: usize, parts: &[Labelling], maps: &[DepthMap]) -> Option<OrganClick> {
+    fn click_for(
+        &self,
+        own: usize,
+        parts: &[Labelling],
+        maps: &[DepthMap],
+        moved: &[(Point3, f64)],
+    ) -> Option<OrganClick> {
         let others: Vec<&Labelling> =
             parts.iter().enumerate().filter(|(i, _)| *i != own).map(|(_, part)| part).collect();
         let (view, place) = deepest(&parts[own], &others, maps)?;
         let map = &maps[view];
         let point = map.pose.inverse() * map.point(place);
         let seeds = Seeds { organ: vec![point], other: Vec::new() };
-        let given = Parting::new(&self.views, maps, &seeds).best();
+        let given = Parting::new(&self.views, maps, &seeds, moved).best();
         let pixel = self.views[view].pixel_of(&point)?;
         let frame = Some(self.views[view].frame.name.clone());
         let gives = overlap(&given.masks, &parts[own].masks) >= GIVES;

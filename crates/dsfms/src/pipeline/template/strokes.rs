@@ -27,6 +27,12 @@ const MOST_STROKES: usize = 1000;
 const MOST_CORNERS: usize = 10_000;
 
 impl OrganStroke {
+    /// Whether it has places, not too many, near a frame.
+    pub(super) fn is_sound(&self) -> bool {
+        let near = |p: &Point2| p.x.abs() < 1e5 && p.y.abs() < 1e5;
+        (1..=MOST_CORNERS).contains(&self.px.len()) && self.px.iter().all(near)
+    }
+
     /// Pixels along it.
     pub(super) fn pixels(&self) -> Vec<Point2> {
         let last = self.px.last().copied();
@@ -35,7 +41,7 @@ impl OrganStroke {
             let (from, to) = (leg[0], leg[1]);
             (0..steps).map(move |k| from + (to - from) * (k as f64 / steps as f64))
         });
-        legs.chain(last).collect()
+        legs.take(MOST_CORNERS).chain(last).collect()
     }
 
     /// Name and pose of its frame, of those registered.
@@ -104,8 +110,7 @@ pub fn strokes_from(text: &str) -> Result<Vec<OrganStroke>, String> {
         return Err(format!("expected 1 to {MOST_STROKES} strokes, found {}", file.strokes.len()));
     }
     for (i, stroke) in file.strokes.iter().enumerate() {
-        let finite = stroke.px.iter().all(|p| p.x.abs() < 1e6 && p.y.abs() < 1e6);
-        if stroke.px.is_empty() || stroke.px.len() > MOST_CORNERS || !finite {
+        if !stroke.is_sound() {
             return Err(format!(
                 "stroke {i}: expected 1 to {MOST_CORNERS} places px [x, y] near the frame"
             ));

@@ -10,6 +10,7 @@ use crate::mesh::Mesh;
 use crate::mesh::remesh::{fit_diagonals, remesh};
 use crate::mesh::surface_points::ClosestPoints;
 use crate::pipeline::Progress;
+use crate::sfm::Reconstruction;
 use rayon::prelude::*;
 
 /// The mesh of a template and how well its place is known.
@@ -24,11 +25,10 @@ pub(super) struct Surface {
 }
 
 /// Stereo on the registered frames, the organ of what it saw, remeshed. `points` are those of
-/// structure from motion, `poses` one a frame.
+/// structure from motion.
 pub(super) fn dense_mesh(
     exploration: &Exploration,
-    camera: &CameraModel,
-    poses: &[Option<Isometry>],
+    sparse: &Reconstruction,
     points: &[Point3],
     options: &TemplateOptions,
     progress: &dyn Progress,
@@ -40,7 +40,10 @@ pub(super) fn dense_mesh(
             && options.click.is_none(),
         ..options.dense.clone()
     };
+    let (camera, poses) = (&sparse.camera, &sparse.poses);
     let scene = Scene {
+        exploration,
+        sparse,
         camera,
         views: worthwhile(&posed(exploration, camera, poses), points, &dense),
         points,
@@ -83,6 +86,8 @@ const COARSE: usize = 20_000;
 const COARSE_ALL: usize = 1000;
 /// The registered frames and what structure from motion knows of them.
 pub(super) struct Scene<'a> {
+    pub(super) exploration: &'a Exploration<'a>,
+    pub(super) sparse: &'a Reconstruction,
     pub(super) camera: &'a CameraModel,
     pub(super) views: Vec<PosedFrame<'a>>,
     points: &'a [Point3],
