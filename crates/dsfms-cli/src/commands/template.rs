@@ -61,8 +61,11 @@ Examples:
   dsfms template exploration/ --camera camera.json \\
       --organ-click 320,240@frame_004 -o organ.template
   # It went the wrong way: this pixel is not the organ, and what was drawn
-  dsfms template exploration/ --camera camera.json \
-      --not-organ-click 60,400@frame_004 --organ-scribbles strokes.json \
+  dsfms template exploration/ --camera camera.json \\
+      --not-organ-click 60,400@frame_004 --organ-scribbles strokes.json \\
+      -o organ.template
+  # What moves apart in frames of the deformed organ is apart
+  dsfms template exploration/ --camera camera.json --also deformed/ \\
       -o organ.template
   # In mm: a surface of the organ from CT, in any place
   dsfms template exploration/ --camera camera.json --organ-masks masks/ \\
@@ -88,9 +91,9 @@ unknown scale; a known distance (--scale-reference, --camera-step) or a metric
 mesh (--scale-mesh) makes them mm. pictures/ shows the flattening and the
 albedo, and which part of the frames was taken for the organ where no mask said
 it (organ.png; as masks in organ_masks/: copy, mend, and give them back with
---organ-masks). Where the organ ends is open, all is kept, the exit code is 2, and
-pictures/organ_a.png, organ_b.png ... show what may be meant (outlines from
-green, clearly marked, to red, a guess), with an option for each.
+--organ-masks). Where the organ ends is open, all is kept, the exit code is 2,
+and pictures/organ_a.png, organ_b.png ... show what may be meant, outlines from
+green, clearly marked, to red, a guess, with an option for each.
 surroundings.ply is what lies around the organ. Strokes (--organ-scribbles):
   {\"strokes\": [{\"frame\": \"frame_004\", \"organ\": true,
                 \"px\": [[120, 80], [310, 95]]}]}
