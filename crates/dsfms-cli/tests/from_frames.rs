@@ -265,6 +265,41 @@ fn with_nothing_said_the_organ_is_what_the_frames_look_at_and_its_masks_are_show
 }
 
 #[test]
+fn strokes_name_the_organ_and_the_wall_is_kept_as_a_second_surface() {
+    let frames = Frames::new();
+    let strokes = r#"{"strokes": [
+        {"frame": "f_4", "organ": true, "px": [[100, 90], [140, 90], [120, 70]]},
+        {"frame": "f_4", "organ": false, "px": [[8, 8], [230, 8]]}]}"#;
+    fs::write(frames.path("s.json"), strokes).unwrap();
+    let arguments = ["--organ-scribbles", "s.json", "--not-organ-click", "120,170@f_4"];
+    frames.template(&arguments, "1", "one");
+    frames.template(&arguments, "2", "two");
+    for file in ["template.ply", "surroundings.ply", "organ_masks/f_4.png"] {
+        let [one, two] = ["one", "two"].map(|t| fs::read(frames.path(&format!("{t}/{file}"))));
+        assert!(one.unwrap() == two.unwrap(), "{file} differs");
+    }
+    let widest = frames.shape("one").iter().map(|p| p.x.hypot(p.y)).fold(0.0, f64::max);
+    assert!(widest < 0.35, "no wall: {widest} of the depth, truth 0.239");
+    // The wall lies behind the disc: 66 and 46 units from the cameras.
+    let depth = |file: &str| {
+        let mesh = read_mesh(&frames.path(file)).unwrap().mesh;
+        mesh.positions.iter().map(|p| p.z).sum::<f64>() / mesh.positions.len() as f64
+    };
+    let ratio = depth("one/surroundings.ply") / depth("one/template.ply");
+    assert!((1.25..1.6).contains(&ratio), "{ratio}");
+    let shown = frames.dsfms(&["inspect", "one"]).assert().success();
+    let shown = String::from_utf8_lossy(&shown.get_output().stdout).into_owned();
+    assert!(shown.contains("surroundings"), "{shown}");
+    frames.dsfms(&["export", "one", "--surroundings", "w.ply"]).assert().success();
+    assert!(frames.path("w.ply").exists());
+    let beside = r#"{"strokes": [{"organ": true, "px": []}]}"#;
+    fs::write(frames.path("s.json"), beside).unwrap();
+    let run = ["template", "frames", "--camera", "camera.json", "-o", "t", "--organ-scribbles"];
+    let wrong = frames.dsfms(&run).arg("s.json").assert().failure();
+    assert!(String::from_utf8_lossy(&wrong.get_output().stderr).contains("stroke 0"));
+}
+
+#[test]
 fn a_click_beside_everything_and_a_bad_click_are_said() {
     let frames = Frames::new();
     let run = |click: &str| {

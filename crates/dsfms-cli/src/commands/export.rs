@@ -50,6 +50,9 @@ pub struct ExportArgs {
     /// GLB (with UV and albedo), by the file's extension; may be given several times.
     #[arg(long, value_name = "FILE")]
     mesh: Vec<PathBuf>,
+    /// What lies around the organ, where the template has it, as PLY.
+    #[arg(long, value_name = "FILE")]
+    surroundings: Option<PathBuf>,
     /// Folder for pictures: flattening.png, albedo.png, albedo_spread.png.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
@@ -57,8 +60,10 @@ pub struct ExportArgs {
 
 /// Run the command.
 pub fn run(args: &ExportArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
-    if args.colmap.is_none() && args.mesh.is_empty() && args.pictures.is_none() {
-        return Err(Usage("nothing to export; give --colmap, --mesh or --pictures".into()).into());
+    let none = args.colmap.is_none() && args.mesh.is_empty() && args.pictures.is_none();
+    if none && args.surroundings.is_none() {
+        let problem = "nothing to export; give --colmap, --mesh, --surroundings or --pictures";
+        return Err(Usage(problem.into()).into());
     }
     if let Some(path) = args.mesh.iter().find(|p| kind(p).is_none()) {
         let problem = format!("--mesh {}: expected .ply, .obj, .vtp, .stl or .glb", path.display());
@@ -73,6 +78,10 @@ pub fn run(args: &ExportArgs, global: &Global, reporter: &Reporter) -> anyhow::R
         mesh(&template, path)?;
         lines.push(format!("{}: surface, {}", path.display(), template.unit.label()));
     }
+    if let Some(path) = &args.surroundings {
+        surroundings(&template, path)?;
+        lines.push(format!("{}: surroundings, {}", path.display(), template.unit.label()));
+    }
     if let Some(folder) = &args.pictures {
         for path in write_pictures(&template, folder)? {
             lines.push(path.display().to_string());
@@ -83,6 +92,18 @@ pub fn run(args: &ExportArgs, global: &Global, reporter: &Reporter) -> anyhow::R
         super::to_stdout(&(lines.join("\n") + "\n"))?;
     }
     Ok(Outcome::Ok)
+}
+
+fn surroundings(template: &Template, path: &Path) -> anyhow::Result<()> {
+    let Some(around) = &template.surroundings else {
+        let problem = "the template holds no surroundings: it has them where it was built from frames that show \
+                       more than the organ, and the organ was not outlined in all of them";
+        return Err(Usage(problem.into()).into());
+    };
+    prepare_for(path)?;
+    let normals = vertex_normals(&around.topology, &around.positions);
+    let extras = PlyExtras { normals: Some(&normals), ..Default::default() };
+    Ok(write_ply(path, &around.topology, &around.positions, template.unit, &extras)?)
 }
 
 fn colmap(template: &Template, folder: &Path, args: &ExportArgs) -> anyhow::Result<String> {

@@ -81,6 +81,10 @@ fn rows(template: &Template, s: &TemplateStatistics) -> Vec<(&'static str, Strin
     let sigma = s
         .median_sigma
         .map_or("not known".into(), |sigma| format!("median {sigma:.3} {unit} expected"));
+    let around = template.surroundings.as_ref().map_or("none".into(), |mesh| {
+        let (vertices, faces) = (mesh.positions.len(), mesh.topology.faces.len());
+        format!("{vertices} vertices, {faces} faces: what lies around the organ")
+    });
     vec![
         ("unit", unit.to_string()),
         (
@@ -103,5 +107,6 @@ fn rows(template: &Template, s: &TemplateStatistics) -> Vec<(&'static str, Strin
         ("albedo", albedo),
         ("light", light),
         ("descriptors", s.features.to_string()),
+        ("surroundings", around),
     ]
 }

@@ -3,6 +3,7 @@
 mod found;
 mod load;
 mod mesh;
+mod organ;
 
 use super::scale::ScaleArgs;
 use crate::args::Global;
@@ -20,17 +21,19 @@ use dsfms::io::mesh::{MeshFile, MeshUnit};
 use dsfms::io::poses::{PoseList, match_poses, read_poses};
 use dsfms::io::template::{check_target, write_template};
 use dsfms::pipeline::{
-    BuiltTemplate, OrganClick, OrganOutline, Progress, TemplateOptions, template_from_frames,
-    template_from_mesh, template_from_posed_frames, template_from_poses,
+    BuiltTemplate, Progress, TemplateOptions, template_from_frames, template_from_mesh,
+    template_from_posed_frames, template_from_poses,
 };
 use dsfms::sfm::RefineIntrinsics;
 use dsfms::template::LengthUnit;
 use dsfms::template::albedo::Combine;
 use dsfms::template::flatten::FlattenMethod;
 use dsfms::template::light_fit::Vignetting;
+pub use found::LETTERS;
 use found::{models_text, organ_hint, precision_row, summary_text};
-use load::{Cameras, Loaded, load, parse_click, parse_outline};
+use load::{Cameras, Loaded, load, load_also};
 use mesh::{Reading, open_mesh, read_albedo, unit};
+use organ::OrganArgs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -57,6 +60,13 @@ Examples:
   # step
   dsfms template exploration/ --camera camera.json \\
       --organ-click 320,240@frame_004 -o organ.template
+  # It went the wrong way: this pixel is not the organ, and what was drawn
+  dsfms template exploration/ --camera camera.json \\
+      --not-organ-click 60,400@frame_004 --organ-scribbles strokes.json \\
+      -o organ.template
+  # What moves apart in frames of the deformed organ is apart
+  dsfms template exploration/ --camera camera.json --also deformed/ \\
+      -o organ.template
   # In mm: a surface of the organ from CT, in any place
   dsfms template exploration/ --camera camera.json --organ-masks masks/ \\
       --scale-mesh liver.stl -o organ.template
@@ -81,7 +91,13 @@ unknown scale; a known distance (--scale-reference, --camera-step) or a metric
 mesh (--scale-mesh) makes them mm. pictures/ shows the flattening and the
 albedo, and which part of the frames was taken for the organ where no mask said
 it (organ.png; as masks in organ_masks/: copy, mend, and give them back with
---organ-masks); precision.json says how far camera poses and sparse points may
+--organ-masks). Where the organ ends is open, all is kept, the exit code is 2,
+and pictures/organ_a.png, organ_b.png ... show what may be meant, outlines from
+green, clearly marked, to red, a guess, with an option for each.
+surroundings.ply is what lies around the organ. Strokes (--organ-scribbles):
+  {\"strokes\": [{\"frame\": \"frame_004\", \"organ\": true,
+                \"px\": [[120, 80], [310, 95]]}]}
+precision.json says how far camera poses and sparse points may
 be off (expected errors and covariances).";
 
 /// Build a template (rest shape, albedo, descriptors) from exploration frames or a mesh.
@@ -99,25 +115,12 @@ pub struct TemplateArgs {
     /// Masks of the frames, white = valid image content (no instrument, inside the viewport).
     #[arg(help_heading = "Input", long, value_name = "DIR")]
     masks: Option<PathBuf>,
-    /// Outlines of the organ in the frames, white = organ; in some of them is enough.
-    #[arg(help_heading = "Organ", long, value_name = "DIR")]
-    organ_masks: Option<PathBuf>,
-    /// Outline of the organ on one frame, as FRAME:x,y,x,y,...; only the surface inside it stays. May
-    /// be given for several frames.
-    #[arg(help_heading = "Organ", long, value_name = "FRAME:X,Y,...", value_parser = parse_outline, conflicts_with_all = ["organ_masks", "mesh"])]
-    organ_polygon: Vec<OrganOutline>,
-    /// A pixel of one frame (the first, or X,Y@FRAME) that shows the organ; without it the organ is
-    /// what the frames look at. Either way up to where depth steps, the surface folds inwards or
-    /// colours change.
-    #[arg(help_heading = "Organ", long, value_name = "X,Y[@FRAME]", value_parser = parse_click, conflicts_with = "mesh")]
-    organ_click: Option<OrganClick>,
+    #[command(flatten)]
+    organ: OrganArgs,
     /// Leave the surface as stereo saw it; else the shading of all frames refines it within its expected
     /// error.
     #[arg(help_heading = "Surface", long, conflicts_with = "mesh")]
     no_shading_refinement: bool,
-    /// Keep what lies behind the organ too, as one surface.
-    #[arg(help_heading = "Organ", long, conflicts_with_all = ["organ_masks", "organ_polygon", "organ_click", "mesh"])]
-    whole: bool,
     /// Vertices of the template mesh, 100 to 50000; default 1000.
     #[arg(help_heading = "Surface", long, value_name = "N")]
     vertices: Option<usize>,
@@ -266,8 +269,9 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
     let parent = parent.unwrap_or(Path::new("."));
     check_folder(parent)?;
     check_target(&args.output)?;
-    let optional = [&args.masks, &args.organ_masks].into_iter().flatten();
-    let inputs: Vec<&Path> = args.frames.iter().chain(optional).map(PathBuf::as_path).collect();
+    let optional = [&args.masks, &args.organ.organ_masks].into_iter().flatten();
+    let inputs: Vec<&Path> =
+        args.frames.iter().chain(optional).chain(&args.organ.also).map(PathBuf::as_path).collect();
     place::check_apart(&args.output, &inputs)?;
     let options = options(args, global)?;
     let pictures = args.output.join("pictures");
@@ -295,8 +299,8 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
         write_textures(&template, &loaded.frames, &loaded.valid, &pictures)?;
         if let Some(organ) = &organ {
             write_organ(organ, &loaded.frames, &args.output)?;
-            if options.click.is_none() && args.organ_masks.is_none() {
-                reporter.warn(&organ_hint(organ, &pictures));
+            if organ.open() || !args.organ.said(&options) {
+                organ_hint(organ, &args.output).iter().for_each(|line| reporter.warn(line));
             }
         }
     }
@@ -354,11 +358,7 @@ fn options(args: &TemplateArgs, global: &Global) -> anyhow::Result<TemplateOptio
         None => TemplateOptions::default(),
     };
     options.vertices = args.vertices.unwrap_or(options.vertices);
-    if !args.organ_polygon.is_empty() {
-        options.outlines = args.organ_polygon.clone();
-    }
-    options.click = args.organ_click.clone().or(options.click);
-    options.whole |= args.whole;
+    args.organ.apply(&mut options)?;
     options.refine_by_shading &= !args.no_shading_refinement;
     let references = args.scale.references()?;
     if !references.is_empty() {
@@ -404,12 +404,13 @@ fn from_frames(
     let given = args.mesh.as_deref().map(|p| open_mesh(p, args.reading(), reporter)).transpose()?;
     let listed = args.poses.as_deref().map(|p| read_poses(p, PoseList::Exploration)).transpose()?;
     let loaded = load(args, &cameras, camera_path, reporter)?;
+    let also = load_also(args, &cameras, camera_path, reporter)?;
     let camera = &cameras.common;
     let mut options = options.clone();
     camera.tell_options(&mut options);
     let options = &options;
     let exploration = camera.exploration(&loaded.frames).valid(&loaded.valid).organ(&loaded.organ);
-    let exploration = exploration.metric(metric.as_ref().map(|m| &m.mesh));
+    let exploration = exploration.metric(metric.as_ref().map(|m| &m.mesh)).also(&also);
     let names: Vec<&str> = loaded.frames.iter().map(|f| f.name.as_str()).collect();
     let poses = listed.map(|list| match_poses(&list, &names));
     let built = match (given, poses) {
@@ -434,7 +435,7 @@ fn from_frames(
     let asked = !options.scale.is_empty() || metric.is_some();
     let scaled = built.scale.is_some() || !asked;
     // What may not be the organ alone is no template of it.
-    let parted = built.organ.as_ref().is_none_or(|organ| organ.taken);
+    let parted = built.organ.as_ref().is_none_or(|organ| !organ.open());
     let complete = built.rejected.is_empty() && loaded.complete && scaled && parted;
     Ok((built, loaded, complete))
 }

@@ -1,5 +1,6 @@
 //! What the labelling of the organ reads of one frame, on a coarse grid of its depth map.
 
+use super::labels::Seeds;
 use super::{DepthMap, PosedFrame, tolerance};
 use crate::camera::Camera;
 use crate::geometry::{Point2, Point3, Vector3};
@@ -7,6 +8,8 @@ use crate::image::Mask;
 
 /// Nodes of a frame, at most: enough to tell the sides of an outline apart, which the image then gives exactly.
 pub(super) const NODES: usize = 20_000;
+/// How far about a point its motion is taken to be that of the surface, of the frame's width.
+const REACH: f64 = 0.03;
 /// How fast a fold inwards (rad between neighbours) makes a border cheap.
 const FOLD: f64 = 3.0;
 /// Added to encoded values, 0 to 1, before their logarithm: noise of dark pixels is no colour.
@@ -27,11 +30,13 @@ pub(super) struct Cell {
     normal: Vector3,
     /// Encoded, 0 to 1; NaN beside the frame.
     rgb: [f64; 3],
-    /// Two log ratios of colours and the height along the mean line of sight; NaN where unknown.
-    pub(super) features: [f64; 3],
+    /// Two log ratios of colours, the height along the mean line of sight, and motion; NaN where unknown.
+    pub(super) features: [f64; 4],
+    /// Of the frame; `None` beside it.
+    pub(super) pixel: Option<Point2>,
     /// From the middle of the frame, 1 at its edges.
     off: f64,
-    /// What a mask of the frame says.
+    /// What a mask of the frame, or a seed, says.
     pub(super) given: Option<bool>,
 }
 
@@ -94,20 +99,74 @@ impl<'a> Grid<'a> {
         ((z - p.z).abs() < super::SAME_SURFACE * p.z).then_some(node)
     }
 
-    /// Distance of every node from the middle of the frame, or from where a point (world axes) is seen: 1 is half
-    /// the frame's width or height.
-    pub(super) fn off(&self, at: Option<&Point3>) -> Vec<f64> {
-        let Some(at) = at else { return self.cells.iter().map(|cell| cell.off).collect() };
-        let Some(centre) = self.map.camera.project(&(self.map.pose * at)) else {
-            return vec![f64::INFINITY; self.cells.len()];
-        };
+    /// Let the nodes about what is known of single places hold it; where masks and seeds differ the masks count.
+    pub(super) fn hold(&mut self, seeds: &Seeds) {
+        let organ = seeds.organ.iter().map(|p| (p, true));
+        for (point, label) in organ.chain(seeds.other.iter().map(|p| (p, false))) {
+            let Some(node) = self.showing(point) else { continue };
+            let z = self.cells[node].point.map_or(0.0, |p| p.z);
+            let [w, h] = self.size;
+            let (x, y) = (node % w, node / w);
+            for v in y.saturating_sub(1)..(y + 2).min(h) {
+                for u in x.saturating_sub(1)..(x + 2).min(w) {
+                    let cell = &mut self.cells[v * w + u];
+                    let same = |p: Point3| (p.z - z).abs() < super::SAME_SURFACE * z;
+                    if cell.point.is_some_and(same) {
+                        cell.given.get_or_insert(label);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Give the nodes near points that were seen to move the mean of what they moved.
+    pub(super) fn note(&mut self, moved: &[(Point3, f64)]) {
         let [w, h] = self.size;
-        let [x, y] = [centre.pixel.x, centre.pixel.y].map(|v| v / self.stride as f64);
-        let off = |k: usize| {
-            let (u, v) = ((k % w) as f64, (k / w) as f64);
-            ((u - x) / (0.5 * w as f64)).hypot((v - y) / (0.5 * h as f64))
+        let reach = ((REACH * w as f64) as usize).max(1);
+        let mut sums = vec![[0.0; 2]; self.cells.len()];
+        for (point, value) in moved {
+            let Some(node) = self.showing(point) else { continue };
+            let Some(z) = self.cells[node].point.map(|p| p.z) else { continue };
+            let (x, y) = (node % w, node / w);
+            for v in y.saturating_sub(reach)..(y + reach + 1).min(h) {
+                for u in x.saturating_sub(reach)..(x + reach + 1).min(w) {
+                    let near = |p: Point3| (p.z - z).abs() < super::SAME_SURFACE * 3.0 * z;
+                    if self.cells[v * w + u].point.is_some_and(near) {
+                        let sum = &mut sums[v * w + u];
+                        *sum = [sum[0] + value, sum[1] + 1.0];
+                    }
+                }
+            }
+        }
+        for (cell, [sum, count]) in self.cells.iter_mut().zip(sums).filter(|(_, s)| s[1] > 0.0) {
+            cell.features[3] = sum / count;
+        }
+    }
+
+    /// Distance of every node from what is known to be organ, without it from the middle of the frame, and from
+    /// what is known not to be: 1 is half the frame's width or height.
+    pub(super) fn off(&self, seeds: &Seeds) -> Vec<[f64; 2]> {
+        let nearest = |points: &[Point3]| {
+            let seen: Vec<Point2> = points.iter().filter_map(|p| self.place_of(p)).collect();
+            let [w, h] = self.size.map(|n| 0.5 * n as f64);
+            let off = move |k: usize| {
+                let (u, v) = ((k % self.size[0]) as f64, (k / self.size[0]) as f64);
+                let each = seen.iter().map(|p| ((u - p.x) / w).hypot((v - p.y) / h));
+                each.fold(f64::INFINITY, f64::min)
+            };
+            (0..self.cells.len()).map(off).collect::<Vec<f64>>()
         };
-        (0..self.cells.len()).map(off).collect()
+        let organ = match seeds.organ.as_slice() {
+            [] => self.cells.iter().map(|cell| cell.off).collect(),
+            points => nearest(points),
+        };
+        organ.into_iter().zip(nearest(&seeds.other)).map(|(organ, other)| [organ, other]).collect()
+    }
+
+    /// Where a point (world axes) lies among the nodes; `None` behind the camera.
+    fn place_of(&self, point: &Point3) -> Option<Point2> {
+        let pixel = self.map.camera.project(&(self.map.pose * point))?.pixel;
+        Some(pixel / self.stride as f64)
     }
 }
 
@@ -125,7 +184,8 @@ impl Cell {
             point,
             normal: Vector3::from(map.normal[place].map(f64::from)),
             rgb,
-            features: [log[0] - log[1], log[2] - log[1], height],
+            features: [log[0] - log[1], log[2] - log[1], height, f64::NAN],
+            pixel: at.and(pixel),
             off: at.and(pixel).map_or(f64::INFINITY, off),
             given: at.and_then(|[x, y]| Some(view.organ?.at(x, y))),
         }

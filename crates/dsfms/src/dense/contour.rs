@@ -108,63 +108,15 @@ fn flooded(steepness: &[u32], mut own: Mask, other: &Mask) -> Mask {
 
 #[cfg(test)]
 mod tests {
-    use super::super::labelling;
+    use super::super::Seeds;
+    use super::super::plates::{PLATE, SIZE, WALL, camera, parted, plate, posed, scene};
     use super::*;
-    use crate::camera::{CameraModel, Lens};
-    use crate::geometry::Isometry;
-
-    const SIZE: [usize; 2] = [120, 90];
-    const WALL: f64 = 60.0;
-    /// Depth and half the side of the plate, length units.
-    const PLATE: [f64; 2] = [40.0, 9.0];
-
-    fn camera() -> CameraModel {
-        CameraModel { size: SIZE, focal: [100.0; 2], centre: [59.5, 44.5], lens: Lens::Pinhole }
-    }
-
-    /// A camera that looks along z, moved sideways.
-    fn pose(i: usize) -> Isometry {
-        let [x, y] = [[-6.0, 0.0], [-3.0, 2.0], [0.0, 0.0], [3.0, -2.0], [6.0, 0.0]][i];
-        Isometry::translation(-x, -y, 0.0)
-    }
-
-    /// Whether the plate is what a pixel shows, or a pixel less than `fat` px beside.
-    fn plate(i: usize, pixel: usize, fat: f64) -> bool {
-        let [u, v] = [(pixel % SIZE[0]) as f64 - 59.5, (pixel / SIZE[0]) as f64 - 44.5];
-        let centre = pose(i).translation.vector * (100.0 / PLATE[0]);
-        let half = PLATE[1] * 100.0 / PLATE[0] + fat;
-        (u - centre.x).abs() <= half && (v - centre.y).abs() <= half
-    }
-
-    /// A bright plate before a dark wall, with depth that is the plate's for `fat` px too far.
-    fn scene(fat: f64, near: f64) -> (Vec<Frame>, Vec<DepthMap>) {
-        let n = SIZE[0] * SIZE[1];
-        let frame = |i: usize| {
-            let rgb = (0..n).map(|p| [if plate(i, p, 0.0) { 180 } else { 60 + (p % 5) as u8 }; 3]);
-            Frame { name: format!("{i}"), size: SIZE, rgb: rgb.collect() }
-        };
-        let map = |i: usize| DepthMap {
-            camera: camera(),
-            pose: pose(i),
-            depth: (0..n).map(|p| if plate(i, p, fat) { near } else { WALL } as f32).collect(),
-            normal: vec![[0.0, 0.0, -1.0]; n],
-            sigma: vec![0.05; n],
-            confidence: vec![1.0; n],
-        };
-        (0..5).map(|i| (frame(i), map(i))).unzip()
-    }
-
-    fn posed<'a>(frames: &'a [Frame], camera: &'a CameraModel) -> Vec<PosedFrame<'a>> {
-        let one =
-            |(i, frame)| PosedFrame { frame, camera, pose: pose(i), valid: None, organ: None };
-        frames.iter().enumerate().map(one).collect()
-    }
 
     #[test]
     fn a_plate_is_told_from_its_wall_and_its_outline_is_the_edge_in_the_image() {
         let (camera, (frames, maps)) = (camera(), scene(3.0, PLATE[0]));
         let views = posed(&frames, &camera);
-        let found = labelling(&views, &maps, None);
+        let found = parted(&views, &maps, &Seeds::default());
         assert!(found.stepping > 0.9 && found.marked > 0.9, "{} {}", found.stepping, found.marked);
         for (i, mask) in outlines(&found.masks, &views, &maps).iter().enumerate() {
             let wrong = |p: &usize| {
@@ -177,7 +129,7 @@ mod tests {
     #[test]
     fn no_depth_steps_on_one_surface() {
         let (camera, (frames, maps)) = (camera(), scene(0.0, WALL - 0.5));
-        let found = labelling(&posed(&frames, &camera), &maps, None);
+        let found = parted(&posed(&frames, &camera), &maps, &Seeds::default());
         assert!(found.stepping < 0.1, "{}", found.stepping);
     }
 
@@ -187,12 +139,15 @@ mod tests {
         let mut views = posed(&frames, &camera);
         // The corner of the wall that frame 2 shows at (8, 8).
         let wall = camera.unproject(&Point2::new(8.0, 8.0)).unwrap() * WALL;
-        let clicked = labelling(&views, &maps, Some(&wall.into())).masks;
+        let clicked = {
+            let seeds = Seeds { organ: vec![wall.into()], other: Vec::new() };
+            parted(&views, &maps, &seeds).masks
+        };
         assert!(clicked[2].at(8, 8) && !clicked[2].at(59, 44));
         let given =
             Mask { size: SIZE, data: (0..SIZE[0] * SIZE[1]).map(|p| plate(2, p, -2.0)).collect() };
         views[2].organ = Some(&given);
-        let found = labelling(&views, &maps, None).masks;
+        let found = parted(&views, &maps, &Seeds::default()).masks;
         assert_eq!(outlines(&found, &views, &maps)[2], given);
         assert!(found[0].at(59 + 15, 44) && !found[0].at(8, 8), "the other frames are told too");
     }

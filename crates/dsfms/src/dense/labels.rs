@@ -9,7 +9,9 @@
 //! Labels part cheaply where depth steps or the surface folds inwards, as an organ meets what it lies on (`joined`),
 //! and where the image changes (`image`). What either label looks like is not known before: it is learned
 //! from what the explorer looks at, the middle of the frames or what was clicked, and then by each cut from the
-//! labels of the last (Rother, Kolmogorov, Blake 2004, in three dimensions). Masks of single frames hold.
+//! labels of the last (Rother, Kolmogorov, Blake 2004, in three dimensions). Masks of single frames hold, and so does
+//! what is said of single places ([`Seeds`]). Where the outline is a guess, the same energy under another prior
+//! offers others ([`Parting::others`]).
 //!
 //! Weights were chosen on five of the generated scenes (`docs/results/parting.md` has what others give).
 
@@ -17,7 +19,7 @@ use super::cells::{Cell, Grid, NODES, Neighbours};
 use super::cut::Graph;
 use super::looks::LogRatio;
 use super::{DepthMap, PosedFrame};
-use crate::geometry::{DisjointSets, Point3, Vector3};
+use crate::geometry::{DisjointSets, Point2, Point3, Vector3};
 use crate::image::Mask;
 use rayon::prelude::*;
 
@@ -31,12 +33,10 @@ const PLAIN: f64 = 0.3;
 /// Cost of two labels for one place, and the nearest frames in which a place is looked for.
 const LINK: f64 = 2.0;
 const LINKED: usize = 3;
-/// Distance from the middle of the frame (1: its edge) within which all is organ to begin with.
-const MIDDLE: f64 = 0.55;
 /// Most that the looks of a node say.
 const LOOKS: f64 = 4.0;
-/// What each feature says: two log ratios of colours, and half as much height, for walls are not flat.
-const SAYS: [f64; 3] = [0.5, 0.5, 0.25];
+/// What each feature says: two log ratios of colours, half as much height, for walls are not flat, and motion.
+const SAYS: [f64; 4] = [0.5, 0.5, 0.25, 0.5];
 /// Cuts, at most, each of which learns from the last, and the share of nodes below which a change is none.
 const CUTS: usize = 5;
 const SETTLED: f64 = 1e-3;
@@ -46,6 +46,33 @@ const GIVEN: f64 = 100.0;
 const HALF: f64 = 0.5;
 /// Energies are counted in whole numbers of this size.
 const UNIT: f64 = 1.0 / 256.0;
+
+/// What is held of the organ before anything is seen of it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Prior {
+    /// Distance from the middle of the frame (1: its edge) within which all is organ to begin with.
+    pub(super) middle: f64,
+    /// Added to what every node says for the organ.
+    pub(super) favour: f64,
+    /// Weight of what the looks of a node say.
+    pub(super) looks: f64,
+    /// What a node in the middle says for the organ by its place, and one at the edge against it.
+    pub(super) gaze: f64,
+}
+
+/// That of the labels that are taken.
+const USUAL: Prior = Prior { middle: 0.55, favour: 0.0, looks: 1.0, gaze: 0.0 };
+
+/// Places known to show the organ, or something else: points of the surface, world axes. What lies nearer to the
+/// middle of the frame than to any of the others is organ to begin with, or, where the organ is named, what lies nearer to
+/// it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Seeds {
+    /// Of the organ.
+    pub organ: Vec<Point3>,
+    /// Of something else.
+    pub other: Vec<Point3>,
+}
 
 /// Where the organ is in every depth map.
 #[derive(Clone, Debug)]
@@ -57,21 +84,53 @@ pub struct Labelling {
     pub stepping: f64,
     /// Share along which it does so or the image changes clearly. Where it is small the border is a guess.
     pub marked: f64,
+    /// One a depth map: the border.
+    pub borders: Vec<Vec<Border>>,
 }
 
-/// Label the depth maps; `maps` are those of [`super::depth_maps`] for the same `views`, in the same order.
-/// `at`: a point of the organ in world axes; without it the organ is what the frames look at. Masks of `views`
-/// are kept. Where nothing parts, all or nothing is organ and both shares are 0.
-pub fn labelling(views: &[PosedFrame], maps: &[DepthMap], at: Option<&Point3>) -> Labelling {
-    let axis: Vector3 = maps.iter().map(|m| m.pose.rotation.inverse() * Vector3::z()).sum();
-    let grids: Vec<Grid> =
-        views.par_iter().zip(maps).map(|(view, map)| Grid::new(view, map, &axis)).collect();
-    let all = Nodes::new(&grids, at);
-    let organ = all.solve();
-    let masks = grids.iter().zip(&all.start).map(|(grid, &start)| grid.mask(&organ[start..]));
-    let masks = masks.collect();
-    let [stepping, marked] = all.evidence(&organ);
-    Labelling { masks, stepping, marked }
+/// A place of the border between organ and wall.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Border {
+    /// Where the frame shows it, px.
+    pub pixel: Point2,
+    /// How clearly depth, a fold or the image marks it, 0 to 1.
+    pub confidence: f64,
+}
+
+/// Depth maps, to be parted into the organ and the rest.
+pub struct Parting<'a> {
+    nodes: Nodes<'a>,
+}
+
+impl<'a> Parting<'a> {
+    /// `maps` are those of [`super::depth_maps`] for the same `views`, in the same order. Masks of `views` and
+    /// `seeds` are kept; without seeds of the organ it is what the frames look at. `moved`: points of the surface, world
+    /// axes, and how far they move in other frames, in any measure: which of the two moves is learned.
+    pub fn new(
+        views: &[PosedFrame],
+        maps: &'a [DepthMap],
+        seeds: &Seeds,
+        moved: &[(Point3, f64)],
+    ) -> Self {
+        let axis: Vector3 = maps.iter().map(|m| m.pose.rotation.inverse() * Vector3::z()).sum();
+        let grid = |(view, map)| Grid::new(view, map, &axis);
+        let mut grids: Vec<Grid> = views.par_iter().zip(maps).map(grid).collect();
+        grids.par_iter_mut().for_each(|grid| {
+            grid.hold(seeds);
+            grid.note(moved);
+        });
+        Self { nodes: Nodes::new(grids, seeds) }
+    }
+
+    /// The labels of least energy. Where nothing parts, all or nothing is organ and both shares are 0.
+    pub fn best(&self) -> Labelling {
+        self.nodes.labelling(&self.nodes.solve(&USUAL))
+    }
+
+    /// The labels of least energy under another prior.
+    pub(super) fn under(&self, prior: &Prior) -> Labelling {
+        self.nodes.labelling(&self.nodes.solve(prior))
+    }
 }
 
 /// Neighbours of one frame.
@@ -83,29 +142,41 @@ struct Pair {
     /// Whether depth and fold join them, and whether they look alike.
     joined: bool,
     alike: bool,
+    /// How clearly depth, a fold or the image parts them, 0 to 1.
+    parted: f32,
 }
 
 /// The nodes of all frames and what joins them.
 struct Nodes<'a> {
-    grids: &'a [Grid<'a>],
+    grids: Vec<Grid<'a>>,
     /// First node of every frame.
     start: Vec<usize>,
-    /// How near the middle, or what was clicked: above 0 where all is organ to begin with.
-    gaze: Vec<f64>,
+    /// Distance from the middle, or from what is known to be organ, and from what is known not to be: 1 is half the
+    /// frame's width or height.
+    off: Vec<[f64; 2]>,
     pairs: Vec<Pair>,
     /// One place in two frames.
     links: Vec<(u32, u32)>,
 }
 
 impl<'a> Nodes<'a> {
-    fn new(grids: &'a [Grid<'a>], at: Option<&Point3>) -> Self {
+    fn new(grids: Vec<Grid<'a>>, seeds: &Seeds) -> Self {
         let mut start = vec![0];
         grids.iter().for_each(|g| start.push(start[start.len() - 1] + g.cells.len()));
-        let gaze = grids.iter().flat_map(|g| g.off(at)).map(|off| 1.0 - off / MIDDLE).collect();
-        let pairs = pairs(grids, &start);
-        let links = (0..grids.len()).into_par_iter().flat_map_iter(|f| links(grids, &start, f));
+        let off = grids.par_iter().flat_map_iter(|g| g.off(seeds)).collect();
+        let pairs = pairs(&grids, &start);
+        let links = (0..grids.len()).into_par_iter().flat_map_iter(|f| links(&grids, &start, f));
         let links = links.collect();
-        Self { grids, start, gaze, pairs, links }
+        Self { grids, start, off, pairs, links }
+    }
+
+    /// How near every node is to what is looked at: above 0 where all is organ to begin with, 1 at most.
+    fn gaze(&self, prior: &Prior) -> Vec<f64> {
+        let gaze = |&[organ, other]: &[f64; 2]| {
+            let near = 1.0 - organ / prior.middle;
+            if other < organ { near.min(0.0) } else { near }
+        };
+        self.off.iter().map(gaze).collect()
     }
 
     fn cells(&self) -> impl Iterator<Item = &Cell> {
@@ -113,15 +184,16 @@ impl<'a> Nodes<'a> {
     }
 
     /// The labels of least energy.
-    fn solve(&self) -> Vec<bool> {
+    fn solve(&self, prior: &Prior) -> Vec<bool> {
         let costs = self.pairs.iter().map(|pair| (pair.p, pair.q, whole(pair.cost)));
         let links = self.links.iter().map(|&(p, q)| (p, q, whole(LINK)));
-        let graph = Graph::new(self.gaze.len(), costs.chain(links));
-        let start = self.gaze.iter().zip(self.cells());
+        let gaze = self.gaze(prior);
+        let graph = Graph::new(gaze.len(), costs.chain(links));
+        let start = gaze.iter().zip(self.cells());
         let mut organ: Vec<bool> = start.map(|(g, c)| c.given.unwrap_or(*g > 0.0)).collect();
         for _ in 0..CUTS {
             let previous = organ;
-            organ = self.piece(graph.labels(self.favour(&previous)));
+            organ = self.piece(graph.labels(self.favour(&previous, &gaze, prior)), &gaze);
             let changed = organ.iter().zip(&previous).filter(|(a, b)| a != b).count();
             if (changed as f64) < SETTLED * organ.len() as f64 {
                 break;
@@ -130,24 +202,27 @@ impl<'a> Nodes<'a> {
         organ
     }
 
-    /// What masks and looks, as the last labels have them, say of every node for the organ.
-    fn favour(&self, organ: &[bool]) -> Vec<i32> {
+    /// What masks, seeds and looks, as the last labels have them, say of every node for the organ.
+    fn favour(&self, organ: &[bool], gaze: &[f64], prior: &Prior) -> Vec<i32> {
         let mut says = vec![0.0; organ.len()];
         for (feature, weight) in SAYS.into_iter().enumerate() {
             let values: Vec<f64> = self.cells().map(|c| c.features[feature]).collect();
             let ratio = LogRatio::of(&values, organ);
             says.iter_mut().zip(&values).for_each(|(s, v)| *s += weight * ratio.at(*v));
         }
-        let both = says.iter().zip(self.cells());
-        let favour = both.map(|(says, cell)| match cell.given {
+        let all = says.iter().zip(gaze).zip(self.cells());
+        let favour = all.map(|((says, gaze), cell)| match cell.given {
             Some(organ) => whole(if organ { GIVEN } else { -GIVEN }),
-            None => whole(says.clamp(-LOOKS, LOOKS)),
+            None => {
+                let place = prior.favour + prior.gaze * gaze.clamp(-1.0, 1.0);
+                whole(prior.looks * says.clamp(-LOOKS, LOOKS) + place)
+            }
         });
         favour.collect()
     }
 
     /// Of the pieces that are organ, joined in frames or between them, that which is looked at most.
-    fn piece(&self, organ: Vec<bool>) -> Vec<bool> {
+    fn piece(&self, organ: Vec<bool>, gaze: &[f64]) -> Vec<bool> {
         let mut pieces = DisjointSets::new(organ.len());
         let close = self.pairs.iter().filter(|pair| pair.joined).map(|pair| (pair.p, pair.q));
         for (p, q) in close.chain(self.links.iter().copied()) {
@@ -158,12 +233,40 @@ impl<'a> Nodes<'a> {
         let mut looked = vec![0.0; organ.len()];
         for (v, cell) in (0..organ.len()).zip(self.cells()).filter(|(v, _)| organ[*v]) {
             let given = if cell.given == Some(true) { GIVEN } else { 0.0 };
-            looked[pieces.root(v as u32) as usize] += self.gaze[v].max(0.0) + given;
+            looked[pieces.root(v as u32) as usize] += gaze[v].max(0.0) + given;
         }
         let best =
             (0..looked.len()).max_by(|&a, &b| looked[a].total_cmp(&looked[b]).then(b.cmp(&a)));
         let own = |v: usize| organ[v] && Some(pieces.root(v as u32) as usize) == best;
         (0..organ.len()).map(own).collect()
+    }
+
+    fn labelling(&self, organ: &[bool]) -> Labelling {
+        let own = |start: usize, grid: &Grid| grid.mask(&organ[start..]);
+        let masks = self.grids.iter().zip(&self.start).map(|(grid, &start)| own(start, grid));
+        let masks = masks.collect();
+        let [stepping, marked] = self.evidence(organ);
+        Labelling { masks, stepping, marked, borders: self.borders(organ) }
+    }
+
+    /// Every node of the organ that borders on the wall, and how clearly, in every frame.
+    fn borders(&self, organ: &[bool]) -> Vec<Vec<Border>> {
+        let mut parted: Vec<Option<f32>> = vec![None; organ.len()];
+        for pair in
+            self.pairs.iter().filter(|pair| organ[pair.p as usize] != organ[pair.q as usize])
+        {
+            let own = if organ[pair.p as usize] { pair.p } else { pair.q };
+            let known = &mut parted[own as usize];
+            *known = Some(known.map_or(pair.parted, |known| known.max(pair.parted)));
+        }
+        let frame = |(grid, &start): (&Grid, &usize)| {
+            let nodes = grid.cells.iter().zip(&parted[start..]);
+            let shown = nodes.filter_map(|(cell, parted)| {
+                Some(Border { pixel: cell.pixel?, confidence: f64::from((*parted)?) })
+            });
+            shown.collect()
+        };
+        self.grids.iter().zip(&self.start).map(frame).collect()
     }
 
     /// Shares of the border of the organ: see [`Labelling`].
@@ -202,6 +305,7 @@ fn pairs(grids: &[Grid], start: &[usize]) -> Vec<Pair> {
             cost: lambda * n.nearness * (n.joined * image + LEAST),
             joined: n.joined > HALF,
             alike: like > HALF,
+            parted: (1.0 - n.joined * like) as f32,
         }
     };
     let all = near.iter().enumerate();

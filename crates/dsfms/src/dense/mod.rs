@@ -29,8 +29,11 @@ mod looks;
 mod neighbours;
 mod observe;
 mod options;
+mod others;
 mod patchmatch;
 mod plane;
+#[cfg(test)]
+mod plates;
 mod polish;
 mod rim;
 mod score;
@@ -44,12 +47,13 @@ mod volume;
 
 pub use contour::outlines;
 pub use error::DenseError;
-pub use labels::{Labelling, labelling};
+pub use labels::{Border, Labelling, Parting, Seeds};
 pub use options::DenseOptions;
+pub use others::overlap;
 pub use surface::{DenseSurface, VertexSupport, surface};
 
-use crate::camera::CameraModel;
-use crate::geometry::{Isometry, Point3, Vector3};
+use crate::camera::{Camera, CameraModel};
+use crate::geometry::{Isometry, Point2, Point3, Vector3};
 use crate::image::{Frame, Mask};
 use plane::Field;
 use rayon::prelude::*;
@@ -69,6 +73,13 @@ pub struct PosedFrame<'a> {
     /// `true` where the organ is the first surface hit; `None` = reconstruct whatever is seen.
     /// Points that project outside it are not organ.
     pub organ: Option<&'a Mask>,
+}
+
+impl PosedFrame<'_> {
+    /// Where it shows a point (world axes), px; `None` where the camera cannot.
+    pub(crate) fn pixel_of(&self, point: &Point3) -> Option<Point2> {
+        Some(self.camera.project(&(self.pose * point))?.pixel)
+    }
 }
 
 /// Depth of one frame on a pinhole grid of its own (undistorted, usually coarser than the frame).
@@ -115,8 +126,18 @@ impl DepthMap {
         Vector3::new((u - cx) / fx, (v - cy) / fy, 1.0)
     }
 
+    /// No depth where the mask, on its pixels, is `true`.
+    pub(crate) fn leave_out(&mut self, mask: &Mask) {
+        for place in (0..self.depth.len()).filter(|&place| mask.data[place]) {
+            self.depth[place] = 0.0;
+            self.normal[place] = [0.0; 3];
+            self.sigma[place] = f32::INFINITY;
+            self.confidence[place] = 0.0;
+        }
+    }
+
     /// The point at a place with depth, camera axes.
-    fn point(&self, place: usize) -> Point3 {
+    pub(crate) fn point(&self, place: usize) -> Point3 {
         (self.ray(place) * f64::from(self.depth[place])).into()
     }
 

@@ -189,6 +189,7 @@ mod tests {
             light: None,
             coat: Default::default(),
             usual: None,
+            surroundings: None,
         }
     }
 

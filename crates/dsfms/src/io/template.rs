@@ -30,9 +30,11 @@ const SEEN: &str = "seen.npz";
 const SIGMA: &str = "sigma.npz";
 /// Optional likewise.
 const USUAL: &str = "usual.toml";
+/// Optional likewise.
+const SURROUNDINGS: &str = "surroundings.ply";
 const VIEWER: &str = "template.glb";
 /// All that is in a template: its files, and what programs add about them.
-const CONTENT: [&str; 14] = [
+const CONTENT: [&str; 18] = [
     MANIFEST,
     SURFACE,
     ALBEDO,
@@ -42,10 +44,14 @@ const CONTENT: [&str; 14] = [
     SEEN,
     SIGMA,
     USUAL,
+    SURROUNDINGS,
     VIEWER,
     "report.html",
     "pictures",
     "organ_masks",
+    "organ_masks_a",
+    "organ_masks_b",
+    "organ_masks_c",
     "precision.json",
 ];
 
@@ -227,6 +233,11 @@ fn write_files(folder: &Path, template: &Template) -> Result<(), TemplateFileErr
         let text = toml::to_string(usual).map_err(|e| damaged(&file, &e))?;
         fs::write(&file, text).map_err(|e| WriteError::new(&file, e))?;
     }
+    if let Some(around) = &template.surroundings {
+        let file = note(SURROUNDINGS, "what lies around the organ, a coarse surface");
+        let double = PlyExtras { precision: Precision::Double, ..PlyExtras::default() };
+        write_ply(&file, &around.topology, &around.positions, template.unit, &double)?;
+    }
     if let Some(albedo) = &template.albedo {
         arrays::write_albedo(&note(ALBEDO, "albedo on the surface, linear RGB"), albedo)?;
     }
@@ -299,6 +310,8 @@ pub fn read_template(path: &Path) -> Result<Template, TemplateFileError> {
     let sigma =
         if file.exists() { arrays::read_sigma(&file, counts.vertices)? } else { Vec::new() };
     let usual = read_usual(&path.join(USUAL))?;
+    let file = path.join(SURROUNDINGS);
+    let surroundings = file.exists().then(|| read_mesh(&file)).transpose()?.map(|file| file.mesh);
     let optional = |name: &str, wanted: bool| wanted.then(|| path.join(name));
     let albedo = optional(ALBEDO, counts.texels > 0)
         .map(|file| arrays::read_albedo(&file, faces, counts.texels))
@@ -328,6 +341,7 @@ pub fn read_template(path: &Path) -> Result<Template, TemplateFileError> {
         light: manifest.light,
         coat: manifest.coat,
         usual,
+        surroundings,
     })
 }
 

@@ -10,9 +10,10 @@ mod trust;
 pub use progress::{Progress, Silent};
 pub use reconstruct::{ReconstructOptions, reconstruct, reconstruct_with};
 pub use template::{
-    BuiltTemplate, Exploration, FoundOrgan, FramePrecision, OrganClick, OrganOutline,
-    SparsePrecision, TemplateError, TemplateOptions, template_from_frames, template_from_mesh,
-    template_from_posed_frames, template_from_poses,
+    BuiltTemplate, Exploration, FoundOrgan, FramePrecision, OrganClick, OrganGuess, OrganOutline,
+    OrganStroke, SparsePrecision, StrokeError, TemplateError, TemplateOptions, read_strokes,
+    strokes_from, template_from_frames, template_from_mesh, template_from_posed_frames,
+    template_from_poses, write_strokes,
 };
 
 use crate::camera::CameraModel;

@@ -5,18 +5,23 @@
 //! frames, mesh, poses ──────────────┴► flatten ─► light, gains, albedo ─► features ─► Template
 //! ```
 
+mod also;
 mod click;
 mod error;
+mod organ;
 mod outline;
 mod precision;
+mod strokes;
 mod surface;
 mod usual;
 mod views;
 
 pub use click::OrganClick;
 pub use error::TemplateError;
+pub use organ::{FoundOrgan, OrganGuess};
 pub use outline::OrganOutline;
 pub use precision::{FramePrecision, SparsePrecision};
+pub use strokes::{OrganStroke, StrokeError, read_strokes, strokes_from, write_strokes};
 
 use super::Progress;
 use crate::camera::CameraModel;
@@ -56,6 +61,8 @@ pub struct Exploration<'a> {
     pub light: Option<&'a LightModel>,
     /// A surface of the organ in mm, in any place: it gives a template from frames its scale.
     pub metric: Option<&'a Mesh>,
+    /// Frames of the deformed organ, by the same camera: what moves apart in them is apart.
+    pub also: &'a [Frame],
 }
 
 impl<'a> Exploration<'a> {
@@ -72,7 +79,7 @@ impl<'a> Exploration<'a> {
     /// ```
     pub fn new(frames: &'a [Frame], camera: &'a CameraModel) -> Self {
         let tone = &ToneCurve::Srgb;
-        Self { frames, valid: &[], organ: &[], camera, tone, light: None, metric: None }
+        Self { frames, valid: &[], organ: &[], camera, tone, light: None, metric: None, also: &[] }
     }
 
     /// With masks of the pixels that may be used; one per frame, or empty.
@@ -93,6 +100,11 @@ impl<'a> Exploration<'a> {
     /// With the light that its estimation starts from.
     pub fn light(self, light: impl Into<Option<&'a LightModel>>) -> Self {
         Self { light: light.into(), ..self }
+    }
+
+    /// With frames of the deformed organ, which help to tell it from what stays.
+    pub fn also(self, also: &'a [Frame]) -> Self {
+        Self { also, ..self }
     }
 
     /// With a surface of the organ in mm, which tells the scale.
@@ -122,6 +134,8 @@ pub struct TemplateOptions {
     pub outlines: Vec<OrganOutline>,
     /// A pixel that shows the organ: the connected surface there stays.
     pub click: Option<OrganClick>,
+    /// Pixels that show the organ, and such that do not, as drawn on frames.
+    pub strokes: Vec<OrganStroke>,
     /// Refine the surface of stereo by the shading of all views.
     pub refine_by_shading: bool,
     /// Keep what lies behind the organ too, where depth steps and no mask, outline or click tells them
@@ -148,6 +162,7 @@ impl Default for TemplateOptions {
             flatten: FlattenOptions::default(),
             outlines: Vec::new(),
             click: None,
+            strokes: Vec::new(),
             refine_by_shading: true,
             whole: false,
             scale: Vec::new(),
@@ -183,6 +198,7 @@ impl TemplateOptions {
         let Self { vertices, remesh, flatten, light, albedo, anchor, .. } = self;
         let anchoring = [anchor.merge_px, anchor.merge_deg, anchor.contour_px, anchor.grazing_cos];
         check(&[
+            ("strokes", self.strokes.iter().all(OrganStroke::is_sound), "places near the frames"),
             ("vertices", (100..=50_000).contains(vertices), "100 to 50,000"),
             ("remesh.rounds", remesh.rounds >= 1, "at least 1"),
             (
@@ -254,19 +270,6 @@ pub struct BuiltTemplate {
     /// The organ as the frames themselves part it from what lies behind; `None` where the user said where it is
     /// in every frame, wants all, gave the surface, or where nothing parts.
     pub organ: Option<FoundOrgan>,
-}
-
-/// Where the organ ends, as found in the frames.
-#[derive(Clone, Debug)]
-pub struct FoundOrgan {
-    /// Name of every frame that shows it, and where: `true` = organ.
-    pub masks: Vec<(String, Mask)>,
-    /// Share of its outline along which depth steps: where it is small all is one surface.
-    pub stepping: f64,
-    /// Share along which depth steps or the image changes: where it is small the outline is a guess.
-    pub marked: f64,
-    /// Whether the template holds the organ only, or all that stereo saw.
-    pub taken: bool,
 }
 
 /// Build a template from frames alone. Its unit is [`LengthUnit::TemplateUnit`], or mm where the
@@ -355,8 +358,8 @@ fn from_sparse(
     progress: &dyn Progress,
 ) -> Result<BuiltTemplate, TemplateError> {
     let points: Vec<Point3> = sparse.points.iter().map(|p| p.position).collect();
-    let Surface { mut mesh, mut sigma, organ } =
-        dense_mesh(exploration, &sparse.camera, &sparse.poses, &points, options, progress)?;
+    let Surface { mut mesh, mut sigma, organ, mut around } =
+        dense_mesh(exploration, &sparse, &points, options, progress)?;
     // Reconstruction took long: a mark beside the surface costs the unit, not the template.
     let scale = measure(exploration, &sparse.camera, &sparse.poses, &mesh, options).unwrap_or_else(
         |error| {
@@ -367,6 +370,7 @@ fn from_sparse(
     let unit = match &scale {
         Some(scale) => {
             apply(scale.factor, &mut mesh, &mut sparse);
+            around.iter_mut().flat_map(|m| &mut m.positions).for_each(|p| *p *= scale.factor);
             sigma.iter_mut().for_each(|s| *s *= scale.factor);
             LengthUnit::Millimetre
         }
@@ -382,6 +386,7 @@ fn from_sparse(
     let (mut template, light) = views.dress(mesh, Some(&sigma), unit, options, progress)?;
     template.points = sparse_points(&sparse);
     template.sigma = sigma;
+    template.surroundings = around;
     let name = |(i, why): &(usize, String)| (exploration.frames[*i].name.clone(), why.clone());
     let rejected = sparse.rejected.iter().map(name).collect();
     let covariance = sparse.covariance(options.sfm.refine).ok();
@@ -521,6 +526,7 @@ pub fn template_from_mesh(
         light: None,
         coat: Coat::default(),
         usual: None,
+        surroundings: None,
     }
 }
 

@@ -119,6 +119,7 @@ impl Case {
             light: Some(options.light.clone()),
             coat: Default::default(),
             usual: None,
+            surroundings: None,
         };
         Self { camera, template, frame, matches, deformation, truth, visible }
     }

@@ -85,6 +85,9 @@ pub struct Template {
     pub coat: Coat,
     /// How the exploration frames look beside this template; `None` without frames, and in older templates.
     pub usual: Option<usual::Usual>,
+    /// What lies around the organ, where the frames themselves part it from that: a coarse surface in the template
+    /// frame, for what does not move with the organ; `None` in older templates.
+    pub surroundings: Option<Mesh>,
 }
 
 /// What the exploration tells of the exposure of a frame taken with the same camera.

@@ -16,7 +16,7 @@ use dsfms::io::matches::read_matches;
 use dsfms::io::mesh::parse_mesh;
 use dsfms::io::poses::{PoseList, read_poses};
 use dsfms::io::vertex_truth::read_vertex_truth;
-use dsfms::pipeline::{ReconstructOptions, TemplateOptions};
+use dsfms::pipeline::{ReconstructOptions, TemplateOptions, strokes_from};
 use dsfms::track::TrackOptions;
 use dsfms::track::shapes::read_shapes;
 use dsfms::video::count_frames;
@@ -28,7 +28,7 @@ use std::path::{Path, PathBuf};
 pub type Target = fn(&[u8]) -> bool;
 
 /// Name (and folder of the corpus), extensions, reader.
-pub const TARGETS: [(&str, &[&str], Target); 19] = [
+pub const TARGETS: [(&str, &[&str], Target); 20] = [
     ("ply", &["ply"], |b| mesh(b, "a.ply")),
     ("obj", &["obj"], |b| mesh(b, "a.obj")),
     ("stl", &["stl"], |b| mesh(b, "a.stl")),
@@ -48,6 +48,7 @@ pub const TARGETS: [(&str, &[&str], Target); 19] = [
     ("template", &["part"], template),
     ("options", &["toml"], options),
     ("igtl", &["igtl"], igtl),
+    ("strokes", &["json"], strokes),
 ];
 
 fn mesh(bytes: &[u8], name: &str) -> bool {
@@ -138,6 +139,14 @@ fn options(bytes: &[u8]) -> bool {
     ReconstructOptions::from_toml(text).is_ok()
         | TrackOptions::from_toml(text).is_ok()
         | TemplateOptions::from_toml(text).is_ok()
+}
+
+fn strokes(bytes: &[u8]) -> bool {
+    let text = std::str::from_utf8(bytes).unwrap_or_default();
+    strokes_from(text).is_ok_and(|found| {
+        assert!(found.iter().flat_map(|s| &s.px).all(|p| p.iter().all(|v| v.is_finite())));
+        true
+    })
 }
 
 /// A stream of H.264 with start codes (Annex B), decoded as the pictures of an mp4; some picture came out.

@@ -1,6 +1,6 @@
 //! What is said of the exploration: models found, precision, the organ.
 
-use dsfms::pipeline::{FoundOrgan, SparsePrecision};
+use dsfms::pipeline::{FoundOrgan, OrganGuess, SparsePrecision};
 use dsfms::sfm::FoundModel;
 use dsfms::template::{LengthUnit, Template};
 use std::path::Path;
@@ -53,25 +53,66 @@ pub fn precision_row(precision: &SparsePrecision, unit: LengthUnit) -> String {
     )
 }
 
-/// Where to see which part was taken for the organ, and how to tell otherwise.
-pub fn organ_hint(organ: &FoundOrgan, pictures: &Path) -> String {
-    let picture = pictures.join("organ.png");
-    let picture = picture.display();
-    match organ.taken {
-        true => format!(
-            "{picture} shows its outlines; --organ-click, --organ-masks or --organ-polygon tell otherwise, --whole \
-             keeps all"
-        ),
-        false => format!(
-            "{picture} shows the outlines found; if they are right, say --organ-click or --organ-masks; if all is \
-             the organ, --whole"
-        ),
+/// Where to see which part was taken for the organ, and how to tell otherwise; one line each.
+pub fn organ_hint(organ: &FoundOrgan, template: &Path) -> Vec<String> {
+    let picture = |name: &str| template.join("pictures").join(name).display().to_string();
+    if !organ.open() {
+        return vec![format!(
+            "{} shows its outlines; --organ-click, --not-organ-click, --organ-scribbles, --organ-masks or \
+             --organ-polygon tell otherwise, --whole keeps all",
+            picture("organ.png")
+        )];
     }
+    let guess = |(letter, guess): (char, &OrganGuess)| {
+        let masks = template.join(format!("organ_masks_{letter}"));
+        let click = guess.click.as_ref().map_or(String::new(), |click| {
+            let frame = click.frame.as_ref().map_or(String::new(), |f| format!("@{f}"));
+            format!("--organ-click {},{}{frame} or ", click.pixel.x, click.pixel.y)
+        });
+        format!(
+            "{} ({:.0} % marked): if this is the organ, {click}--organ-masks {} into another template folder",
+            picture(&format!("organ_{letter}.png")),
+            100.0 * guess.marked,
+            masks.display()
+        )
+    };
+    let mut lines: Vec<String> = LETTERS.into_iter().zip(organ.guesses()).map(guess).collect();
+    lines.push(
+        "if all that was seen is the organ, --whole; if none is right, --organ-scribbles".into(),
+    );
+    lines
 }
+
+/// Of what may be meant.
+pub const LETTERS: [char; 3] = ['a', 'b', 'c'];
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use dsfms::geometry::Point2;
+    use dsfms::pipeline::OrganClick;
+
+    #[test]
+    fn an_open_outline_names_an_option_for_every_part() {
+        let guess = |click: Option<OrganClick>| OrganGuess {
+            masks: Vec::new(),
+            borders: Vec::new(),
+            stepping: 0.5,
+            marked: 0.7,
+            click,
+        };
+        let click = OrganClick { frame: Some("f_2".into()), pixel: Point2::new(12.0, 40.0) };
+        let mut organ =
+            FoundOrgan { guess: guess(Some(click)), taken: false, others: vec![guess(None)] };
+        let lines = organ_hint(&organ, Path::new("t"));
+        assert_eq!(lines.len(), 3);
+        assert!(lines[0].contains("organ_a.png") && lines[0].contains("--organ-click 12,40@f_2"));
+        assert!(lines[1].contains("organ_masks_b") && !lines[1].contains("--organ-click"));
+        assert!(lines[2].contains("--whole"));
+        (organ.taken, organ.others) = (true, Vec::new());
+        let lines = organ_hint(&organ, Path::new("t"));
+        assert!(lines.len() == 1 && lines[0].contains("organ.png"), "{lines:?}");
+    }
 
     #[test]
     fn models_are_named_by_runs_of_frames() {

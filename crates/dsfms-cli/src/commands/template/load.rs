@@ -74,12 +74,15 @@ impl Cameras {
         let Some(own) = read_image_cameras(path).context("cameras of the model")? else {
             return Ok(Self { common: inputs::camera(path, global)?, own: None });
         };
-        let pixels = args.organ_click.is_some()
-            || !args.organ_polygon.is_empty()
+        let organ = &args.organ;
+        let pixels = organ.organ_click.is_some()
+            || !organ.not_organ_click.is_empty()
+            || organ.organ_scribbles.is_some()
+            || !organ.organ_polygon.is_empty()
             || args.scale.names_pixels();
         if pixels {
             let problem = format!(
-                "the cameras of {} differ, and frames are brought to one of them: --organ-polygon, --organ-click and --scale-reference cannot be used, --organ-masks and --camera-step can",
+                "the cameras of {} differ, and frames are brought to one of them: --organ-polygon, --organ-click, --not-organ-click, --organ-scribbles and --scale-reference cannot be used, --organ-masks and --camera-step can",
                 path.display()
             );
             return Err(Usage(problem).into());
@@ -113,7 +116,7 @@ pub fn load(
     camera_path: &Path,
     reporter: &Reporter,
 ) -> anyhow::Result<Loaded> {
-    let options = [(&args.masks, "--masks"), (&args.organ_masks, "--organ-masks")];
+    let options = [(&args.masks, "--masks"), (&args.organ.organ_masks, "--organ-masks")];
     for (path, option) in options.iter().filter_map(|(p, o)| Some((p.as_ref()?, o))) {
         inputs::must_exist(path, option)?;
     }
@@ -123,7 +126,7 @@ pub fn load(
     }
     let mut loaded =
         Loaded { frames: Vec::new(), valid: Vec::new(), organ: Vec::new(), complete: true };
-    let mut outlines = args.organ_polygon.clone();
+    let mut outlines = args.organ.organ_polygon.clone();
     let mut first_error = None;
     for source in &sources {
         let common = &cameras.common.file.camera;
@@ -158,6 +161,31 @@ pub fn load(
     }
 }
 
+/// Deformed frames that are looked at, at most.
+const ALSO: usize = 24;
+
+/// Frames of the deformed organ; those that cannot be read are left out with a warning.
+pub fn load_also(
+    args: &TemplateArgs,
+    cameras: &Cameras,
+    camera_path: &Path,
+    reporter: &Reporter,
+) -> anyhow::Result<Vec<Frame>> {
+    if args.organ.also.is_empty() {
+        return Ok(Vec::new());
+    }
+    let sources = inputs::sources(&args.organ.also, inputs::Purpose::Reconstruct, reporter)?;
+    let every = sources.len().div_ceil(ALSO).max(1);
+    let mut frames = Vec::new();
+    for source in sources.iter().step_by(every) {
+        match load_frame(source, &cameras.common.file.camera, camera_path) {
+            Ok(frame) => frames.push(frame),
+            Err(error) => reporter.warn(&format!("--also: {error}; the frame is left out")),
+        }
+    }
+    Ok(frames)
+}
+
 fn load_frame(source: &Source, camera: &CameraModel, path: &Path) -> Result<Frame, InputError> {
     let frame = source.frame()?;
     inputs::check_size(&frame, camera, path)?;
@@ -176,7 +204,7 @@ fn masks(
             .map(|path| inputs::mask_of(frame, source.path(), path, kind, reporter))
             .transpose()
     };
-    Ok((read(&args.masks, MaskKind::Valid)?, read(&args.organ_masks, MaskKind::Organ)?))
+    Ok((read(&args.masks, MaskKind::Valid)?, read(&args.organ.organ_masks, MaskKind::Organ)?))
 }
 
 #[cfg(test)]

@@ -70,6 +70,7 @@ fn tiny() -> Template {
             },
             depth: [40.1, 90.2],
         }),
+        surroundings: Some(shapes::icosphere(1, 31.7)),
     }
 }
 
@@ -89,6 +90,8 @@ fn assert_same(a: &Template, b: &Template) {
     assert_eq!(a.light, b.light);
     assert_eq!(a.coat, b.coat);
     assert_eq!(a.usual, b.usual);
+    let around = |t: &Template| t.surroundings.as_ref().map(|m| m.positions.clone());
+    assert_eq!(around(a), around(b));
 }
 
 #[test]
@@ -121,10 +124,13 @@ fn a_template_comes_back_bit_for_bit_and_can_be_replaced() {
     template.seen.clear();
     template.sigma.clear();
     template.usual = None;
+    // As templates without it are.
+    template.surroundings = None;
     template.unit = LengthUnit::TemplateUnit;
     write_template(&path, &template).unwrap();
     assert_same(&read_template(&path).unwrap(), &template);
     assert!(!path.join(ALBEDO).exists() && !path.join(SIGMA).exists());
+    assert!(!path.join(SURROUNDINGS).exists());
     assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
 }
 

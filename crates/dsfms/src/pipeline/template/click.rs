@@ -1,11 +1,13 @@
 //! The organ as clicked on a frame.
 
 use super::TemplateError;
-use crate::camera::CameraModel;
+use crate::camera::{Camera, CameraModel};
+use crate::dense::DepthMap;
 use crate::geometry::{Isometry, Point2, Point3};
 use crate::mesh::Mesh;
 use crate::mesh::components::components;
 use crate::raster::rasterize;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// A pixel that shows the organ.
@@ -18,22 +20,44 @@ pub struct OrganClick {
     pub pixel: Point2,
 }
 
-impl OrganClick {
-    /// Name and pose of the clicked frame, of those registered.
-    pub(super) fn frame_of<'a>(
-        &self,
-        poses: &[(&'a str, Isometry)],
-    ) -> Result<(&'a str, Isometry), TemplateError> {
-        let stem = |name: &str| name.rsplit_once('.').map(|(stem, _)| stem.to_string());
-        let wanted = |name: &str| match &self.frame {
-            Some(frame) => name == frame || stem(frame).is_some_and(|s| s == name),
-            None => true,
-        };
-        let found = poses.iter().find(|(name, _)| wanted(name)).copied();
-        found.ok_or_else(|| TemplateError::OutlineFrame {
-            frame: self.frame.clone().unwrap_or_default(),
-        })
-    }
+/// Name and pose of a frame, of those registered; `None` = the first.
+pub(super) fn frame_named<'a>(
+    frame: Option<&str>,
+    poses: &[(&'a str, Isometry)],
+) -> Result<(&'a str, Isometry), TemplateError> {
+    let stem = |name: &str| name.rsplit_once('.').map(|(stem, _)| stem.to_string());
+    let wanted = |name: &str| match frame {
+        Some(frame) => name == frame || stem(frame).is_some_and(|s| s == name),
+        None => true,
+    };
+    let found = poses.iter().find(|(name, _)| wanted(name)).copied();
+    found.ok_or_else(|| TemplateError::OutlineFrame { frame: frame.unwrap_or_default().into() })
+}
+
+/// A point is shown at a pixel where it projects as near, px.
+const NEAR_PX: f64 = 3.0;
+
+/// The points (world axes) that a frame shows at some pixels, by the depth maps: of what projects to each the one
+/// that a quarter lies before. Pixels that show nothing have none.
+pub(super) fn shown_at(
+    maps: &[DepthMap],
+    camera: &CameraModel,
+    pose: &Isometry,
+    pixels: &[Point2],
+) -> Vec<Point3> {
+    let projected = |point: Point3| -> Option<(Point2, f64, Point3)> {
+        let p = pose * point;
+        Some((camera.project(&p)?.pixel, p.z, point))
+    };
+    let all: Vec<_> =
+        maps.par_iter().flat_map_iter(DepthMap::points).filter_map(projected).collect();
+    let shown = |pixel: &Point2| {
+        let near = all.iter().filter(|(at, ..)| (at - pixel).norm() < NEAR_PX);
+        let mut near: Vec<(f64, Point3)> = near.map(|&(_, z, point)| (z, point)).collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        near.get(near.len() / 4).map(|near| near.1)
+    };
+    pixels.par_iter().filter_map(shown).collect()
 }
 
 /// The connected piece of the surface that the pixel shows. Pieces part where depth jumps; where the
@@ -46,7 +70,7 @@ pub(super) fn pick(
     click: Option<&OrganClick>,
 ) -> Result<Mesh, TemplateError> {
     let Some(click) = click else { return Ok(mesh) };
-    let (name, pose) = click.frame_of(poses)?;
+    let (name, pose) = frame_named(click.frame.as_deref(), poses)?;
     let positions: Vec<Point3> = mesh.positions.iter().map(|p| pose * p).collect();
     let raster = rasterize(camera, &mesh.topology, &positions);
     let Some((face, _)) = raster.surface_at(&click.pixel) else {

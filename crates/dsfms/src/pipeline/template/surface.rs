@@ -1,16 +1,16 @@
 //! The surface that stereo saw, as the template's mesh.
 
 use super::{Exploration, FoundOrgan, TemplateError, TemplateOptions, click, named, outline};
-use crate::camera::{Camera, CameraModel};
+use crate::camera::CameraModel;
 use crate::dense::{
-    DenseError, DenseOptions, DenseSurface, DepthMap, Labelling, PosedFrame, depth_maps, labelling,
-    outlines, surface, worthwhile,
+    DenseError, DenseOptions, DenseSurface, DepthMap, PosedFrame, depth_maps, surface, worthwhile,
 };
-use crate::geometry::{Isometry, Point2, Point3};
+use crate::geometry::{Isometry, Point3};
 use crate::mesh::Mesh;
 use crate::mesh::remesh::{fit_diagonals, remesh};
 use crate::mesh::surface_points::ClosestPoints;
 use crate::pipeline::Progress;
+use crate::sfm::Reconstruction;
 use rayon::prelude::*;
 
 /// The mesh of a template and how well its place is known.
@@ -20,14 +20,15 @@ pub(super) struct Surface {
     pub sigma: Vec<f64>,
     /// See [`super::BuiltTemplate::organ`].
     pub organ: Option<FoundOrgan>,
+    /// See [`crate::template::Template::surroundings`].
+    pub around: Option<Mesh>,
 }
 
 /// Stereo on the registered frames, the organ of what it saw, remeshed. `points` are those of
-/// structure from motion, `poses` one a frame.
+/// structure from motion.
 pub(super) fn dense_mesh(
     exploration: &Exploration,
-    camera: &CameraModel,
-    poses: &[Option<Isometry>],
+    sparse: &Reconstruction,
     points: &[Point3],
     options: &TemplateOptions,
     progress: &dyn Progress,
@@ -39,7 +40,10 @@ pub(super) fn dense_mesh(
             && options.click.is_none(),
         ..options.dense.clone()
     };
+    let (camera, poses) = (&sparse.camera, &sparse.poses);
     let scene = Scene {
+        exploration,
+        sparse,
         camera,
         views: worthwhile(&posed(exploration, camera, poses), points, &dense),
         points,
@@ -47,7 +51,7 @@ pub(super) fn dense_mesh(
         options,
         progress,
     };
-    let organ = scene.organ(&dense)?;
+    let (organ, around) = scene.organ(&dense)?.unzip();
     let views = match organ.as_ref().filter(|organ| organ.taken) {
         Some(organ) => shown(&scene.views, organ),
         None => scene.views.clone(),
@@ -64,13 +68,13 @@ pub(super) fn dense_mesh(
     }
     let sigma = expected_errors(&seen, &mesh);
     progress.step("surface", 2, 2);
-    Ok(Surface { mesh, sigma, organ })
+    Ok(Surface { mesh, sigma, organ, around: around.flatten() })
 }
 
 /// The views that show the organ, with the outlines found.
 fn shown<'a>(views: &[PosedFrame<'a>], organ: &'a FoundOrgan) -> Vec<PosedFrame<'a>> {
     let own = |view: &PosedFrame<'a>| {
-        let (_, mask) = organ.masks.iter().find(|(name, _)| *name == view.frame.name)?;
+        let (_, mask) = organ.guess.masks.iter().find(|(name, _)| *name == view.frame.name)?;
         Some(PosedFrame { organ: Some(mask), ..*view })
     };
     views.iter().filter_map(own).collect()
@@ -80,24 +84,17 @@ fn shown<'a>(views: &[PosedFrame<'a>], organ: &'a FoundOrgan) -> Vec<PosedFrame<
 const COARSE: usize = 20_000;
 /// And at least, all frames together: stereo on less finds nothing.
 const COARSE_ALL: usize = 1000;
-/// Shares of the outline found. Where depth steps along less, all is one surface; where more is marked, it is the
-/// organ's. On eight generated scenes and the rendered one they are 0.5 to 0.8 and 0.97 to 0.99 with stereo at half
-/// the resolution, and 0.45 or more with the coarse stereo used here; where one smooth surface fills the frames
-/// nothing is found (`docs/results/parting.md`).
-const STEPPING: f64 = 0.2;
-const MARKED: f64 = 0.8;
-/// A point is shown at a pixel where it projects as near, px.
-const NEAR_PX: f64 = 3.0;
-
 /// The registered frames and what structure from motion knows of them.
-struct Scene<'a> {
-    camera: &'a CameraModel,
-    views: Vec<PosedFrame<'a>>,
+pub(super) struct Scene<'a> {
+    pub(super) exploration: &'a Exploration<'a>,
+    pub(super) sparse: &'a Reconstruction,
+    pub(super) camera: &'a CameraModel,
+    pub(super) views: Vec<PosedFrame<'a>>,
     points: &'a [Point3],
     /// Name and `camera_from_world`.
-    named: Vec<(&'a str, Isometry)>,
-    options: &'a TemplateOptions,
-    progress: &'a dyn Progress,
+    pub(super) named: Vec<(&'a str, Isometry)>,
+    pub(super) options: &'a TemplateOptions,
+    pub(super) progress: &'a dyn Progress,
 }
 
 impl Scene<'_> {
@@ -116,18 +113,22 @@ impl Scene<'_> {
         click::pick(mesh, self.camera, &self.named, self.options.click.as_ref())
     }
 
-    /// The organ as the frames tell it from what lies behind; see [`super::BuiltTemplate::organ`].
-    fn organ(&self, options: &DenseOptions) -> Result<Option<FoundOrgan>, TemplateError> {
+    /// The organ as the frames tell it from what lies behind, and that; see [`super::BuiltTemplate::organ`].
+    fn organ(
+        &self,
+        options: &DenseOptions,
+    ) -> Result<Option<(FoundOrgan, Option<Mesh>)>, TemplateError> {
         if self.told() {
             return Ok(None);
         }
         let coarse = self.coarser(options);
         let maps = self.stereo(&self.views, &coarse, "coarse stereo")?;
-        if self.options.click.is_some() && self.piece_alone(&maps, &coarse)? {
+        let alone = self.options.click.is_some() && self.options.strokes.is_empty();
+        if alone && self.piece_alone(&maps, &coarse)? {
             return Ok(None);
         }
         self.progress.step("organ", 0, 1);
-        let found = self.outlined(&maps);
+        let found = self.outlined(&maps, &coarse);
         self.progress.step("organ", 1, 1);
         found
     }
@@ -136,7 +137,8 @@ impl Scene<'_> {
     fn told(&self) -> bool {
         let masks = self.views.iter().all(|view| view.organ.is_some());
         let options = self.options;
-        masks || !options.outlines.is_empty() || (options.whole && options.click.is_none())
+        let named = options.click.is_some() || !options.strokes.is_empty();
+        masks || !options.outlines.is_empty() || (options.whole && !named)
     }
 
     /// Stereo on no more pixels than the labelling reads, of small frames on half their width and height, as the
@@ -154,71 +156,6 @@ impl Scene<'_> {
         let all = seen.topology.faces.len();
         Ok(self.piece(seen).is_ok_and(|piece| 2 * piece.topology.faces.len() < all))
     }
-
-    /// Where the organ ends before something else (the wall of a cavity). It is what was clicked, what masks of
-    /// some frames show, or else what the frames look at; and then it is taken only if its outline is marked.
-    fn outlined(&self, maps: &[DepthMap]) -> Result<Option<FoundOrgan>, TemplateError> {
-        let clicked = self.clicked(maps)?;
-        let Labelling { masks, stepping, marked } = labelling(&self.views, maps, clicked.as_ref());
-        let said = clicked.is_some() || self.views.iter().any(|view| view.organ.is_some());
-        if !said && stepping < STEPPING {
-            return Ok(None);
-        }
-        let outlines = outlines(&masks, &self.views, maps);
-        let shown = self.views.iter().zip(outlines).filter(|(_, mask)| mask.data.contains(&true));
-        let masks: Vec<_> = shown.map(|(view, mask)| (view.frame.name.clone(), mask)).collect();
-        let taken = masks.len() >= 2 && (said || marked >= MARKED);
-        if !said {
-            self.progress.warn(&unsaid(marked, taken));
-        }
-        Ok(Some(FoundOrgan { masks, stepping, marked, taken }))
-    }
-
-    /// The point (world axes) that was clicked.
-    fn clicked(&self, maps: &[DepthMap]) -> Result<Option<Point3>, TemplateError> {
-        let Some(click) = &self.options.click else { return Ok(None) };
-        let (name, pose) = click.frame_of(&self.named)?;
-        let beside = || {
-            let frame = name.to_string();
-            TemplateError::ClickBeside { frame, pixel: click.pixel }
-        };
-        let shown = shown_at(maps, self.camera, &pose, &click.pixel);
-        shown.map(Some).ok_or_else(beside)
-    }
-}
-
-/// What is to be told where nobody said what the organ is.
-fn unsaid(marked: f64, taken: bool) -> String {
-    let percent = 100.0 * marked;
-    match taken {
-        true => format!(
-            "nothing says where the organ is: it is taken to be what the frames look at ({percent:.0} % of its \
-             outline is marked by depth, a fold or the image)"
-        ),
-        false => format!(
-            "whether the organ ends within the frames is open: only {percent:.0} % of what may be its outline is \
-             marked by depth, a fold or the image; all that was seen is kept"
-        ),
-    }
-}
-
-/// The point (world axes) that a frame shows at a pixel, by the depth maps: the nearest quarter of what
-/// projects there.
-fn shown_at(
-    maps: &[DepthMap],
-    camera: &CameraModel,
-    pose: &Isometry,
-    pixel: &Point2,
-) -> Option<Point3> {
-    let there = |point: Point3| -> Option<(f64, Point3)> {
-        let p = pose * point;
-        let off = camera.project(&p)?.pixel - pixel;
-        (off.norm() < NEAR_PX).then_some((p.z, point))
-    };
-    let mut shown: Vec<(f64, Point3)> =
-        maps.par_iter().flat_map_iter(DepthMap::points).filter_map(there).collect();
-    shown.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-    shown.get(shown.len() / 4).map(|s| s.1)
 }
 
 fn posed<'a>(

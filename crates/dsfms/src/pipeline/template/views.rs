@@ -79,6 +79,7 @@ impl Views<'_> {
             light: Some(light.light.clone()),
             coat: shading.coat(),
             usual: None,
+            surroundings: None,
             mesh,
         };
         template.usual = self.usual(&template, &registered);

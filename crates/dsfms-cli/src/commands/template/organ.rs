@@ -1,0 +1,61 @@
+//! What the user says of the organ.
+
+use super::load::{parse_click, parse_outline};
+use clap::Args;
+use dsfms::pipeline::{OrganClick, OrganOutline, OrganStroke, TemplateOptions, read_strokes};
+use std::path::PathBuf;
+
+/// Which part of the frames is the organ.
+#[derive(Debug, Args)]
+pub struct OrganArgs {
+    /// Outlines of the organ in the frames, white = organ; in some of them is enough.
+    #[arg(help_heading = "Organ", long, value_name = "DIR")]
+    pub organ_masks: Option<PathBuf>,
+    /// Outline of the organ on one frame, as FRAME:x,y,x,y,...; only the surface inside it stays. May
+    /// be given for several frames.
+    #[arg(help_heading = "Organ", long, value_name = "FRAME:X,Y,...", value_parser = parse_outline, conflicts_with_all = ["organ_masks", "mesh"])]
+    pub organ_polygon: Vec<OrganOutline>,
+    /// A pixel of one frame (the first, or X,Y@FRAME) that shows the organ; without it the organ is
+    /// what the frames look at. Either way up to where depth steps, the surface folds inwards or
+    /// colours change.
+    #[arg(help_heading = "Organ", long, value_name = "X,Y[@FRAME]", value_parser = parse_click, conflicts_with = "mesh")]
+    pub organ_click: Option<OrganClick>,
+    /// A pixel of one frame that shows something else; may be given several times.
+    #[arg(help_heading = "Organ", long, value_name = "X,Y[@FRAME]", value_parser = parse_click, conflicts_with_all = ["organ_polygon", "mesh"])]
+    pub not_organ_click: Vec<OrganClick>,
+    /// Strokes over the organ and over what is not, drawn on frames: a JSON file (see below).
+    #[arg(help_heading = "Organ", long, value_name = "FILE", conflicts_with_all = ["organ_polygon", "mesh"])]
+    pub organ_scribbles: Option<PathBuf>,
+    /// Frames or a video of the deformed organ by the same camera, at most 24 of them are looked at: what
+    /// moves apart is apart. They are no part of the template.
+    #[arg(help_heading = "Organ", long, value_name = "DEFORMED", conflicts_with_all = ["organ_polygon", "mesh"])]
+    pub also: Vec<PathBuf>,
+    /// Keep what lies behind the organ too, as one surface.
+    #[arg(help_heading = "Organ", long, conflicts_with_all = ["organ_masks", "organ_polygon", "organ_click", "not_organ_click", "organ_scribbles", "also", "mesh"])]
+    pub whole: bool,
+}
+
+impl OrganArgs {
+    /// Whether the options, or masks, say where the organ is.
+    pub fn said(&self, options: &TemplateOptions) -> bool {
+        options.click.is_some() || !options.strokes.is_empty() || self.organ_masks.is_some()
+    }
+
+    /// What was said, over what the options say.
+    pub fn apply(&self, options: &mut TemplateOptions) -> anyhow::Result<()> {
+        if !self.organ_polygon.is_empty() {
+            options.outlines = self.organ_polygon.clone();
+        }
+        options.click = self.organ_click.clone().or(options.click.take());
+        if let Some(path) = &self.organ_scribbles {
+            options.strokes = read_strokes(path)?;
+        }
+        options.strokes.extend(
+            self.not_organ_click
+                .iter()
+                .map(|click| OrganStroke { organ: false, ..OrganStroke::from(click) }),
+        );
+        options.whole |= self.whole;
+        Ok(())
+    }
+}

@@ -1,0 +1,293 @@
+//! Which part of the frames is the organ: what is taken, and what else may be meant.
+
+use super::click::shown_at;
+use super::surface::Scene;
+use super::{OrganClick, also};
+use super::{OrganStroke, TemplateError};
+use crate::dense::{
+    Border, DenseOptions, DepthMap, Labelling, Parting, PosedFrame, Seeds, outlines, overlap,
+    surface,
+};
+use crate::geometry::Point3;
+use crate::image::Mask;
+use crate::mesh::Mesh;
+use crate::mesh::remesh::remesh;
+
+/// Where the organ ends, as found in the frames.
+#[derive(Clone, Debug)]
+pub struct FoundOrgan {
+    /// The likeliest.
+    pub guess: OrganGuess,
+    /// Whether the template holds it only, or all that stereo saw.
+    pub taken: bool,
+    /// What else may be meant, where that is open; see [`Self::open`].
+    pub others: Vec<OrganGuess>,
+}
+
+impl FoundOrgan {
+    /// Whether the user has to say what is meant.
+    pub fn open(&self) -> bool {
+        !self.taken || !self.others.is_empty()
+    }
+
+    /// All that may be meant, the likeliest first.
+    pub fn guesses(&self) -> impl Iterator<Item = &OrganGuess> {
+        std::iter::once(&self.guess).chain(&self.others)
+    }
+}
+
+/// A part of the frames that may be the organ.
+#[derive(Clone, Debug)]
+pub struct OrganGuess {
+    /// Name of every frame that shows it, and where: `true` = organ.
+    pub masks: Vec<(String, Mask)>,
+    /// Its outline in these frames, and how clearly it is marked.
+    pub borders: Vec<Vec<Border>>,
+    /// Share of its outline along which depth steps: where it is small all is one surface.
+    pub stepping: f64,
+    /// Share along which depth steps or the image changes: where it is small the outline is a guess.
+    pub marked: f64,
+    /// A click that gives this part; `None` where none was found.
+    pub click: Option<OrganClick>,
+}
+
+/// Shares of the outline found. Where depth steps along less, all is one surface; where more is marked, it is the
+/// organ's. On eight generated scenes and the rendered one they are 0.5 to 0.8 and 0.97 to 0.99 with stereo at half
+/// the resolution, and 0.45 or more with the coarse stereo used here; where one smooth surface fills the frames
+/// nothing is found (`docs/results/parting.md`).
+const STEPPING: f64 = 0.2;
+const MARKED: f64 = 0.8;
+/// Where the usual prior finds nothing, another's part is shown if depth steps along as much of its outline.
+const CLEAR: f64 = 0.4;
+/// Other parts that are shown, at most.
+const OTHERS: usize = 2;
+/// A click gives a part if what it gives overlaps with it by as much.
+const GIVES: f64 = 0.9;
+/// Vertices of the surface around the organ before it is remeshed, over those it has then: coarse stereo shows no
+/// more.
+const FINER: usize = 15;
+
+impl Scene<'_> {
+    /// Where the organ ends before something else (the wall of a cavity), and the surface of that. It is what was
+    /// clicked or drawn, what masks of some frames show, or else what the frames look at; and then it is taken only if
+    /// its outline is marked.
+    pub(super) fn outlined(
+        &self,
+        maps: &[DepthMap],
+        options: &DenseOptions,
+    ) -> Result<Option<(FoundOrgan, Option<Mesh>)>, TemplateError> {
+        let seeds = self.seeds(maps)?;
+        let moved = also::moved(self.exploration, self.sparse, &self.options.sfm);
+        let parting = Parting::new(&self.views, maps, &seeds, &moved);
+        let own = parting.best();
+        let said = seeds != Seeds::default() || self.views.iter().any(|view| view.organ.is_some());
+        let sure = said || own.stepping >= STEPPING && own.marked >= MARKED;
+        let mut parts = vec![own];
+        if !sure {
+            parts.extend(parting.others(&parts[0], OTHERS));
+            let clear = |part: &Labelling| part.stepping >= CLEAR && part.marked >= MARKED;
+            if parts[0].stepping < STEPPING {
+                if !parts.iter().any(clear) {
+                    self.progress.warn(
+                        "depth steps along little of any outline: all that was seen is taken for the organ",
+                    );
+                    return Ok(None);
+                }
+                // Nothing ends there: what another prior found does.
+                parts.remove(0);
+            }
+        }
+        let mut guesses = self.guesses(&parts, maps, (!sure).then_some(&moved));
+        let guess = guesses.remove(0);
+        let taken = guess.masks.len() >= 2 && sure;
+        let found = FoundOrgan { guess, taken, others: guesses };
+        if !said || !taken {
+            self.progress.warn(&found.told(said));
+        }
+        let around = taken.then(|| self.around(&parts[0].masks, maps, options)).flatten();
+        Ok(Some((found, around)))
+    }
+
+    /// What was clicked and drawn, as places of the surface.
+    fn seeds(&self, maps: &[DepthMap]) -> Result<Seeds, TemplateError> {
+        let mut seeds = Seeds::default();
+        let click = self.options.click.iter().map(OrganStroke::from);
+        for stroke in click.chain(self.options.strokes.iter().cloned()) {
+            let (name, pose) = stroke.frame_of(&self.named)?;
+            let pixels = stroke.pixels();
+            let places = shown_at(maps, self.camera, &pose, &pixels);
+            if let (true, Some(&pixel)) = (places.is_empty(), pixels.first()) {
+                return Err(TemplateError::ClickBeside { frame: name.to_string(), pixel });
+            }
+            if stroke.organ { &mut seeds.organ } else { &mut seeds.other }.extend(places);
+        }
+        Ok(seeds)
+    }
+
+    /// Labellings as outlines in the frames; where it is open what is meant, with a click for each, under what is
+    /// known to have `moved`.
+    fn guesses(
+        &self,
+        parts: &[Labelling],
+        maps: &[DepthMap],
+        moved: Option<&Vec<(Point3, f64)>>,
+    ) -> Vec<OrganGuess> {
+        let guess = |(i, part): (usize, &Labelling)| {
+            let outlines = outlines(&part.masks, &self.views, maps);
+            let shown = self.views.iter().zip(outlines).zip(&part.borders);
+            let shown = shown.filter(|((_, mask), _)| mask.data.contains(&true));
+            let (masks, borders) = shown
+                .map(|((view, mask), border)| ((view.frame.name.clone(), mask), border.clone()))
+                .unzip();
+            let click = moved.and_then(|moved| self.click_for(i, parts, maps, moved));
+            OrganGuess { masks, borders, stepping: part.stepping, marked: part.marked, click }
+        };
+        parts.iter().enumerate().map(guess).collect()
+    }
+
+    /// A click that gives one of several labellings, tried.
+    fn click_for(
+        &self,
+        own: usize,
+        parts: &[Labelling],
+        maps: &[DepthMap],
+        moved: &[(Point3, f64)],
+    ) -> Option<OrganClick> {
+        let others: Vec<&Labelling> =
+            parts.iter().enumerate().filter(|(i, _)| *i != own).map(|(_, part)| part).collect();
+        let (view, place) = deepest(&parts[own], &others, maps)?;
+        let map = &maps[view];
+        let point = map.pose.inverse() * map.point(place);
+        let seeds = Seeds { organ: vec![point], other: Vec::new() };
+        let given = Parting::new(&self.views, maps, &seeds, moved).best();
+        let pixel = self.views[view].pixel_of(&point)?;
+        let frame = Some(self.views[view].frame.name.clone());
+        let gives = overlap(&given.masks, &parts[own].masks) >= GIVES;
+        gives.then(|| OrganClick { frame, pixel: pixel.map(f64::round) })
+    }
+
+    /// The surface around the organ, as coarse stereo saw it.
+    fn around(&self, organ: &[Mask], maps: &[DepthMap], options: &DenseOptions) -> Option<Mesh> {
+        let bare = |view: &PosedFrame<'_>| -> bool { view.organ.is_none() };
+        let kept: Vec<usize> = (0..maps.len()).filter(|&i| bare(&self.views[i])).collect();
+        let views: Vec<PosedFrame> = kept.iter().map(|&i| self.views[i]).collect();
+        let rest = |&i: &usize| {
+            let mut map = maps[i].clone();
+            map.leave_out(&organ[i]);
+            map
+        };
+        let maps: Vec<DepthMap> = kept.iter().map(rest).collect();
+        let vertices = self.options.vertices;
+        let options = DenseOptions { target_vertices: FINER * vertices, ..options.clone() };
+        let seen = surface(&views, &maps, &options).ok()?;
+        remesh(&seen.mesh, vertices, &self.options.remesh).ok()
+    }
+}
+
+impl FoundOrgan {
+    /// What is to be told of it.
+    fn told(&self, said: bool) -> String {
+        let percent = 100.0 * self.guess.marked;
+        match (said, self.taken) {
+            (true, _) => "what was said of the organ leaves nothing of it in two frames or more; all that was seen \
+                          is kept"
+                .into(),
+            (_, true) => format!(
+                "nothing says where the organ is: it is taken to be what the frames look at ({percent:.0} % of its \
+                 outline is marked by depth, a fold or the image)"
+            ),
+            (_, false) => format!(
+                "where the organ ends is open: {percent:.0} % of what may be its outline is marked by depth, a fold \
+                 or the image, and {} be meant too; all that was seen is kept",
+                match self.others.len() {
+                    0 => "all of it may".to_string(),
+                    1 => "another part may".to_string(),
+                    n => format!("{n} other parts may"),
+                }
+            ),
+        }
+    }
+}
+
+/// The view and the place in its depth map, with depth, that lie deepest in what only `own` holds, or, where that is
+/// little, in what it holds.
+fn deepest(own: &Labelling, others: &[&Labelling], maps: &[DepthMap]) -> Option<(usize, usize)> {
+    let only = |i: usize| {
+        let not = others.iter().map(|other| other.masks[i].complement());
+        not.fold(own.masks[i].clone(), |mask, not| mask.and(&not))
+    };
+    let find = |mask: &dyn Fn(usize) -> Mask| {
+        let places = (0..maps.len()).flat_map(|i| {
+            let mask = mask(i);
+            let depth = inside(&mask);
+            let best = (0..depth.len()).filter(|&p| maps[i].depth[p] > 0.0 && mask.data[p]);
+            best.max_by_key(|&p| (depth[p], std::cmp::Reverse(p))).map(|p| (depth[p], i, p))
+        });
+        places.max_by_key(|&(depth, i, p)| (depth, std::cmp::Reverse((i, p))))
+    };
+    let alone = find(&only).filter(|(depth, ..)| *depth >= LEAST_INSIDE);
+    let found = alone.or_else(|| find(&|i| own.masks[i].clone()))?;
+    Some((found.1, found.2))
+}
+
+/// Px of the depth grid by which a click must lie inside a part.
+const LEAST_INSIDE: u32 = 4;
+
+/// Px to the nearest pixel outside of the mask or the frame, by steps across edges and corners.
+fn inside(mask: &Mask) -> Vec<u32> {
+    let [w, h] = mask.size;
+    let mut depth: Vec<u32> = mask.data.iter().map(|&on| if on { u32::MAX } else { 0 }).collect();
+    let near = [[-1, -1], [0, -1], [1, -1], [-1, 0]];
+    let relax = |depth: &mut Vec<u32>, p: usize, sign: isize| {
+        let least = near.iter().map(|[dx, dy]| {
+            let x = (p % w).checked_add_signed(sign * dx).filter(|&x| x < w);
+            let y = (p / w).checked_add_signed(sign * dy).filter(|&y| y < h);
+            x.zip(y).map_or(0, |(x, y)| depth[y * w + x])
+        });
+        let least = least.min().unwrap_or(0).saturating_add(1);
+        depth[p] = depth[p].min(least);
+    };
+    (0..w * h).for_each(|p| relax(&mut depth, p, 1));
+    (0..w * h).rev().for_each(|p| relax(&mut depth, p, -1));
+    depth
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_inside_counts_steps_to_the_rim_and_to_the_edge_of_the_frame() {
+        let data = (0..35).map(|p| p != 17).collect();
+        let depth = inside(&Mask { size: [7, 5], data });
+        assert_eq!([depth[0], depth[17], depth[16], depth[15], depth[8]], [1, 0, 1, 2, 2]);
+    }
+
+    #[test]
+    fn a_click_lies_where_only_its_own_part_is() {
+        let mask = |columns: std::ops::Range<usize>| {
+            let data = (0..600).map(|p| columns.contains(&(p % 30))).collect();
+            vec![Mask { size: [30, 20], data }]
+        };
+        let part = |masks| Labelling { masks, stepping: 1.0, marked: 1.0, borders: vec![vec![]] };
+        let map = crate::dense::DepthMap {
+            camera: crate::camera::CameraModel {
+                size: [30, 20],
+                focal: [20.0; 2],
+                centre: [15.0, 10.0],
+                lens: crate::camera::Lens::Pinhole,
+            },
+            pose: crate::geometry::Isometry::identity(),
+            depth: vec![5.0; 600],
+            normal: vec![[0.0, 0.0, -1.0]; 600],
+            sigma: vec![0.1; 600],
+            confidence: vec![1.0; 600],
+        };
+        let (wide, narrow) = (part(mask(0..25)), part(mask(0..12)));
+        let column = |own, others: &[&Labelling]| {
+            deepest(own, others, std::slice::from_ref(&map)).unwrap().1 % 30
+        };
+        assert!((16..21).contains(&column(&wide, &[&narrow])));
+        assert!((4..8).contains(&column(&narrow, &[&wide])));
+    }
+}
