@@ -2,7 +2,7 @@
 
 mod found;
 mod load;
-mod mesh;
+pub mod mesh;
 
 use super::scale::ScaleArgs;
 use crate::args::Global;
@@ -204,7 +204,7 @@ impl From<Flatten> for FlattenMethod {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum UnitName {
+pub enum UnitName {
     /// Millimetres.
     Mm,
     /// Centimetres.

@@ -1,0 +1,3 @@
+//! `register-ct` through the binary.
+#[test]
+fn compiles() {}
