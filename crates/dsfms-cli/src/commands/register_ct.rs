@@ -51,8 +51,8 @@ or .fcsv, MeshLab's .pp, or CSV (name,x,y,z), paired by name, else by order.
 Numbers are those of the mesh files. More than three pairs survive wrong ones.
 
 OUT holds ct.ply and structures/NAME.ply in the template's frame and unit (what
---structures of reconstruct and track expects; `confidence` is the expected
-error of every point), registration.json (similarity, residuals, uncertainty,
+--structures of reconstruct and track expects; `expected_error` is that
+of every point), registration.json (similarity, residuals, uncertainty,
 verdict) and registration.png (from three sides, residuals in colour).
 
 Exit codes: 0 registered; 2 registered with doubts; 1 refused (too few or wrong
@@ -238,7 +238,7 @@ fn write(
         for item in carried {
             let own: Vec<f64> = item.expected.iter().map(|e| e / scale).collect();
             let extras =
-                PlyExtras { comments: &comments, confidence: Some(&own), ..Default::default() };
+                PlyExtras { comments: &comments, expected_error: Some(&own), ..Default::default() };
             let path = folder.join(format!("structures/{}.ply", item.name));
             let points: &[Point3] = &item.mesh.positions;
             write_ply(&path, &item.mesh.topology, points, template.unit, &extras)?;

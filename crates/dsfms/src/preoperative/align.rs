@@ -8,7 +8,7 @@
 
 use super::landmarks::LandmarkPair;
 use super::options::ScaleRule;
-use super::target::{Hit, Sample, Target, extent};
+use super::target::{Sample, Target, extent};
 use crate::geometry::{Point3, Similarity, Vector3, median};
 use crate::solver::{Loss, Options, Problem, Step, minimize};
 use nalgebra::{SMatrix, SVector, Translation3, UnitQuaternion};
@@ -134,7 +134,6 @@ fn shown_sigma(rows: &[Option<Row>], least: f64) -> f64 {
 pub(super) struct Row {
     pub residual: f64,
     pub derivative: Six,
-    pub hit: Hit,
 }
 
 /// The problem at one cut of the loss.
@@ -192,7 +191,7 @@ impl<'a> Fit<'a> {
             let residual = hit.distance / scale;
             let y = (at - centre) / (scale * self.size);
             let derivative = along(&y, &hit.direction, residual / self.size) * self.size;
-            Some(Row { residual, derivative, hit })
+            Some(Row { residual, derivative })
         };
         self.samples.par_iter().map(row).collect()
     }

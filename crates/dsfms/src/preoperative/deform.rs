@@ -127,9 +127,9 @@ impl<'a> Bending<'a> {
         let start = Unknowns { vertices: shape.to_vec(), globals: Vec::new() };
         let options = Options { max_steps: 8, cost_tolerance: 1e-4, ..Options::default() };
         let (found, _) = Objective::over(shape.len(), 0)
-            .plus(1.0, Loss::GemanMcClure(cut / self.noise), contact)
-            .plus(self.stiffness, Loss::Squared, self.arap.clone())
-            .plus(1.0, Loss::Squared, self.stay.clone())
+            .plus("contact", 1.0, Loss::GemanMcClure(cut / self.noise), contact)
+            .plus("as-rigid-as-possible prior", self.stiffness, Loss::Squared, self.arap.clone())
+            .plus("stay", 1.0, Loss::Squared, self.stay.clone())
             .minimise(start, &options);
         (found.vertices, shown)
     }
@@ -200,8 +200,6 @@ struct Contact {
 }
 
 impl EnergyTerm<1> for Contact {
-    const LABEL: &'static str = "contact with the template";
-
     fn count(&self) -> usize {
         self.faces.len()
     }

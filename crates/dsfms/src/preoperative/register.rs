@@ -5,7 +5,7 @@ use super::ambiguity::{Alternative, alternatives, better, landmark_rms};
 use super::deform::{Deformed, deform};
 use super::landmarks::{LandmarkFit, LandmarkPair, fit_landmarks};
 use super::options::PreoperativeOptions;
-use super::starts::{Search, search};
+use super::starts::{Search, best_first, search};
 use super::target::{Sample, Target, extent, samples};
 use super::uncertainty::{Uncertainty, expected_target_error};
 use super::verdict::{Doubt, PreoperativeError};
@@ -47,6 +47,8 @@ pub struct Preoperative {
     pub excluded: Vec<Alternative>,
     /// Reasons not to believe it fully.
     pub doubts: Vec<Doubt>,
+    /// Standard deviation of the template's surface that was taken for granted, mm.
+    pub noise: f64,
     /// The preoperative surface where the similarity puts it.
     placed: Mesh,
 }
@@ -148,12 +150,12 @@ impl Work<'_> {
             landmark_rms(&a.similarity, self.agreeing) <= 3.0 * self.options.landmark_sigma
         };
         starts.extend(others.iter().filter(allowed).map(|a| a.similarity));
-        let tried: Vec<Aligned> = starts
+        let mut tried: Vec<Aligned> = starts
             .par_iter()
             .map(|s| align(self.target, self.points, self.agreeing, *s, self.noise, self.options))
             .collect();
-        let best = tried.iter().min_by(|a, b| a.misfit.total_cmp(&b.misfit)).cloned();
-        Ok((best.ok_or(PreoperativeError::NoPose)?, [others, tried].concat()))
+        best_first(&mut tried);
+        Ok((tried.first().cloned().ok_or(PreoperativeError::NoPose)?, [others, tried].concat()))
     }
 
     /// Rough mm per unit of the template.
@@ -181,7 +183,14 @@ impl Work<'_> {
         if share < GOOD_OVERLAP {
             doubts.push(Doubt::LittleOverlap { share });
         }
-        let told = Uncertainty::of(self.target, self.points, self.agreeing, best, self.options);
+        let told = Uncertainty::of(
+            self.target,
+            self.points,
+            self.agreeing,
+            best,
+            self.noise,
+            self.options,
+        );
         let (condition, motion) = (told.condition, told.weakest());
         match (condition < CONDITION, self.agreeing.is_empty()) {
             (true, true) => {
@@ -239,6 +248,7 @@ impl Work<'_> {
             uncertainty,
             excluded,
             doubts: Vec::new(),
+            noise: self.noise * scale,
             placed,
         };
         if self.options.deform {
@@ -292,8 +302,7 @@ impl Preoperative {
         let (middle, _) = extent(template.positions.iter());
         let half = template.positions.iter().map(|p| (p - middle).norm()).fold(0.0, f64::max);
         let surface = self.bent.unwrap_or(self.rigid).rms;
-        // What bending took away is what the inside may have done by itself.
-        let deformation = self.rigid.rms;
+        let deformation = (self.rigid.rms.powi(2) - self.noise.powi(2)).max(0.0).sqrt();
         let under = depths(template, carried).unwrap_or_default();
         let error = |(p, d): (&Point3, &crate::structures::Depth)| {
             let open = self.uncertainty.at(p);

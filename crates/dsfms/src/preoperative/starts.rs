@@ -21,8 +21,12 @@ const PLACES: [usize; 2] = [48, 8];
 const COARSE: usize = 100;
 /// Vertices of the preoperative surface in the search.
 const COARSE_TARGET: usize = 1000;
-/// Cuts of the loss in the search, of the template's size, and steps at each.
-const SEARCH: ([f64; 2], usize) = ([0.35, 0.12], 6);
+/// Cuts of the loss in the search, of the template's size: of all starts first, then of the best.
+const CUTS: [f64; 3] = [0.35, 0.2, 0.12];
+/// Steps at each cut.
+const STEPS: usize = 5;
+/// Starts that go beyond the first cut.
+const PROMISING: usize = 160;
 /// Poses that are refined.
 const REFINED: usize = 16;
 
@@ -49,30 +53,37 @@ pub(super) fn search(
     let points = samples(template, COARSE);
     let starts = starts(&points, &samples(target.mesh, 2000), how.schedule.scale);
     let (_, size) = extent(points.iter().map(|s| &s.point));
-    let rough = Schedule { cut: SEARCH.0.map(|c| c * size), steps: SEARCH.1, ..how.schedule };
-    let total = starts.len() + REFINED;
-    let mut tried: Vec<Aligned> = Vec::with_capacity(starts.len());
-    for chunk in starts.chunks(96) {
-        let more: Vec<Aligned> =
-            chunk.par_iter().map(|s| refine(&coarse_target, &points, &[], *s, &rough)).collect();
-        tried.extend(more);
-        (how.step)(tried.len(), total);
-    }
-    // Stable: of equal misfits the first start.
-    tried.sort_by(|a, b| misfit(a, &rough).total_cmp(&misfit(b, &rough)));
-    let chosen = distinct(tried, &points, size);
+    let total = starts.len() + PROMISING + REFINED;
+    let rough = |poses: &[Similarity], cut: [f64; 2], done: usize| {
+        let schedule = Schedule { cut: cut.map(|c| c * size), steps: STEPS, ..how.schedule };
+        let mut tried: Vec<Aligned> = Vec::with_capacity(poses.len());
+        for chunk in poses.chunks(80) {
+            let more =
+                chunk.par_iter().map(|s| refine(&coarse_target, &points, &[], *s, &schedule));
+            tried.extend(more.collect::<Vec<_>>());
+            (how.step)(done + tried.len(), total);
+        }
+        // Stable: of equal misfits the first start.
+        let misfit = |a: &Aligned| misfit_at(a, schedule.cut[1]);
+        tried.sort_by(|a, b| misfit(a).total_cmp(&misfit(b)));
+        tried
+    };
+    let first = rough(&starts, [CUTS[0]; 2], 0);
+    let best: Vec<Similarity> = first.iter().take(PROMISING).map(|a| a.similarity).collect();
+    let chosen = distinct(rough(&best, [CUTS[1], CUTS[2]], starts.len()), &points, size);
     let mut refined: Vec<Aligned> = chosen
         .par_iter()
         .map(|a| refine(target, fine, how.landmarks, a.similarity, &how.schedule))
         .collect();
     (how.step)(total, total);
-    refined.sort_by(|a, b| a.misfit.total_cmp(&b.misfit));
+    best_first(&mut refined);
     refined
 }
 
-/// Misfits at different cuts are brought to the same one.
-fn misfit(aligned: &Aligned, at: &Schedule) -> f64 {
-    misfit_at(aligned, at.cut[1])
+/// Sort by the misfit at the smallest cut of all: with a wide one of its own a bad pose looks good.
+pub(super) fn best_first(poses: &mut [Aligned]) {
+    let cut = poses.iter().map(|a| a.cut).fold(f64::INFINITY, f64::min);
+    poses.sort_by(|a, b| misfit_at(a, cut).total_cmp(&misfit_at(b, cut)));
 }
 
 /// Mean loss of the samples were `cut` (template units) where it gives in.

@@ -12,6 +12,11 @@ use super::{LandmarkPair, align::PLACES};
 use crate::geometry::{Isometry, Point3, Similarity, Vector3};
 use crate::structures::{expected_error, patches};
 
+/// Independent places where it is the organ that has bent: its motion is smooth.
+const BENT_PLACES: f64 = 8.0;
+/// How much of its bending an organ hides from the residual of the best similarity, of what it shows: turn,
+/// shift and growth take up the smoothest part. Fitted on synthetic bending (`docs/results/register_ct.md`).
+const TAKEN_UP: f64 = 2.0;
 /// Patches of the template.
 const PATCHES: usize = 24;
 
@@ -42,6 +47,7 @@ impl Uncertainty {
         samples: &[Sample],
         landmarks: &[LandmarkPair],
         aligned: &Aligned,
+        noise: f64,
         options: &PreoperativeOptions,
     ) -> Self {
         let schedule = Schedule {
@@ -54,6 +60,9 @@ impl Uncertainty {
         let sums = Sums::of(&fit, samples, &aligned.similarity);
         let held = options.scale.bounds()[0] == options.scale.bounds()[1];
         let (plain, sandwich) = sums.covariances(held);
+        // What is no noise of the template has bent, and few places are independent of each other.
+        let noisy = (noise / aligned.sigma.max(f64::MIN_POSITIVE)).powi(2).min(1.0);
+        let plain = plain * (noisy + (1.0 - noisy) * PLACES / BENT_PLACES);
         let (condition, weakest) = sums.condition(held);
         let scale = aligned.similarity.scaling();
         let larger = if plain.trace() > sandwich.trace() { plain } else { sandwich };
@@ -178,9 +187,10 @@ impl Sums {
     }
 }
 
-/// Expected error of a target, mm: what the similarity leaves open, and what the deformation does to what lies
-/// under the surface ([`expected_error`]). `surface`: residual of the surface, `depth` under it,
-/// `half_extent` of the template, `deformation` in the mean; all mm.
+/// Expected error of a target, mm: what the similarity leaves open, what it has taken up of the bending, and
+/// what the bending does to what lies under the surface ([`expected_error`]). `surface`: residual of the
+/// surface, `depth` under it, `half_extent` of the template, `deformation`: residual of the similarity alone
+/// beyond noise; all mm.
 pub fn expected_target_error(
     similarity: f64,
     surface: f64,
@@ -188,7 +198,8 @@ pub fn expected_target_error(
     half_extent: f64,
     deformation: f64,
 ) -> f64 {
-    similarity.hypot(expected_error(surface, depth, half_extent, deformation))
+    let carried = expected_error(surface, depth, half_extent, deformation);
+    similarity.hypot(TAKEN_UP * deformation).hypot(carried)
 }
 
 /// Turn and shift from one pose to another, degrees and mm at `point` (template frame).
