@@ -187,7 +187,7 @@ fn bad_input_is_named_and_leaves_nothing() {
         (&["--landmarks", "word.csv"], 1, ["line 3", "two"]),
         (&["--structures", "elsewhere.obj"], 64, ["elsewhere.obj", "one frame and unit"]),
         (&["--structures", "tumour.obj", "tumour.obj"], 64, ["tumour", "rename"]),
-        (&["--max-deformation", "-3mm"], 64, ["--max-deformation", "positive"]),
+        (&["--max-deformation", "0mm"], 64, ["--max-deformation", "positive"]),
     ] {
         let said = case.register(&[more, &["-o", "out"]].concat(), code);
         assert!(needles.iter().all(|n| said.contains(n)), "{needles:?}: {said}");
