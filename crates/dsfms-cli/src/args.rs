@@ -2,7 +2,7 @@
 
 use crate::commands::{
     calibrate, completions, demo, evaluate, experiment, export, figure, inspect, options,
-    reconstruct, synth, template, track, view,
+    reconstruct, register_ct, synth, template, track, view,
 };
 use crate::progress::ProgressKind;
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
@@ -76,6 +76,7 @@ pub enum Command {
     Template(template::TemplateArgs),
     Reconstruct(reconstruct::ReconstructArgs),
     Track(track::TrackArgs),
+    RegisterCt(register_ct::RegisterCtArgs),
     Options(options::OptionsArgs),
     Inspect(inspect::InspectArgs),
     Evaluate(evaluate::EvaluateArgs),

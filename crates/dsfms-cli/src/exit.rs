@@ -108,8 +108,8 @@ fn option(cause: &(dyn Error + 'static)) -> Option<&'static str> {
         cause.downcast_ref::<MeshFileError>()
     {
         return Some(
-            "`dsfms template --repair` merges vertices, removes such faces and turns those that run \
-             against their neighbours, and says what it did",
+            "--repair (of `dsfms template` and `dsfms register-ct`) merges vertices, removes such faces and turns \
+             those that run against their neighbours, and says what it did",
         );
     }
     match cause.downcast_ref::<TemplateError>() {

@@ -86,6 +86,8 @@ struct Structure {
     name: String,
     mesh: Mesh,
     depths: Vec<Depth>,
+    /// How far its points may be off in the template, where the file says it (as of `register-ct`).
+    known: Option<Vec<f64>>,
 }
 
 impl Structures {
@@ -110,6 +112,7 @@ impl Structures {
             let file = read_mesh(path)?.in_unit(template.unit.into()).map_err(|mismatch| {
                 Usage(format!("--structures {} and the template: {mismatch}", path.display()))
             })?;
+            let known = file.attributes.get("expected_error").cloned();
             let mesh = file.mesh;
             let depths = depths(&rest, &mesh.positions).unwrap_or_default();
             let far = depths.iter().filter(|d| d.distance > half_extent).count();
@@ -121,7 +124,7 @@ impl Structures {
                 ));
             }
             let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            items.push(Structure { name, mesh, depths });
+            items.push(Structure { name, mesh, depths, known });
         }
         Ok(Some(Self { items, carrier, rest, half_extent }))
     }
@@ -141,7 +144,7 @@ impl Structures {
         };
         let of = |s: &Structure| Placed {
             points: s.mesh.positions.par_iter().map(|p| carried.at(p)).collect(),
-            errors: expected_error.map(|_| s.depths.iter().map(expected).collect()),
+            errors: (expected_error.is_some() || s.known.is_some()).then(|| s.errors(&expected)),
         };
         Ok(self.items.iter().map(of).collect())
     }
@@ -204,19 +207,36 @@ impl Structures {
         places: &[Placed],
     ) -> RgbImage {
         let mut canvas = draw::picture(frame);
-        let surface = rasterize(camera, &self.rest.topology, &result.vertices);
+        self.draw(&mut canvas, camera, &result.vertices, places);
+        canvas
+    }
+
+    /// The same over a picture; `vertices` of the surface, camera axes.
+    pub fn draw(
+        &self,
+        canvas: &mut RgbImage,
+        camera: &CameraModel,
+        vertices: &[Point3],
+        places: &[Placed],
+    ) {
+        let surface = rasterize(camera, &self.rest.topology, vertices);
         for k in self.far_first(places) {
             let (item, points) = (&self.items[k], &places[k].points);
             let colour = COLOURS[k % COLOURS.len()];
             let halo = places[k].halo(camera);
             let halo = halo.map(|h| Halo::new(camera, points, &h)).unwrap_or_default();
-            item.draw(&mut canvas, camera, &surface, points, colour, (&halo, self.half_extent));
+            item.draw(canvas, camera, &surface, points, colour, (&halo, self.half_extent));
         }
-        canvas
     }
 }
 
 impl Structure {
+    /// Expected error of every point: of its place in the template, and of how it is carried.
+    fn errors(&self, carried: &impl Fn(&Depth) -> f64) -> Vec<f64> {
+        let known = |k: usize| self.known.as_ref().map_or(0.0, |errors| errors[k]);
+        self.depths.iter().enumerate().map(|(k, d)| carried(d).hypot(known(k))).collect()
+    }
+
     fn draw(
         &self,
         canvas: &mut RgbImage,

@@ -2,8 +2,15 @@
 
 #[path = "../../dsfms/tests/common/mp4.rs"]
 mod mp4;
+#[path = "../../dsfms/tests/common/organ.rs"]
+mod organ;
 
 use assert_cmd::Command;
+use dsfms::geometry::Point3;
+use dsfms::io::mesh::read_mesh;
+use dsfms::io::ply::{PlyExtras, write_ply};
+use dsfms::template::LengthUnit;
+use organ::closed;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::LazyLock;
@@ -262,4 +269,40 @@ fn a_clip_goes_on_where_it_was_and_keeps_to_its_parameters() {
     let other = synth("160x90").output().unwrap();
     assert_eq!(other.status.code(), Some(64));
     assert!(String::from_utf8_lossy(&other.stderr).contains("another clip"));
+}
+
+#[test]
+fn hidden_structures_are_carried_and_drawn_with_what_is_known_of_their_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let rest = read_mesh(&clip("organ.template/template.ply")).unwrap();
+    let [low, high] = rest.mesh.bounding_box();
+    let (middle, size) = (low + (high - low) * 0.5, (high - low).norm());
+    let lump = closed(6, 9, |d| d * (0.06 * size) + middle.coords);
+    let write = |name: &str, expected: Option<&[f64]>| {
+        let path = folder.path().join(name);
+        let extras = PlyExtras { expected_error: expected, ..Default::default() };
+        write_ply(&path, &lump.topology, &lump.positions, LengthUnit::Millimetre, &extras).unwrap();
+        path.to_string_lossy().into_owned()
+    };
+    let errors = vec![0.05 * size; lump.positions.len()];
+    let (plain, told) = (write("lump.ply", None), write("told.ply", Some(&errors)));
+    let picture = |name: &str, structures: &[&str]| {
+        let out = folder.path().join(name);
+        let arguments = [&["--stride", "11", "--overlay", "--ply"], structures].concat();
+        assert!(track(&out, "frames", &arguments, Vec::new()).status.code().unwrap() != 64);
+        image::open(out.join("overlay/frame_000.png")).unwrap().to_rgb8()
+    };
+    let (none, without) = (picture("none", &[]), picture("without", &["--structures", &plain]));
+    let with = picture("with", &["--structures", &told]);
+    let changed =
+        |a: &image::RgbImage| a.pixels().zip(none.pixels()).filter(|(p, q)| p != q).count();
+    // The halo of what is known of its place lies around it.
+    assert!(changed(&without) > 50 && changed(&with) > changed(&without) + 50);
+    let carried =
+        read_mesh(&folder.path().join("with/structures/frame_000_told.ply")).unwrap().mesh;
+    let surface = read_mesh(&folder.path().join("with/frame_000.ply")).unwrap().mesh;
+    let [low, high] = surface.bounding_box();
+    let inside =
+        |p: &Point3| (0..3).all(|k| p[k] > low[k] - 0.2 * size && p[k] < high[k] + 0.2 * size);
+    assert!(carried.positions.iter().all(inside));
 }

@@ -82,6 +82,8 @@ pub mod light;
 pub mod mesh;
 pub mod options;
 pub mod pipeline;
+#[doc(alias("CT registration", "ICP", "Umeyama"))]
+pub mod preoperative;
 pub mod raster;
 #[doc(alias("DSfMS", "eq. 4"))]
 pub mod refine;

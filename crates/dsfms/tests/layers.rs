@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A module may use itself and what stands left of it.
-const ORDER: [&str; 27] = [
+const ORDER: [&str; 28] = [
     "options",
     "guard",
     "geometry",
@@ -26,6 +26,7 @@ const ORDER: [&str; 27] = [
     "expected_error",
     "verdict",
     "structures",
+    "preoperative",
     "synth",
     "eval",
     "io",

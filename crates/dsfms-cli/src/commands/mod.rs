@@ -10,6 +10,7 @@ pub mod figure;
 pub mod inspect;
 pub mod options;
 pub mod reconstruct;
+pub mod register_ct;
 mod scale;
 pub mod synth;
 pub mod template;
@@ -32,6 +33,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Command::Template(args) => template::run(args, global, &reporter),
         Command::Reconstruct(args) => reconstruct::run(args, global, &reporter),
         Command::Track(args) => track::run(args, global, &reporter),
+        Command::RegisterCt(args) => register_ct::run(args, global, &reporter),
         Command::Options(args) => options::run(args),
         Command::Inspect(args) => inspect::run(args),
         Command::Evaluate(args) => evaluate::run(args),

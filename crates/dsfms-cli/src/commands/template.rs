@@ -2,7 +2,7 @@
 
 mod found;
 mod load;
-mod mesh;
+pub mod mesh;
 mod organ;
 
 use super::scale::ScaleArgs;
@@ -207,7 +207,7 @@ impl From<Flatten> for FlattenMethod {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum UnitName {
+pub enum UnitName {
     /// Millimetres.
     Mm,
     /// Centimetres.

@@ -3,5 +3,6 @@
 pub mod calibration;
 pub mod organ;
 pub mod plot;
+pub mod preoperative;
 pub mod template;
 pub mod text;

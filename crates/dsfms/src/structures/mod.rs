@@ -23,12 +23,12 @@
 //! ```
 
 mod patches;
+pub(crate) use patches::patches;
 
 use crate::geometry::{Isometry, Point3, Vector3, align_rigid};
 use crate::mesh::Mesh;
 use crate::mesh::surface_points::ClosestPoints;
 use nalgebra::{DMatrix, Dyn, LU};
-use patches::patches;
 use serde::{Deserialize, Serialize};
 
 /// How the deformation is continued.

@@ -29,6 +29,7 @@ use crate::image::ToneCurve;
 use crate::light::{Coat, Coated, LightModel};
 use crate::mesh::Mesh;
 use serde::{Deserialize, Serialize};
+pub(crate) use spots::even_points;
 pub use texels::SurfaceTexels;
 
 /// Unit of every length in a template and in what is reconstructed from it.

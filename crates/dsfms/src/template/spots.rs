@@ -50,7 +50,7 @@ pub(super) fn surface_point(
 
 /// `count` points of the surface, evenly spread by area (stratified along the face order, with
 /// barycentrics from a low-discrepancy sequence).
-pub(super) fn even_points(mesh: &Mesh, count: usize) -> Vec<(usize, [f64; 3])> {
+pub(crate) fn even_points(mesh: &Mesh, count: usize) -> Vec<(usize, [f64; 3])> {
     let areas = mesh.face_areas();
     let total: f64 = areas.iter().sum();
     let (mut face, mut passed) = (0, areas.first().copied().unwrap_or(0.0));

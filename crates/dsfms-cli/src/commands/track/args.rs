@@ -86,6 +86,10 @@ pub struct TrackArgs {
     /// all frames; without it a round viewport is found by itself.
     #[arg(help_heading = "Input", long, value_name = "FILE_OR_DIR")]
     pub masks: Option<PathBuf>,
+    /// Meshes of hidden structures in the template's frame and unit (of `dsfms register-ct`), carried along:
+    /// on the pictures of --overlay, in OUT/structures with --ply.
+    #[arg(help_heading = "Input", long, value_name = "MESH", num_args = 1..)]
+    pub structures: Vec<PathBuf>,
     /// What the surface keeps of its rest shape; without it that of the options file, or conformal.
     #[arg(help_heading = "Method", long, value_enum)]
     pub prior: Option<PriorName>,

@@ -19,6 +19,7 @@ use crate::outputs::{write_png, write_text};
 use crate::place;
 use crate::progress::Reporter;
 use crate::report::track::TrackReport;
+use crate::structures::Structures;
 pub use args::{TrackArgs, size};
 use args::{TrackMethod, check};
 use dsfms::camera::CameraModel;
@@ -32,6 +33,7 @@ use dsfms::register::Prior;
 use dsfms::template::Template;
 use dsfms::track::shapes::ShapeFile;
 use dsfms::track::{TrackOptions, TrackStatus, Tracked, Tracker};
+use image::RgbImage;
 use incoming::Stream;
 use link::Link;
 use live::{Told, tell};
@@ -72,6 +74,7 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
         TrackMethod::Joint => Method::Joint,
     };
     let tracker = Tracker::new(&template, &camera, &tone, method, options)?;
+    let structures = Structures::read(&args.structures, &template, reporter)?;
     place::renew(&args.output, "track")?;
     let path = args.output.join("vertices.npz");
     let shapes = ShapeFile::create(&path, template.mesh.positions.len())?;
@@ -99,6 +102,7 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
         overlays: Vec::new(),
         dropped: 0,
         counts: [0; 3],
+        structures,
         link,
         recording,
     };
@@ -167,6 +171,7 @@ struct Job<'a> {
     overlays: Vec<PathBuf>,
     dropped: usize,
     counts: [usize; 3],
+    structures: Option<Structures>,
     /// Programs that are told while it runs.
     link: Option<Link>,
     recording: Option<Recording>,
@@ -243,9 +248,19 @@ impl<'a> Job<'a> {
         }
         if self.args.overlay {
             let path = self.args.output.join(format!("overlay/frame_{number:03}.png"));
-            let picture = outputs::picture(self.template, self.camera, frame, tracked);
+            let mut picture = outputs::picture(self.template, self.camera, frame, tracked);
+            self.draw_structures(&mut picture, tracked)?;
             write_png(&path, &picture)?;
             self.overlays.push(path);
+        }
+        Ok(())
+    }
+
+    /// The hidden structures where the surface carries them.
+    fn draw_structures(&self, picture: &mut RgbImage, tracked: &Tracked) -> anyhow::Result<()> {
+        if let (Some(structures), Some(surface)) = (&self.structures, &tracked.surface) {
+            let places = structures.carry(&surface.vertices, None)?;
+            structures.draw(picture, self.camera, &surface.vertices, &places);
         }
         Ok(())
     }
@@ -265,6 +280,10 @@ impl<'a> Job<'a> {
             let path = self.args.output.join(format!("{name}.ply"));
             let (topology, unit) = (&self.template.mesh.topology, self.template.unit);
             write_ply(&path, topology, shape.vertices, unit, &extras)?;
+            if let Some(structures) = &self.structures {
+                let places = structures.carry(shape.vertices, None)?;
+                structures.write(&self.args.output, &name, self.template, &places)?;
+            }
         }
         if !self.args.formats.is_empty() {
             let seconds = number as f64 / self.rate;

@@ -1,0 +1,283 @@
+//! `dsfms register-ct`: a preoperative mesh and what lies in it, onto a template.
+
+mod input;
+mod record;
+
+use super::calibrate::length_mm;
+use super::template::UnitName;
+use crate::args::Global;
+use crate::exit::{Outcome, Usage};
+use crate::outputs::{check_folder, write_json, write_png};
+use crate::pictures::preoperative::{Shown, draw};
+use crate::progress::Reporter;
+use clap::{Args, ValueEnum};
+use dsfms::geometry::Point3;
+use dsfms::io::folder::{check_folder_target, write_folder};
+use dsfms::io::landmarks::Axes;
+use dsfms::io::ply::{PlyExtras, write_ply};
+use dsfms::io::template::read_template;
+use dsfms::mesh::Mesh;
+use dsfms::pipeline::Progress;
+use dsfms::preoperative::{
+    Doubt, Preoperative, PreoperativeOptions, ScaleRule, register_preoperative,
+};
+use dsfms::template::{LengthUnit, Template};
+use input::{Loaded, load};
+use record::{failed, record};
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "\
+Examples:
+  # Landmarks picked on both surfaces, vessels and a tumour carried along
+  dsfms register-ct organ.template liver.stl --landmarks pairs.csv \\
+      --structures tumour.ply vessels.ply -o ct
+  # Then on the live image
+  dsfms track organ.template endo.mp4 -o out --structures ct/structures/*.ply
+  # Landmarks from 3D Slicer: a list on each surface, paired by their labels
+  dsfms register-ct organ.template liver.ply -o ct \\
+      --landmarks liver.mrk.json template.mrk.json
+  # No landmarks: every orientation is tried, and what is ambiguous is refused
+  dsfms register-ct organ.template kidney.stl -o ct
+  # A mesh in metres, mended, without bending it
+  dsfms register-ct organ.template liver.obj --mesh-unit m --repair --rigid \\
+      --landmarks pairs.csv -o ct
+
+Landmarks: three pairs or more that are not in one line. One CSV with the header
+  name,ct_x,ct_y,ct_z,template_x,template_y,template_z
+where ct_vertex or template_vertex (counted from 0) may stand for x,y,z; or JSON,
+  {\"pairs\": [{\"name\": \"fundus\", \"ct\": [12, -3, 40], \"template\": 1822}]}
+or two files, first of the CT mesh, then of the template: 3D Slicer's .mrk.json
+or .fcsv, MeshLab's .pp, or CSV (name,x,y,z), paired by name, else by order.
+Numbers are those of the mesh files. More than three pairs survive wrong ones.
+
+OUT holds ct.ply and structures/NAME.ply in the template's frame and unit (what
+--structures of reconstruct and track expects; `expected_error` is that
+of every point), registration.json (similarity, residuals, uncertainty,
+verdict) and registration.png (from three sides, residuals in colour).
+
+Exit codes: 0 registered; 2 registered with doubts; 1 refused (too few or wrong
+landmarks, too little overlap, a surface that slides along itself, another pose
+as good): registration.json then holds the reason and nothing else is written.";
+
+/// Bring a preoperative mesh (CT, MRI) and structures inside it onto a template, without known poses.
+#[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub struct RegisterCtArgs {
+    /// Template folder.
+    #[arg(value_name = "TEMPLATE")]
+    template: PathBuf,
+    /// Outer surface of the organ from CT or MRI: PLY, OBJ, STL, glTF, OFF or VTK.
+    #[arg(value_name = "CT_MESH")]
+    ct: PathBuf,
+    /// Pairs in one file (.csv, .json), or the points of the CT mesh and those of the template.
+    #[arg(help_heading = "Input", long, value_name = "FILE", num_args = 1..=2)]
+    landmarks: Vec<PathBuf>,
+    /// Meshes inside the organ, in the frame of the CT mesh: tumours, vessels.
+    #[arg(help_heading = "Input", long, value_name = "FILE", num_args = 1..)]
+    structures: Vec<PathBuf>,
+    /// Unit of the numbers in the CT mesh and its structures; default what the files say, else mm.
+    #[arg(help_heading = "Input", long, value_enum, value_name = "UNIT")]
+    mesh_unit: Option<UnitName>,
+    /// Axes of the CT mesh, for landmark files that state theirs (3D Slicer).
+    #[arg(help_heading = "Input", long, value_enum, default_value_t = AxesName::Lps)]
+    mesh_axes: AxesName,
+    /// Mend the meshes: merge vertices at the same place, remove repeated faces and those without area,
+    /// turn faces that run against their neighbours. What was done is said.
+    #[arg(help_heading = "Input", long)]
+    repair: bool,
+    /// Scale between template and CT; default free for a template in template units, bounded (5 %) for one
+    /// in mm.
+    #[arg(help_heading = "Method", long, value_enum)]
+    scale: Option<ScaleName>,
+    /// Leave out the deformation after the similarity.
+    #[arg(help_heading = "Method", long)]
+    rigid: bool,
+    /// Farthest that the CT surface may bend.
+    #[arg(help_heading = "Method", long, value_name = "LENGTH", default_value = "15mm", value_parser = length_mm)]
+    max_deformation: f64,
+    /// Standard deviation of a picked pair.
+    #[arg(help_heading = "Method", long, value_name = "LENGTH", default_value = "4mm", value_parser = length_mm)]
+    landmark_error: f64,
+    /// Expected error of a structure above which the result is degraded.
+    #[arg(help_heading = "Method", long, value_name = "LENGTH", default_value = "10mm", value_parser = length_mm)]
+    max_error: f64,
+    /// Folder to write.
+    #[arg(help_heading = "Output", short, long, value_name = "OUT")]
+    output: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ScaleName {
+    /// Not known: a similarity.
+    Free,
+    /// Known but for 5 %.
+    Bounded,
+    /// Known: a rigid motion.
+    Fixed,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum AxesName {
+    /// Left, posterior, superior (DICOM).
+    Lps,
+    /// Right, anterior, superior.
+    Ras,
+}
+
+impl From<AxesName> for Axes {
+    fn from(name: AxesName) -> Self {
+        match name {
+            AxesName::Lps => Self::Lps,
+            AxesName::Ras => Self::Ras,
+        }
+    }
+}
+
+/// What the folder holds; the first name tells that it is one.
+const CONTENT: [&str; 4] = ["registration.json", "ct.ply", "structures", "registration.png"];
+/// How far mm of the template may be from mm.
+const METRIC: f64 = 0.05;
+
+/// Run the command.
+pub fn run(args: &RegisterCtArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
+    check_folder_target(&args.output, &CONTENT)?;
+    check_folder(&args.output)?;
+    let template = read_template(&args.template)?;
+    let rule = scale_rule(args, template.unit)?;
+    let loaded = load(args, &template, reporter)?;
+    let options = PreoperativeOptions {
+        scale: rule,
+        landmark_sigma: args.landmark_error,
+        deform: !args.rigid,
+        max_deformation: args.max_deformation,
+        max_target_error: args.max_error,
+        seed: global.seed,
+        ..Default::default()
+    };
+    let step = |stage: &str, done: usize, total: usize| reporter.step(stage, done, total);
+    let surface = (&template.mesh, template.sigma.as_slice());
+    let found = register_preoperative(surface, &loaded.ct, &loaded.landmarks, &options, &step);
+    reporter.finish();
+    let mut found = match found {
+        Ok(found) => found,
+        Err(error) => {
+            let report = failed(&error, args, &loaded);
+            write_folder::<anyhow::Error>(&args.output, &CONTENT, |folder| {
+                write_json(&folder.join(CONTENT[0]), &report)
+            })?;
+            reporter.error(&format!("refused: {error}"));
+            return Ok(Outcome::Nothing);
+        }
+    };
+    let carried = carry(&found, &loaded, &template)?;
+    found.doubts.extend(uncertain(&carried, &options));
+    write(args, &template, &loaded, &found, &carried)?;
+    tell(&found, &carried, global, reporter, args)?;
+    Ok(if found.doubts.is_empty() { Outcome::Ok } else { Outcome::Degraded })
+}
+
+fn scale_rule(args: &RegisterCtArgs, unit: LengthUnit) -> Result<ScaleRule, Usage> {
+    match (args.scale, unit) {
+        (Some(ScaleName::Free), _) | (None, LengthUnit::TemplateUnit) => Ok(ScaleRule::Free),
+        (Some(ScaleName::Bounded) | None, LengthUnit::Millimetre) => Ok(ScaleRule::Within(METRIC)),
+        (Some(ScaleName::Fixed), LengthUnit::Millimetre) => Ok(ScaleRule::Fixed),
+        (Some(_), LengthUnit::TemplateUnit) => Err(Usage(
+            "--scale: the template is in template units, whose scale is not known; leave --scale out".into(),
+        )),
+    }
+}
+
+/// A structure in the template's frame, and the expected error of its points, mm.
+pub struct Carried {
+    pub name: String,
+    pub mesh: Mesh,
+    pub expected: Vec<f64>,
+}
+
+impl Carried {
+    /// Root mean square of the expected errors, mm.
+    pub fn error(&self) -> f64 {
+        let square: f64 = self.expected.iter().map(|e| e * e).sum();
+        (square / self.expected.len().max(1) as f64).sqrt()
+    }
+}
+
+fn carry(
+    found: &Preoperative,
+    loaded: &Loaded,
+    template: &Template,
+) -> anyhow::Result<Vec<Carried>> {
+    let of = |(name, mesh): &(String, Mesh)| {
+        let points = found.carry(&mesh.positions)?;
+        let expected = found.expected(&mesh.positions, &points, &template.mesh);
+        Ok(Carried { name: name.clone(), mesh: mesh.with_positions(points), expected })
+    };
+    loaded.structures.iter().map(of).collect()
+}
+
+fn uncertain(carried: &[Carried], options: &PreoperativeOptions) -> Vec<Doubt> {
+    let bound_mm = options.max_target_error;
+    let far = carried.iter().filter(|c| c.error() > bound_mm);
+    far.map(|c| Doubt::Uncertain { name: c.name.clone(), expected_mm: c.error(), bound_mm })
+        .collect()
+}
+
+fn write(
+    args: &RegisterCtArgs,
+    template: &Template,
+    loaded: &Loaded,
+    found: &Preoperative,
+    carried: &[Carried],
+) -> anyhow::Result<()> {
+    let scale = found.similarity.scaling();
+    write_folder(&args.output, &CONTENT, |folder: &Path| -> anyhow::Result<()> {
+        let comments = [format!("template frame, registered from {}", loaded.name)];
+        let extras = PlyExtras { comments: &comments, ..Default::default() };
+        let topology = &loaded.ct.topology;
+        write_ply(&folder.join("ct.ply"), topology, &found.vertices, template.unit, &extras)?;
+        for item in carried {
+            let own: Vec<f64> = item.expected.iter().map(|e| e / scale).collect();
+            let extras =
+                PlyExtras { comments: &comments, expected_error: Some(&own), ..Default::default() };
+            let path = folder.join(format!("structures/{}.ply", item.name));
+            let points: &[Point3] = &item.mesh.positions;
+            write_ply(&path, &item.mesh.topology, points, template.unit, &extras)?;
+        }
+        let shown = Shown { template: &template.mesh, ct: &loaded.ct, found, carried };
+        write_png(&folder.join("registration.png"), &draw(&shown))?;
+        write_json(&folder.join(CONTENT[0]), &record(args, template, loaded, found, carried))
+    })
+}
+
+/// A short table, and the doubts.
+fn tell(
+    found: &Preoperative,
+    carried: &[Carried],
+    global: &Global,
+    reporter: &Reporter,
+    args: &RegisterCtArgs,
+) -> anyhow::Result<()> {
+    found.doubts.iter().for_each(|doubt| reporter.warn(&doubt.to_string()));
+    if global.quiet {
+        return Ok(());
+    }
+    let residual = found.bent.unwrap_or(found.rigid);
+    let mut text = format!(
+        "{}\n  {:.4} mm per unit of the template\n  residual {:.2} mm rms, {:.2} mm p95 over {:.0} % of the template \
+         (similarity alone {:.2} mm rms)\n",
+        args.output.display(),
+        found.similarity.scaling(),
+        residual.rms,
+        residual.p95,
+        100.0 * residual.overlap,
+        found.rigid.rms
+    );
+    if let Some(fit) = &found.landmarks {
+        let agree = fit.agree.iter().filter(|a| **a).count();
+        text += &format!("  {agree} of {} landmark pairs agree\n", fit.agree.len());
+    }
+    for item in carried {
+        text += &format!("  {}: expected error {:.1} mm\n", item.name, item.error());
+    }
+    super::to_stdout(&text)
+}

@@ -1,0 +1,148 @@
+//! A preoperative surface on a template, from three sides.
+
+use super::text::{HEIGHT, text, width};
+use crate::commands::register_ct::Carried;
+use crate::draw::{CLAY, PAPER, SideView, blend, error_colour};
+use crate::structures::COLOURS;
+use dsfms::geometry::{Isometry, Point3, Vector3};
+use dsfms::mesh::Mesh;
+use dsfms::mesh::normals::vertex_normals;
+use dsfms::nalgebra::{Translation3, UnitQuaternion};
+use dsfms::preoperative::Preoperative;
+use dsfms::raster::Raster;
+use image::imageops::replace;
+use image::{Rgb, RgbImage};
+
+/// Side of a panel, and height of the line of text under them, px.
+const PANEL: u32 = 420;
+const LINE: u32 = HEIGHT + 10;
+/// Turned to the right and upwards, degrees: from the front, from the side, from above.
+const SIDES: [(&str, f64, f64); 3] =
+    [("front", 0.0, 0.0), ("side", 75.0, 0.0), ("above", 0.0, 75.0)];
+const CT: [u8; 3] = [86, 140, 190];
+const INK: [u8; 3] = [40, 44, 50];
+/// No partner on the other surface.
+const ALONE: [f64; 3] = [200.0, 90.0, 160.0];
+
+/// What is drawn.
+pub struct Shown<'a> {
+    pub template: &'a Mesh,
+    /// Topology of the preoperative mesh.
+    pub ct: &'a Mesh,
+    pub found: &'a Preoperative,
+    pub carried: &'a [Carried],
+}
+
+/// Above: the CT surface (blue, see-through) over the template (clay) and the structures; below: the template
+/// with its distances from the CT surface.
+pub fn draw(shown: &Shown) -> RgbImage {
+    let width_px = PANEL * SIDES.len() as u32;
+    let mut page = RgbImage::from_pixel(width_px, 2 * (PANEL + LINE), Rgb(PAPER));
+    let turn = facing(shown.template);
+    let turned = |points: &[Point3]| points.iter().map(|p| turn * p).collect::<Vec<_>>();
+    let (template, ct) = (turned(&shown.template.positions), turned(&shown.found.vertices));
+    let structures: Vec<Vec<Point3>> =
+        shown.carried.iter().map(|c| turned(&c.mesh.positions)).collect();
+    let (values, full) = residuals(shown);
+    for (k, (name, yaw, pitch)) in (0..).zip(SIDES) {
+        let reach = SideView::reach(&ct, yaw, pitch).max(SideView::reach(&template, yaw, pitch));
+        let view = SideView::fitted(&ct, [PANEL as usize; 2], yaw, pitch, 1.05 * reach);
+        let overlay = overlaid(shown, &view, &template, &ct, &structures);
+        replace(&mut page, &overlay, i64::from(k * PANEL), 0);
+        let coloured = distances(shown, &view, &template, &values, full);
+        replace(&mut page, &coloured, i64::from(k * PANEL), i64::from(PANEL + LINE));
+        label(&mut page, k * PANEL + PANEL / 2, PANEL + 4, name);
+    }
+    let words = format!(
+        "distance template to CT: 0 (dark) to {full:.1} mm (yellow); pink: no partner; rms {:.2} mm",
+        shown.found.bent.unwrap_or(shown.found.rigid).rms
+    );
+    label(&mut page, width_px / 2, 2 * PANEL + LINE + 4, &words);
+    page
+}
+
+fn label(page: &mut RgbImage, middle: u32, y: u32, words: &str) {
+    text(page, i64::from(middle) - width(words) / 2, i64::from(y), words, INK);
+}
+
+/// Turns what the template shows towards the viewer (−z).
+fn facing(mesh: &Mesh) -> Isometry {
+    let normals = vertex_normals(&mesh.topology, &mesh.positions);
+    let sum: Vector3 = normals.iter().sum();
+    let turn = UnitQuaternion::rotation_between(&sum, &-Vector3::z()).unwrap_or_default();
+    Isometry::from_parts(Translation3::identity(), turn)
+}
+
+fn overlaid(
+    shown: &Shown,
+    view: &SideView,
+    template: &[Point3],
+    ct: &[Point3],
+    structures: &[Vec<Point3>],
+) -> RgbImage {
+    let mut picture =
+        view.render_with(&shown.template.topology, template, PAPER, |_, _| CLAY.map(f64::from));
+    let surface = view.raster(&shown.template.topology, template);
+    for ((item, points), colour) in shown.carried.iter().zip(structures).zip(COLOURS.iter().cycle())
+    {
+        let mesh = item.mesh.with_positions(points.clone());
+        through(&mut picture, view, &mesh, &surface, *colour, [0.85, 0.5]);
+    }
+    let mesh = shown.ct.with_positions(ct.to_vec());
+    through(&mut picture, view, &mesh, &surface, CT, [0.45, 0.2]);
+    picture
+}
+
+/// A mesh over the picture: opacity in front of the surface and behind it.
+fn through(
+    picture: &mut RgbImage,
+    view: &SideView,
+    mesh: &Mesh,
+    surface: &Raster,
+    colour: [u8; 3],
+    opacity: [f64; 2],
+) {
+    let raster = view.raster(&mesh.topology, &mesh.positions);
+    let normals = vertex_normals(&mesh.topology, &mesh.positions);
+    let side = raster.size[0];
+    for i in 0..raster.face.len() {
+        let Some(face) = mesh.topology.faces.get(raster.face[i] as usize) else { continue };
+        let weights = raster.barycentric[i];
+        let normal: Vector3 = face.iter().zip(weights).map(|(&v, w)| normals[v as usize] * w).sum();
+        let shade = 0.4 + 0.6 * normal.try_normalize(0.0).map_or(0.0, |n| view.facing(&n));
+        let shaded = colour.map(|c| (f64::from(c) * shade) as u8);
+        let hidden = usize::from(raster.depth[i] > surface.depth[i]);
+        blend(picture, (i % side) as i64, (i / side) as i64, shaded, opacity[hidden]);
+    }
+}
+
+/// Distance at every vertex of the template, of the nearest sample, and the end of the scale, mm.
+fn residuals(shown: &Shown) -> (Vec<Option<f64>>, f64) {
+    let samples = &shown.found.samples;
+    let nearest = |p: &Point3| {
+        let away = |k: &usize| (samples[*k].point - p).norm_squared();
+        let k = (0..samples.len()).min_by(|a, b| away(a).total_cmp(&away(b)))?;
+        shown.found.distances[k]
+    };
+    let values = shown.template.positions.iter().map(nearest).collect();
+    let residual = shown.found.bent.unwrap_or(shown.found.rigid);
+    (values, residual.p95.max(1.0))
+}
+
+fn distances(
+    shown: &Shown,
+    view: &SideView,
+    template: &[Point3],
+    values: &[Option<f64>],
+    full: f64,
+) -> RgbImage {
+    let faces = &shown.template.topology.faces;
+    view.render_with(&shown.template.topology, template, PAPER, |face, w| {
+        let mut sum = 0.0;
+        for (&v, w) in faces[face].iter().zip(w) {
+            let Some(value) = values[v as usize] else { return ALONE };
+            sum += w * value;
+        }
+        error_colour(sum, full).map(f64::from)
+    })
+}
