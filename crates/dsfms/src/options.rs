@@ -229,8 +229,8 @@ pub struct Inner {
     fn fields_are_read_from_where_they_stood_and_others_keep_their_value() {
         let moved = [
             Moved::To("deep", "deep.kind"),
-            Moved::Scaled("old.weight", "deep.weight", 10.0),
-            Moved::In("old.count", "deep.weight", 300.0),
+            Moved::Scaled("deep.tons", "deep.weight", 10.0),
+            Moved::In("deep.per", "deep.weight", 300.0),
         ];
         let read = |text: &str| read(&Moving::default(), text, "", &moved);
         let deep = |text: &str| read(text).unwrap().deep;
@@ -239,14 +239,13 @@ pub struct Inner {
         assert_eq!(deep("[deep]\nkind = \"b\"").kind, "b");
         assert_eq!(deep("[deep]\nkind = \"b\"").weight, 1.0);
         assert_eq!(deep("deep = \"b\"").kind, "b");
-        assert_eq!(deep("[old]\nweight = 2").weight, 20.0);
-        assert_eq!(deep("[old]\nweight = 2\n[deep]\nweight = 20.0").weight, 20.0);
-        assert_eq!(deep("[old]\ncount = 300").count, 3);
+        assert_eq!(deep("[deep]\ntons = 2").weight, 20.0);
+        assert_eq!(deep("[deep]\ntons = 2\nweight = 20.0").weight, 20.0);
+        assert_eq!(deep("[deep]\nper = 300").count, 3);
         let refused = |text: &str| read(text).unwrap_err().to_string();
-        assert!(refused("[old]\ncount = 200").contains("old.count is part of deep.weight"));
-        let both = refused("[old]\nweight = 2\n[deep]\nweight = 5.0");
-        assert!(both.contains("old.weight is deep.weight instead"), "{both}");
-        assert!(refused("[old]\nother = 2").contains("old"));
+        assert!(refused("[deep]\nper = 200").contains("deep.per is part of deep.weight"));
+        let both = refused("[deep]\ntons = 2\nweight = 5.0");
+        assert!(both.contains("deep.tons is deep.weight instead"), "{both}");
         assert!(refused("[deep]\nother = 2").contains("line 2"));
     }
 
