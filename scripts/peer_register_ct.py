@@ -3,8 +3,7 @@
     pip install open3d numpy
     python3 scripts/peer_register_ct.py OUT
 
-With landmarks: RANSAC over the pairs (similarity), then point-to-point ICP with scale (Open3D's point-to-plane has
-none). Without: FPFH descriptors and RANSAC with scale, then the same ICP. The template's scale is unknown to it as
+With landmarks: RANSAC over the pairs (similarity), then point-to-plane ICP at that scale. Without: FPFH descriptors and RANSAC with scale, then the same ICP. The template's scale is unknown to it as
 it is to dsfms; descriptors get both clouds at unit size. Errors: targets inside, mm, root mean square.
 """
 
@@ -29,12 +28,16 @@ def cloud(path, voxel):
 
 
 def icp(source, target, start, distance):
-    estimate = reg.TransformationEstimationPointToPoint(True)
+    """Rigid point-to-plane from the pose and scale of `start`: with scale, Open3D's ICP shrinks parts to a point."""
+    if not np.isfinite(start).all() or abs(np.linalg.det(start[:3, :3])) < 1e-6:
+        return start
+    placed = o3d.geometry.PointCloud(source).transform(start)
+    estimate = reg.TransformationEstimationPointToPlane()
     criteria = reg.ICPConvergenceCriteria(max_iteration=200)
+    moved = np.eye(4)
     for factor in (4, 2, 1):
-        found = reg.registration_icp(source, target, factor * distance, start, estimate, criteria)
-        start = found.transformation
-    return start
+        moved = reg.registration_icp(placed, target, factor * distance, moved, estimate, criteria).transformation
+    return moved @ start
 
 
 def with_landmarks(folder, source, target):
@@ -75,6 +78,9 @@ def main():
         marked = len(open(folder / "landmarks.csv").readlines()) > 1
         found = with_landmarks(folder, source, target) if marked else without(source, target)
         seconds = time.time() - start
+        if abs(np.linalg.det(found[:3, :3])) < 1e-6:
+            print(f"| {folder.name} | no pose | | {seconds:.1f} |", flush=True)
+            continue
         back = np.linalg.inv(found)
         targets, now = np.array(truth["targets"]), np.array(truth["now"])
         placed = targets @ back[:3, :3].T + back[:3, 3]

@@ -21,6 +21,9 @@ const SAMPLES: usize = 1500;
 const CONDITION: f64 = 2e-3;
 /// Share of the template on the preoperative surface below which the result is doubted.
 const GOOD_OVERLAP: f64 = 0.75;
+/// Residual, of the noise, up to which the surfaces alone tell the pose: above, cases without landmarks were
+/// off by ten times what they showed (`docs/results/register_ct.md`).
+const UNBENT: f64 = 2.0;
 
 /// A preoperative surface on the template.
 #[derive(Clone, Debug)]
@@ -182,6 +185,10 @@ impl Work<'_> {
         }
         if share < GOOD_OVERLAP {
             doubts.push(Doubt::LittleOverlap { share });
+        }
+        let (rms_mm, noise_mm) = (self.rigid(best).rms, self.noise * best.similarity.scaling());
+        if self.agreeing.is_empty() && rms_mm > UNBENT * noise_mm {
+            doubts.push(Doubt::FitsOnlyBent { rms_mm, noise_mm });
         }
         let told = Uncertainty::of(
             self.target,

@@ -113,6 +113,13 @@ pub enum Doubt {
         /// Bound, mm.
         bound_mm: f64,
     },
+    /// No landmark speaks, and no similarity lays the surfaces on each other.
+    FitsOnlyBent {
+        /// Residual of the similarity, mm.
+        rms_mm: f64,
+        /// Noise of the template's surface, mm.
+        noise_mm: f64,
+    },
     /// Part of the template has no partner.
     LittleOverlap {
         /// Share of the template's area.
@@ -154,6 +161,11 @@ impl std::fmt::Display for Doubt {
             Self::LargeDeformation { largest_mm, bound_mm } => write!(
                 f,
                 "the surface bends by up to {largest_mm:.1} mm, the bound is {bound_mm:.1} mm"
+            ),
+            Self::FitsOnlyBent { rms_mm, noise_mm } => write!(
+                f,
+                "without landmarks, and with {rms_mm:.1} mm left by the similarity (noise {noise_mm:.1} mm): the organ \
+                 has bent, and place and scale may be those of another fit"
             ),
             Self::LittleOverlap { share } => {
                 write!(
