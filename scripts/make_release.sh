@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# A release archive: the program for CPUs with AVX2 and FMA and for all other x86-64 ones, chosen when it
-# starts, manual pages, shell completions, licences.
+# A release archive: the program for any x86-64 CPU, which hands over to the one for AVX2 and FMA beside it
+# where the CPU has them (crates/dsfms-cli/src/cpu.rs), manual pages, shell completions, licences.
 #   scripts/make_release.sh [-o FOLDER] [--from FAST PORTABLE]
 # --from packs two binaries that are built already instead of building them.
 set -euo pipefail
@@ -30,17 +30,7 @@ rm -rf "${out:?}/$name"
 mkdir -p "$out/$name"/{bin,lib/dsfms,share/man/man1,share/bash-completion/completions,share/zsh/site-functions,share/fish/vendor_completions.d}
 cd_to=$out/$name
 install -m 755 "$fast" "$cd_to/lib/dsfms/dsfms-x86-64-v3"
-install -m 755 "$portable" "$cd_to/lib/dsfms/dsfms-x86-64"
-cat > "$cd_to/bin/dsfms" <<'LAUNCHER'
-#!/bin/sh
-# The program for this CPU.
-here=$(dirname "$(readlink -f "$0")")/../lib/dsfms
-for flag in avx2 fma bmi2; do
-  grep -qw -m1 "$flag" /proc/cpuinfo 2>/dev/null || exec "$here/dsfms-x86-64" "$@"
-done
-exec "$here/dsfms-x86-64-v3" "$@"
-LAUNCHER
-chmod 755 "$cd_to/bin/dsfms"
+install -m 755 "$portable" "$cd_to/bin/dsfms"
 dsfms=$cd_to/bin/dsfms
 "$dsfms" man "$cd_to/share/man/man1" > /dev/null
 "$dsfms" completions bash > "$cd_to/share/bash-completion/completions/dsfms"
@@ -51,4 +41,5 @@ cp README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE "$cd_to/"
 tar --sort=name --owner=0 --group=0 --numeric-owner --mtime="@${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct)}" \
   -C "$out" -cf - "$name" | gzip -n > "$out/$name.tar.gz"
 (cd "$out" && sha256sum "$name.tar.gz" > "$name.tar.gz.sha256")
+scripts/check_release.sh "$out/$name.tar.gz"
 echo "$out/$name.tar.gz"

@@ -16,7 +16,8 @@ Exit codes:
   0   every frame is ok
   1   nothing was produced
   2   some frames are degraded or failed (their .json says why)
-  64  wrong usage";
+  64  wrong usage
+  130, 143  stopped by Ctrl-C, by SIGTERM; what is kept is said";
 
 /// Reconstruct a deforming organ in 3D from a monocular laparoscope, by motion and shading.
 #[derive(Debug, Parser)]
@@ -48,6 +49,9 @@ pub struct Global {
     /// No progress and no warnings; errors only.
     #[arg(help_heading = "Global options", long, short, global = true)]
     pub quiet: bool,
+    /// Log what is decided and with which figures; -vv says more. RUST_LOG=dsfms::sfm=debug chooses.
+    #[arg(help_heading = "Global options", long, short, global = true, action = clap::ArgAction::Count)]
+    pub verbose: u8,
     /// Tone curve of the images; overrides the camera file's.
     #[arg(help_heading = "Global options", long, global = true, value_enum)]
     pub tone: Option<Tone>,

@@ -150,7 +150,8 @@ mod tests {
         let mut template =
             template_from_mesh(mesh, LengthUnit::Millimetre, None, &options, &Silent);
         let progress = crate::progress::ProgressKind::Auto;
-        let global = Global { threads: None, seed: 0, progress, quiet: true, tone: None };
+        let global =
+            Global { threads: None, seed: 0, progress, quiet: true, verbose: 0, tone: None };
         assert!(frame_camera(None, &global, &mut template).is_err());
         frame_camera(Some(&path), &global, &mut template).unwrap();
         assert!(matches!(template.light, Some(LightModel::Point(_))));

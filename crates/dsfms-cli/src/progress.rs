@@ -20,6 +20,18 @@ pub enum ProgressKind {
     Json,
 }
 
+/// Says lines beside the progress, from another thread.
+#[cfg_attr(not(unix), expect(dead_code, reason = "signals are watched on Unix"))]
+pub struct Teller(Arc<Shared>);
+
+#[cfg_attr(not(unix), expect(dead_code, reason = "signals are watched on Unix"))]
+impl Teller {
+    /// A line that the user waits for; `--quiet` does not silence it.
+    pub fn tell(&self, message: &str) {
+        self.0.print("message", message);
+    }
+}
+
 /// Where progress and warnings go.
 pub struct Reporter {
     quiet: bool,
@@ -147,6 +159,19 @@ impl Shared {
             Style::Json => eprintln!("{}", stage.json(true)),
         }
     }
+
+    fn print(&self, kind: &str, message: &str) {
+        let prefix = if kind == "message" { String::new() } else { format!("{kind}: ") };
+        match (self.style, &*self.lock()) {
+            (Style::Json, _) => {
+                let mut line = serde_json::Map::new();
+                line.insert(kind.into(), message.into());
+                eprintln!("{}", serde_json::Value::from(line));
+            }
+            (Style::Bar, Some(stage)) => eprint!("{CLEAR}{prefix}{message}\n{}", stage.bar()),
+            _ => eprintln!("{prefix}{message}"),
+        }
+    }
 }
 
 /// Tell of a stage in which nothing is reported, until the reporter is gone.
@@ -163,10 +188,11 @@ fn tick(shared: &Weak<Shared>) {
 }
 
 impl Reporter {
-    pub fn new(quiet: bool, kind: ProgressKind) -> Self {
+    /// With a `log` among them, lines rather than a bar, which it would tear.
+    pub fn new(quiet: bool, kind: ProgressKind, log: bool) -> Self {
         let style = match kind {
             ProgressKind::Json => Style::Json,
-            ProgressKind::Auto if std::io::stderr().is_terminal() => Style::Bar,
+            ProgressKind::Auto if !log && std::io::stderr().is_terminal() => Style::Bar,
             ProgressKind::Auto | ProgressKind::Lines => Style::Lines,
         };
         let shared = Arc::new(Shared { style, current: Mutex::new(None) });
@@ -178,35 +204,27 @@ impl Reporter {
         Self { quiet, shared }
     }
 
+    /// For another thread.
+    pub fn teller(&self) -> Teller {
+        Teller(self.shared.clone())
+    }
+
     /// A line that the user should see, with the bar out of its way.
     pub fn say(&self, message: &str) {
         if !self.quiet {
-            self.print("message", message);
+            self.shared.print("message", message);
         }
     }
 
     /// Something that failed; `--quiet` does not silence it.
     pub fn error(&self, message: &str) {
-        self.print("error", message);
+        self.shared.print("error", message);
     }
 
     /// End the stage being shown.
     pub fn finish(&self) {
         if let Some(stage) = self.shared.lock().take() {
             self.shared.close(&stage);
-        }
-    }
-
-    fn print(&self, kind: &str, message: &str) {
-        let prefix = if kind == "message" { String::new() } else { format!("{kind}: ") };
-        match (self.shared.style, &*self.shared.lock()) {
-            (Style::Json, _) => {
-                let mut line = serde_json::Map::new();
-                line.insert(kind.into(), message.into());
-                eprintln!("{}", serde_json::Value::from(line));
-            }
-            (Style::Bar, Some(stage)) => eprint!("{CLEAR}{prefix}{message}\n{}", stage.bar()),
-            _ => eprintln!("{prefix}{message}"),
         }
     }
 }
@@ -235,9 +253,13 @@ impl Progress for Reporter {
         }
     }
 
+    fn note(&self, summary: &str) {
+        self.say(summary);
+    }
+
     fn warn(&self, message: &str) {
         if !self.quiet {
-            self.print("warning", message);
+            self.shared.print("warning", message);
         }
     }
 }

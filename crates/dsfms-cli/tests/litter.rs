@@ -128,3 +128,79 @@ fn other_commands() {
     refused(&case, &["figure", "truth", "-o", "plate.gif"], USAGE, &["plate.gif", ".svg"]);
     refused(&case, &["evaluate", "truth", "organ.ply"], USAGE, &["both be files"]);
 }
+
+/// Twelve camera files, each with one mistake: the file, what was found, and what is expected.
+#[test]
+fn cameras() {
+    let case = prepared();
+    let write = |name: &str, text: &str| fs::write(case.path(name), text).unwrap();
+    let with = |more: &str| {
+        format!(
+            r#"{{"width": 160, "height": 120, "fx": 200, "fy": 200, "cx": 79.5, "cy": 59.5{more}}}"#
+        )
+    };
+    let identity =
+        r#"[{"image": "organ_003.png", "R": [[1,0,0],[0,1,0],[0,0,1]], "t": [0, 0, 75]}]"#;
+    write("poses.json", identity);
+    let twice = with("").replace("160", "-160");
+    let mistakes: [(&str, String, &[&str]); 11] = [
+        ("poses.json", identity.into(), &["poses", "--poses"]),
+        ("empty.json", String::new(), &["empty"]),
+        ("cut.json", with("")[..40].into(), &["JSON"]),
+        ("no_focal.json", with("").replace("\"fx\": 200, ", ""), &["fx"]),
+        ("nan.json", with("").replace("79.5", "NaN"), &["NaN", "finite"]),
+        ("negative.json", twice, &["width", "-160"]),
+        ("zero.json", with("").replace("\"fy\": 200", "\"fy\": 0"), &["positive"]),
+        ("misspelt.json", with(r#", "distorsion": {"k1": 0.1}"#), &["distorsion", "distortion"]),
+        ("lens.json", with(r#", "distortion_model": "magic""#), &["magic"]),
+        ("tone.json", with(r#", "tone_curve": "rainbow""#), &["rainbow", "srgb"]),
+        ("light.json", with(r#", "light": {"kind": "sun"}"#), &["sun"]),
+    ];
+    for (name, text, words) in mistakes {
+        write(name, &text);
+        let arguments = ["template", "frames", "--camera", name, "-o", "new/organ.template"];
+        refused(&case, &arguments, NOTHING, &[&[name], words].concat());
+    }
+    // The twelfth is a folder; and a camera is no list of poses.
+    let folder = ["template", "frames", "--camera", "truth", "-o", "new/organ.template"];
+    refused(&case, &folder, NOTHING, &["truth"]);
+    let swapped = ["template", "frames", "--camera", "camera.json", "--poses", "camera.json"];
+    let arguments = [&swapped[..], &["-o", "new/organ.template"]].concat();
+    refused(&case, &arguments, NOTHING, &["camera.json", "--camera"]);
+}
+
+#[test]
+fn matches_and_options() {
+    let case = prepared();
+    let write = |name: &str, text: &str| fs::write(case.path(name), text).unwrap();
+    let head = "face,b1,b2,b3,x,y\n";
+    let mistakes: [(&str, String, &[&str]); 6] = [
+        ("columns.csv", "face,b1,b2,x,y\n".into(), &["b3", "expected a header"]),
+        ("short.csv", format!("{head}0,1,0,0,5\n"), &["line 2", "5 values"]),
+        ("word.csv", format!("{head}0,1,0,0,here,9\n"), &["line 2", "here", "finite number"]),
+        ("sum.csv", format!("{head}0,1,1,0,5,5\n"), &["line 2", "expected 1"]),
+        ("face.csv", format!("{head}99999,1,0,0,5,5\n"), &["face 99999", "not in the template"]),
+        ("far.csv", format!("{head}0,1,0,0,9000,5\n"), &["9000", "160x120"]),
+    ];
+    for (name, text, words) in mistakes {
+        write(name, &text);
+        let arguments = ["reconstruct", "organ.template", "frames", "--camera", "camera.json"];
+        let done = case
+            .dsfms(
+                &[&arguments[..], &["--matches", name, "--method", "rigid", "-o", "out"]].concat(),
+            )
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(done.status.code(), Some(NOTHING), "{text}");
+        assert!(words.iter().chain([&name]).all(|word| text.contains(word)), "{words:?}: {text}");
+    }
+    fs::remove_dir_all(case.path("out")).unwrap();
+    write("typo.toml", "[joint]\nheaviness = 1.0\n");
+    write("bound.toml", "[register]\nrobust_px = -1.0\n");
+    for (name, words) in [("typo.toml", "heaviness"), ("bound.toml", "robust_px")] {
+        let arguments = ["reconstruct", "organ.template", "frames", "--camera", "camera.json"];
+        let more = ["--options", name, "-o", "out"];
+        refused(&case, &[&arguments[..], &more].concat(), NOTHING, &[name, words]);
+    }
+}

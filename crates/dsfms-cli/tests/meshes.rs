@@ -132,3 +132,32 @@ fn one_posed_frame_dresses_a_mesh() {
     let other = ["export", "one", "--colmap", "sparse2", "--images", "truth"];
     said(&case, &other, 1);
 }
+
+#[test]
+fn matches_alone_give_the_surface_that_images_give() {
+    let case = Case::new();
+    said(&case, &["template", "--mesh", "organ.ply", "-o", "bare", "--no-report"], 0);
+    fs::create_dir(case.path("tracks")).unwrap();
+    fs::copy(case.path("matches.csv"), case.path("tracks/organ_003.csv")).unwrap();
+    let run = |images: &[&str], matches: &str, out: &str| {
+        let start = [&["reconstruct", "bare"], images, &["--matches", matches]].concat();
+        let end = ["--camera", "camera.json", "--method", "dsfm", "-o", out];
+        said(&case, &[&start[..], &end].concat(), 0);
+        read_mesh(&case.path(&format!("{out}/frame_003.ply"))).unwrap().mesh.positions
+    };
+    let seen = run(&["frames"], "matches.csv", "seen");
+    assert_eq!(run(&[], "tracks", "blind"), seen);
+    assert!(case.path("blind/frame_003_overlay.png").is_file());
+    // What would look at images says so.
+    let blind =
+        ["reconstruct", "bare", "--matches", "tracks", "--camera", "camera.json", "-o", "no"];
+    let text = said(&case, &[&blind[..], &["--method", "joint"]].concat(), 64);
+    assert!(text.contains("--method joint looks at images"), "{text}");
+    let text = said(&case, &[&blind[..], &["--organ-masks", "frames"]].concat(), 64);
+    assert!(text.contains("masks belong to images"), "{text}");
+    let empty =
+        ["reconstruct", "bare", "--matches", "truth", "--camera", "camera.json", "-o", "no"];
+    let text = said(&case, &empty, 1);
+    assert!(text.contains("truth") && text.contains("one CSV a frame"), "{text}");
+    assert!(!case.path("no").exists());
+}

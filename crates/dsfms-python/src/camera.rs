@@ -74,10 +74,10 @@ fn lens(distortion: Option<Vec<f64>>, model: &str) -> PyResult<Lens> {
     let given = distortion.unwrap_or_default();
     let Some(kind) = Lens::KINDS.iter().find(|kind| kind.name == model) else {
         let names: Vec<_> = Lens::KINDS.iter().map(|kind| format!("{:?}", kind.name)).collect();
-        return Err(wrong("model", &names.join(", "), format!("{model:?}")));
+        return Err(wrong("model", names.join(", "), format!("{model:?}")));
     };
     kind.listed_coefficients(&given)
-        .map_err(|_| wrong("distortion", &kind.coefficients.join(", "), format!("{given:?}")))
+        .map_err(|_| wrong("distortion", kind.coefficients.join(", "), format!("{given:?}")))
 }
 
 #[pymethods]

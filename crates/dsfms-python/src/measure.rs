@@ -157,7 +157,7 @@ pub fn _synthesize<'py>(
     }
     let Some(light) = LightKind::named(light) else {
         let names = LightKind::ALL.map(|l| format!("{:?}", l.name())).join(", ");
-        return Err(wrong("light", &format!("one of {names}"), format!("{light:?}")));
+        return Err(wrong("light", format!("one of {names}"), format!("{light:?}")));
     };
     let protocol = Protocol { vertices, light, matches, everywhere, seed, ..Default::default() };
     let case = work::run(py, None, move |_| {

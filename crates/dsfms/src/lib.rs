@@ -65,6 +65,7 @@
 #[doc(alias = "camera calibration")]
 pub mod calibrate;
 pub mod camera;
+pub mod checkpoint;
 #[doc(alias("MVS", "multi-view stereo", "PatchMatch", "NCC", "TSDF", "graph cut"))]
 pub mod dense;
 pub mod energy;

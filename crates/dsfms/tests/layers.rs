@@ -4,9 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A module may use itself and what stands left of it.
-const ORDER: [&str; 28] = [
+const ORDER: [&str; 29] = [
     "options",
     "guard",
+    "checkpoint",
     "geometry",
     "image",
     "mesh",

@@ -36,11 +36,19 @@ pub fn run(args: &InspectArgs) -> anyhow::Result<Outcome> {
     Ok(Outcome::Ok)
 }
 
+/// The row that [`unobserved`] explains.
+const ALBEDO: &str = "albedo";
+
 /// The table on stdout.
 pub fn print(template: &Template) -> anyhow::Result<()> {
     let mut text = String::new();
-    for (name, value) in rows(template, &template_statistics(template)) {
+    let statistics = template_statistics(template);
+    for (name, value) in rows(template, &statistics) {
         text += &format!("{name:<14}{value}\n");
+        if let (ALBEDO, Some(albedo)) = (name, &statistics.albedo) {
+            let explained = unobserved(albedo.observed).map(|why| format!("unobserved    {why}\n"));
+            text += &explained.unwrap_or_default();
+        }
     }
     super::to_stdout(&text)
 }
@@ -104,9 +112,35 @@ fn rows(template: &Template, s: &TemplateStatistics) -> Vec<(&'static str, Strin
         ("error", sigma),
         ("flattening", flattening),
         ("frames", frames),
-        ("albedo", albedo),
+        (ALBEDO, albedo),
         ("light", light),
         ("descriptors", s.features.to_string()),
         ("surroundings", around),
     ]
+}
+
+/// What it means that few texels were observed.
+fn unobserved(observed: f64) -> Option<String> {
+    (observed < FEW).then(|| {
+        format!(
+            "{:.1} % of the texels: out of sight, too oblique, saturated, or so pale that they may be glare; there \
+             shading says nothing, matches and prior alone move the surface",
+            100.0 * (1.0 - observed)
+        )
+    })
+}
+
+/// A share of observed texels that needs no explanation.
+const FEW: f64 = 0.9;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texels_that_no_frame_showed_are_explained() {
+        assert_eq!(unobserved(0.95), None);
+        let text = unobserved(0.14).unwrap();
+        assert!(text.starts_with("86.0 % of the texels: ") && text.contains("glare"), "{text}");
+    }
 }

@@ -20,6 +20,7 @@ pub mod view;
 use crate::args::{Arguments, Command};
 use crate::exit::Outcome;
 use crate::progress::Reporter;
+use crate::{interrupt, log};
 use anyhow::Context;
 
 /// Run the command that was asked for.
@@ -27,7 +28,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let global = &arguments.global;
     let live = matches!(&arguments.command, Command::Track(args) if args.realtime);
     start_threads(global.threads.map(usize::from), live)?;
-    let reporter = Reporter::new(global.quiet, global.progress);
+    let logged = log::start(global.verbose, global.progress)?;
+    let reporter = Reporter::new(global.quiet, global.progress, logged);
+    interrupt::watch(reporter.teller());
     let result = match &arguments.command {
         Command::Calibrate(args) => calibrate::run(args, global, &reporter),
         Command::Template(args) => template::run(args, global, &reporter),

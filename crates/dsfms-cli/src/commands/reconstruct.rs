@@ -1,11 +1,13 @@
 //! `dsfms reconstruct`: frames of the deformed organ to surfaces.
 
+mod args;
 mod page;
 
 use crate::args::Global;
-use crate::exit::{self, Outcome};
-use crate::formats::{Format, Formats, Shape};
+use crate::exit::{self, Outcome, Usage};
+use crate::formats::{Formats, Shape};
 use crate::inputs::{self, Source};
+use crate::interrupt;
 use crate::outputs::{self, FrameFiles, FrameReport};
 use crate::place;
 use crate::progress::Reporter;
@@ -13,12 +15,12 @@ use crate::report::clip;
 use crate::report::data::ShownFrame;
 use crate::report::template::{MOST_FRAMES, chosen};
 use crate::structures::{Placed, Structures};
-use clap::{Args, ValueEnum};
+pub use args::{MethodName, PriorName, ReconstructArgs, method_name};
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
 use dsfms::image::{Frame, Mask, ToneCurve, diagonal};
 use dsfms::io::masks::MaskKind;
-use dsfms::io::matches::{find_matches, read_matches};
+use dsfms::io::matches::{all_matches, find_matches, read_matches};
 use dsfms::io::template::read_template;
 use dsfms::pipeline::{
     Method, Observation, Progress, ReconstructError, ReconstructOptions, Reconstruction,
@@ -33,151 +35,6 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-const EXAMPLES: &str = "\
-Examples:
-  # Motion and shading, matches found automatically
-  dsfms reconstruct organ.template deformed/ --camera camera.json -o out
-  # Matches of your own, instruments masked: white = instrument
-  dsfms reconstruct organ.template deformed/*.png --camera camera.json \\
-      --matches matches/ --instrument-masks instruments/ -o out
-  # Motion only (eq. 3), where albedo or light are not to be trusted
-  dsfms reconstruct organ.template frame_004.png --camera camera.json \\
-      --method dsfm -o out
-
-Masks: white (above 127) = instrument for --instrument-masks, = organ for
---organ-masks. A mask that covers nearly all or nothing draws a warning.
-
-Matches: CSV with the columns face,b1,b2,b3,x,y (0-based face of the template,
-barycentrics, pixels with centres at integers), found by name; further columns
-are ignored, rows with visible = 0 skipped. A folder holds one file per frame,
-of the same name or number.
-
-Written to OUT for every frame: frame_NNN.ply (the template's faces and vertex
-order, camera axes of the frame, unit in a header comment, visible per vertex),
-frame_NNN.json (status, pose, gain, cost of every energy term),
-frame_NNN_overlay.png; summary.csv; and report.html, one page with everything
-in 3D (of more than 24 frames evenly spaced ones; view/frame_NNN.json has all of
-them for `dsfms view OUT`). With --formats also frame_NNN.vtp (ParaView, 3D Slicer), .obj, .stl, and
-frames.glb, an animation with one frame a second. NNN is the last number in the
-image's name where all have one and no two the same, else the place in the
-sequence.";
-
-/// Reconstruct the deformed organ in every given frame.
-#[derive(Debug, Args)]
-#[command(after_long_help = EXAMPLES)]
-pub struct ReconstructArgs {
-    /// Template folder.
-    #[arg(value_name = "TEMPLATE")]
-    template: PathBuf,
-    /// Frames: image files, folders, or a video.
-    #[arg(required = true, value_name = "IMAGES")]
-    images: Vec<PathBuf>,
-    /// Intrinsics of these frames; default the template's own camera.
-    #[arg(help_heading = "Input", long, value_name = "FILE")]
-    camera: Option<PathBuf>,
-    /// Matches: a CSV, or a folder of them; without it they are found automatically.
-    #[arg(help_heading = "Input", long, value_name = "FILE_OR_DIR")]
-    matches: Option<PathBuf>,
-    /// Masks of the instruments, white = instrument.
-    #[arg(help_heading = "Input", long, value_name = "DIR")]
-    instrument_masks: Option<PathBuf>,
-    /// Outlines of the organ, white = organ.
-    #[arg(help_heading = "Input", long, value_name = "DIR")]
-    organ_masks: Option<PathBuf>,
-    /// What is solved; default joint, which has the smallest errors, or dsfm on a template without albedo.
-    /// dsfm, motion alone, where albedo or light are not to be trusted (smoke, blood, another lens);
-    /// dsfms to follow the paper; rigid and sfs to compare.
-    #[arg(help_heading = "Method", long, value_enum)]
-    method: Option<MethodName>,
-    /// What the surface keeps of its rest shape in eq. 3 and in the joint solve; without it that of
-    /// the options file, or conformal.
-    #[arg(help_heading = "Method", long, value_enum, conflicts_with = "literal")]
-    prior: Option<PriorName>,
-    /// Solve eqs. 3 and 4 as printed in the paper instead of the repaired form.
-    #[arg(help_heading = "Method", long)]
-    literal: bool,
-    /// Weights and thresholds, as `dsfms options reconstruct` prints them; what the file does not name
-    /// keeps its default.
-    #[arg(help_heading = "Method", long, value_name = "FILE")]
-    options: Option<PathBuf>,
-    /// Meshes of hidden structures in the template's frame and unit (tumour, vessels), carried along
-    /// with the deformation: OUT/structures and OUT/frame_NNN_structures.png.
-    #[arg(help_heading = "Input", long, value_name = "MESH", num_args = 1..)]
-    structures: Vec<PathBuf>,
-    /// Further files of every frame, for other programs.
-    #[arg(
-        help_heading = "Output",
-        long,
-        value_enum,
-        value_delimiter = ',',
-        value_name = "FORMATS"
-    )]
-    formats: Vec<Format>,
-    /// Leave out OUT/report.html.
-    #[arg(help_heading = "Output", long)]
-    no_report: bool,
-    /// Folder for the results.
-    #[arg(help_heading = "Output", short, long, value_name = "OUT")]
-    output: PathBuf,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum MethodName {
-    /// Rigid pose only: how far a shape without deformation comes.
-    Rigid,
-    /// Shape from shading on the rigid pose.
-    Sfs,
-    /// Motion (eq. 3): needs matches, no albedo and no light.
-    Dsfm,
-    /// Motion, then shading (eq. 4 of the paper).
-    Dsfms,
-    /// Motion, prior and shading in one problem (beyond the paper): the smallest errors.
-    Joint,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum PriorName {
-    /// Angles (the paper), and weakly areas.
-    Conformal,
-    /// Lengths.
-    Isometric,
-    /// Lengths, and the shape of every vertex's surroundings: as rigid as possible.
-    Arap,
-}
-
-impl From<PriorName> for Prior {
-    fn from(name: PriorName) -> Self {
-        match name {
-            PriorName::Conformal => Self::Conformal,
-            PriorName::Isometric => Self::Isometric,
-            PriorName::Arap => Self::Arap,
-        }
-    }
-}
-
-impl From<MethodName> for Method {
-    fn from(name: MethodName) -> Self {
-        match name {
-            MethodName::Rigid => Self::Rigid,
-            MethodName::Sfs => Self::Sfs,
-            MethodName::Dsfm => Self::Dsfm,
-            MethodName::Dsfms => Self::Dsfms,
-            MethodName::Joint => Self::Joint,
-        }
-    }
-}
-
-/// The name that `--method` takes.
-pub fn method_name(method: Method) -> &'static str {
-    match method {
-        Method::Rigid => "rigid",
-        Method::Sfs => "sfs",
-        Method::Dsfm => "dsfm",
-        Method::Dsfms => "dsfms",
-        Method::Joint => "joint",
-    }
-}
-
 /// What one frame leaves for the end.
 struct Done {
     report: FrameReport,
@@ -185,6 +42,9 @@ struct Done {
     /// Where a format needs it.
     shape: Option<Vec<Point3>>,
 }
+
+/// Of frames of which only matches are known.
+const GREY: u8 = 128;
 
 /// Everything that the frames share.
 struct Job<'a> {
@@ -206,8 +66,11 @@ pub fn run(
     reporter: &Reporter,
 ) -> anyhow::Result<Outcome> {
     place::check(&args.output, &places(args))?;
-    let job = prepare(args, global, reporter)?;
-    let sources = inputs::sources(&args.images, inputs::Purpose::Reconstruct, reporter)?;
+    let mut job = prepare(args, global, reporter)?;
+    let sources = match (args.images.is_empty(), &args.matches) {
+        (true, Some(matches)) => job.without_images(matches)?,
+        _ => inputs::sources(&args.images, inputs::Purpose::Reconstruct, reporter)?,
+    };
     inputs::check_sizes(&sources, &job.camera, job.camera_file())?;
     let instrument = args.instrument_masks.as_deref();
     inputs::check_masks(&sources, instrument, MaskKind::Instrument)?;
@@ -219,27 +82,32 @@ pub fn run(
     let shown = if args.no_report { Vec::new() } else { chosen(sources.len()) };
     let beside = !args.no_report && sources.len() > MOST_FRAMES;
     reporter.step("frames", 0, sources.len());
-    let done_frames: Vec<anyhow::Result<Done>> = sources
+    interrupt::end_softly();
+    let done_frames: Vec<Option<anyhow::Result<Done>>> = sources
         .par_iter()
         .zip(&names)
         .enumerate()
         .map(|(i, (source, name))| {
+            if interrupt::asked() {
+                return None;
+            }
             let page = Page { holds: shown.contains(&i), beside };
             let report = job.frame(source, name, i, page);
             reporter.step("frames", done.fetch_add(1, Ordering::Relaxed) + 1, sources.len());
-            report
+            Some(report)
         })
         .collect();
     let (mut rows, mut frames, mut shapes) = (Vec::new(), Vec::new(), Vec::new());
     let mut failure = None;
     for (i, (name, done)) in names.into_iter().zip(done_frames).enumerate() {
         let done = match done {
-            Ok(done) => done,
+            Some(Ok(done)) => done,
             // Its files could not be written; those of the others are not to be lost with it.
-            Err(error) => {
+            Some(Err(error)) => {
                 failure.get_or_insert(error);
                 continue;
             }
+            None => continue,
         };
         shapes.extend(done.shape.map(|s| (name.clone(), i as f64, s)));
         frames.extend(done.page);
@@ -252,6 +120,12 @@ pub fn run(
     }
     reporter.finish();
     failure.map_or(Ok(()), Err)?;
+    if interrupt::asked() {
+        let (done, all, out) = (rows.len(), sources.len(), args.output.display());
+        reporter.error(&format!(
+            "stopped; {done} of {all} frames are whole in {out}; give the others, with another -o, to go on"
+        ));
+    }
     Ok(conclude(&rows, reporter))
 }
 
@@ -307,6 +181,32 @@ fn method(args: &ReconstructArgs, template: &Template, reporter: &Reporter) -> M
 }
 
 impl Job<'_> {
+    /// A plain grey frame for every match file; only methods that look at no image remain.
+    fn without_images(&mut self, matches: &Path) -> anyhow::Result<Vec<Source>> {
+        match (self.args.method, self.method) {
+            (_, Method::Rigid | Method::Dsfm) => {}
+            (None, _) => self.method = Method::Dsfm,
+            (Some(_), method) => {
+                let name = method_name(method);
+                return Err(Usage(format!(
+                    "--method {name} looks at images; give them, or --method dsfm or rigid, which need matches alone"
+                ))
+                .into());
+            }
+        }
+        if self.args.instrument_masks.is_some() || self.args.organ_masks.is_some() {
+            return Err(Usage("masks belong to images; give the images too".into()).into());
+        }
+        // There is no picture to compare it with.
+        self.template.albedo = None;
+        let size = self.camera.size;
+        let grey = |path: PathBuf| {
+            let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            Source::Decoded(Frame { name, size, rgb: vec![[GREY; 3]; size[0] * size[1]] }, None)
+        };
+        Ok(all_matches(matches)?.into_iter().map(grey).collect())
+    }
+
     /// Where the camera comes from.
     fn camera_file(&self) -> &Path {
         self.args.camera.as_deref().unwrap_or(&self.args.template)

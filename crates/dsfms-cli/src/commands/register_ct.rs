@@ -4,7 +4,7 @@ mod input;
 mod record;
 
 use super::calibrate::length_mm;
-use super::template::UnitName;
+use super::template::args::UnitName;
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
 use crate::outputs::{check_folder, write_json, write_png};

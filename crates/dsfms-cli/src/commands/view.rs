@@ -62,6 +62,7 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<Outcome> {
     let url = format!("http://{}{root}", listener.local_addr()?);
     super::to_stdout(&format!("{url}\nCtrl-C stops it\n"))?;
     std::io::stdout().flush()?;
+    crate::interrupt::advise("the page is no longer served");
     if !args.no_open {
         open(&url);
     }

@@ -57,7 +57,7 @@ pub enum CalibrateError {
         found: usize,
         /// All images.
         frames: usize,
-        /// Names of the others with their reasons.
+        /// Names of some of the others with their reasons.
         reasons: String,
     },
     /// The board positions do not fix the intrinsics.
@@ -66,6 +66,9 @@ pub enum CalibrateError {
     )]
     Degenerate,
 }
+
+/// Images whose reasons are said; the others look much the same.
+const SAID: usize = 4;
 
 impl CalibrateError {
     /// Too few boards; another board in the images is said instead of a list of reasons.
@@ -82,7 +85,27 @@ impl CalibrateError {
             return Self::OtherBoard { images: run.len(), found: run[0], asked: board.corners };
         }
         let reason = |(i, why): &(usize, Rejection)| format!("{}: {why}", frames[*i].name);
-        let reasons: Vec<String> = rejected.iter().map(reason).collect();
+        let mut reasons: Vec<String> = rejected.iter().take(SAID).map(reason).collect();
+        if rejected.len() > SAID {
+            reasons.push(format!("and {} more", rejected.len() - SAID));
+        }
+        rejected.iter().for_each(|r| tracing::info!(why = %reason(r), "image left out"));
         Self::TooFewViews { found, frames: frames.len(), reasons: reasons.join("; ") }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_images_without_a_board_are_told_in_one_short_line() {
+        let frame = |i: usize| Frame { name: format!("image_{i:03}"), size: [8, 8], rgb: vec![] };
+        let frames: Vec<Frame> = (0..40).map(frame).collect();
+        let rejected: Vec<_> = (0..40).map(|i| (i, Rejection::NoGrid { corners: 3 })).collect();
+        let board = Board { corners: [7, 5], square: 3.0 };
+        let text = CalibrateError::too_few(0, &frames, &rejected, &board).to_string();
+        assert!(text.contains("0 of 40 images") && text.ends_with("and 36 more"), "{text}");
+        assert!(text.len() < 700, "{}", text.len());
     }
 }

@@ -83,7 +83,7 @@ impl PosedFrame<'_> {
 }
 
 /// Depth of one frame on a pinhole grid of its own (undistorted, usually coarser than the frame).
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct DepthMap {
     /// The pinhole camera of the grid; its size is that of the vectors, row major.
     pub camera: CameraModel,

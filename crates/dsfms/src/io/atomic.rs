@@ -3,6 +3,8 @@
 use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Condvar, Mutex, PoisonError};
+use std::time::Duration;
 
 /// A file or folder that could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -30,6 +32,7 @@ pub fn write_atomic(
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), WriteError> {
     let fail = |source: io::Error| WriteError::new(path, source);
+    let _writing = Writing::begin();
     let folder = parent(path);
     fs::create_dir_all(folder).map_err(fail)?;
     let file = tempfile::Builder::new().prefix(&partial_prefix("")).tempfile_in(folder);
@@ -41,6 +44,42 @@ pub fn write_atomic(
     share(file.path()).map_err(fail)?;
     file.persist(path).map_err(|e| fail(e.error))?;
     Ok(())
+}
+
+/// How many files are being written, and whether no more may be begun.
+static WRITERS: Mutex<(usize, bool)> = Mutex::new((0, false));
+static ALL_WRITTEN: Condvar = Condvar::new();
+
+/// A file, or a folder of files, is being written while it lives.
+pub(crate) struct Writing(());
+
+impl Writing {
+    /// Waits for ever once [`finish_writing`] has begun and nothing is being written any more.
+    pub(crate) fn begin() -> Self {
+        let mut state = WRITERS.lock().unwrap_or_else(PoisonError::into_inner);
+        // What is being written may consist of parts, which may be begun still.
+        while state.1 && state.0 == 0 {
+            state = ALL_WRITTEN.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+        state.0 += 1;
+        Self(())
+    }
+}
+
+impl Drop for Writing {
+    fn drop(&mut self) {
+        WRITERS.lock().unwrap_or_else(PoisonError::into_inner).0 -= 1;
+        ALL_WRITTEN.notify_all();
+    }
+}
+
+/// For a process that is about to end: wait until every file that is being written is whole, `limit` at most,
+/// and let no other be begun. Whether all are whole.
+pub fn finish_writing(limit: Duration) -> bool {
+    let mut state = WRITERS.lock().unwrap_or_else(PoisonError::into_inner);
+    state.1 = true;
+    let wait = ALL_WRITTEN.wait_timeout_while(state, limit, |state| state.0 > 0);
+    wait.unwrap_or_else(PoisonError::into_inner).0.0 == 0
 }
 
 /// What partial files and folders begin with, before the number of their process.

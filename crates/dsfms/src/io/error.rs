@@ -220,6 +220,7 @@ pub(super) fn read_text(path: &Path) -> Result<String, InputError> {
 /// Write a file under a temporary name first, so that an interrupted run leaves no half of it.
 pub(super) fn write_text(path: &Path, text: &str) -> Result<(), InputError> {
     let failed = |source| InputError::Write { path: path.into(), source };
+    let _writing = super::atomic::Writing::begin();
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let prefix = super::atomic::partial_prefix("");
     let mut file = tempfile::Builder::new().prefix(&prefix).tempfile_in(folder).map_err(failed)?;

@@ -46,6 +46,21 @@ pub fn find_matches(source: &Path, frame: &str) -> Result<PathBuf, InputError> {
     }
 }
 
+/// All match files: `source` itself when it is a file, else the CSV files of the folder in natural order.
+///
+/// # Errors
+/// A path that does not exist, a folder without CSV files.
+pub fn all_matches(source: &Path) -> Result<Vec<PathBuf>, InputError> {
+    if source.is_file() {
+        return Ok(vec![source.into()]);
+    }
+    let files = files_in(source, &["csv"])?;
+    match files.is_empty() {
+        true => Err(InputError::format(source, "holds no match file; expected one CSV a frame")),
+        false => Ok(files),
+    }
+}
+
 /// Whether the last or the first number of a stem is the frame's: `frame_001_sparse25` is of
 /// frame 1, as is `run25_frame_001`.
 fn holds_number(stem: &str, number: Option<u64>) -> bool {

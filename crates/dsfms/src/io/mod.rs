@@ -6,6 +6,7 @@ pub mod animation;
 pub mod atomic;
 pub mod base64;
 pub mod camera;
+pub mod checkpoint;
 pub mod clip_truth;
 pub mod colmap;
 pub mod error;

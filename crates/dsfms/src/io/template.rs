@@ -6,7 +6,7 @@
 //! Reading uses the manifest, the PLY, `usual.toml`, the npz files and the points of `sparse/`; the rest is for other
 //! programs.
 
-use super::atomic::{WriteError, old_prefix, parent, partial_prefix, share};
+use super::atomic::{WriteError, Writing, old_prefix, parent, partial_prefix, share};
 use super::mesh::{MeshFileError, read_mesh};
 use super::ply::{PlyExtras, Precision, write_ply};
 pub use super::template_glb::{texture, vertex_colours};
@@ -170,6 +170,7 @@ pub fn check_target(path: &Path) -> Result<(), TemplateFileError> {
 /// A folder of anything else at `path`, or one that cannot be written.
 pub fn write_template(path: &Path, template: &Template) -> Result<(), TemplateFileError> {
     check_target(path)?;
+    let _writing = Writing::begin();
     let replaces = path.exists();
     let fail = |source| WriteError::new(path, source);
     let folder = parent(path);

@@ -181,11 +181,17 @@ fn video_frames(
     purpose: Purpose,
     progress: &dyn Progress,
 ) -> Result<Vec<Source>, VideoError> {
-    let mut report = |done: usize, total: Option<usize>| {
+    let report = |done: usize, total: Option<usize>| {
         progress.step("video", done, total.unwrap_or(done));
     };
     if purpose == Purpose::Template {
+        let mut shown = 0;
+        let mut report = |done: usize, total: Option<usize>| {
+            shown = shown.max(done);
+            report(done, total);
+        };
         let frames = select_reporting(path, &VideoOptions::default(), &mut report)?;
+        progress.note(&format!("{} frames chosen of {shown}", frames.len()));
         return Ok(frames.into_iter().map(|frame| Source::Decoded(frame, None)).collect());
     }
     let mut sources = Vec::new();

@@ -5,6 +5,7 @@ pub(crate) mod moved;
 pub mod progress;
 pub mod reconstruct;
 pub mod template;
+mod told;
 mod trust;
 
 pub use progress::{Progress, Silent};
@@ -12,8 +13,8 @@ pub use reconstruct::{ReconstructOptions, reconstruct, reconstruct_with};
 pub use template::{
     BuiltTemplate, Exploration, FoundOrgan, FramePrecision, OrganClick, OrganGuess, OrganOutline,
     OrganStroke, SparsePrecision, StrokeError, TemplateError, TemplateOptions, read_strokes,
-    strokes_from, template_from_frames, template_from_mesh, template_from_posed_frames,
-    template_from_poses, write_strokes,
+    strokes_from, template_from_frames, template_from_frames_kept, template_from_mesh,
+    template_from_posed_frames, template_from_poses, template_from_poses_kept, write_strokes,
 };
 
 use crate::camera::CameraModel;

@@ -6,6 +6,8 @@ pub trait Progress: Sync {
     fn step(&self, stage: &str, done: usize, total: usize);
     /// Something the user should know that stops nothing.
     fn warn(&self, message: &str);
+    /// What a stage came to, in a line of figures.
+    fn note(&self, _summary: &str) {}
 }
 
 /// Tells nobody.

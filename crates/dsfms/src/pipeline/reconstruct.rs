@@ -1,6 +1,7 @@
 //! Pose, eq. 3 and eq. 4 in a row, with the visibility, the masks and the verdict around them.
 
 use super::moved::MOVED;
+use super::told;
 use super::trust::{Trusted, trust};
 use super::{Method, Observation, ReconstructError, Reconstruction, StageReport};
 use crate::camera::Camera;
@@ -232,6 +233,7 @@ fn logged(
     let trusted = Trusted { sight: &sight, scene: &scene, posed: &posed, method, options };
     log.time("verdict", || trust(&trusted, &mut result));
     result.stages = log.stages;
+    told::reconstruction(observation.frame, &result);
     match result.verdict.level {
         Level::Lost => Err(ReconstructError::Refused(Box::new(result))),
         Level::Ok | Level::Degraded => Ok(result),

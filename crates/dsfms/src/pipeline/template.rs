@@ -8,6 +8,9 @@
 mod also;
 mod click;
 mod error;
+mod given;
+mod kept;
+mod options;
 mod organ;
 mod outline;
 mod precision;
@@ -18,29 +21,26 @@ mod views;
 
 pub use click::OrganClick;
 pub use error::TemplateError;
+pub use given::{template_from_mesh, template_from_posed_frames};
+pub use options::TemplateOptions;
 pub use organ::{FoundOrgan, OrganGuess};
 pub use outline::OrganOutline;
 pub use precision::{FramePrecision, SparsePrecision};
 pub use strokes::{OrganStroke, StrokeError, read_strokes, strokes_from, write_strokes};
 
-use super::Progress;
+use super::{Progress, told};
 use crate::camera::CameraModel;
-use crate::dense::DenseOptions;
+use crate::checkpoint::Keep;
 use crate::geometry::{Isometry, Point3};
 use crate::image::{Frame, Mask, ToneCurve, viewport};
-use crate::light::{Coat, LightModel};
+use crate::light::LightModel;
 use crate::mesh::Mesh;
-use crate::mesh::remesh::RemeshOptions;
-use crate::options::{Documented, check, commented, from_zero, positive};
-use crate::sfm::{self, Features2d, FoundModel, SfmOptions, SfmStage};
-use crate::template::albedo::AlbedoOptions;
-use crate::template::anchor::AnchorOptions;
-use crate::template::flatten::{FlattenOptions, flatten};
-use crate::template::light_fit::{LightFit, LightFitOptions};
-use crate::template::scale::{Scale, ScaleError, ScaleReference, ScaleScene, find_scale};
+use crate::sfm::{self, FoundModel, SfmOptions, SfmStage};
+use crate::template::flatten::flatten;
+use crate::template::light_fit::LightFit;
+use crate::template::scale::{Scale, ScaleError, ScaleScene, find_scale};
 use crate::template::scale_mesh::fit_to_mesh;
-use crate::template::{Flattening, LengthUnit, SparsePoint, SurfaceTexels, Template};
-use serde::{Deserialize, Serialize};
+use crate::template::{Flattening, LengthUnit, SparsePoint, Template};
 use surface::{Surface, dense_mesh};
 use views::Views;
 
@@ -113,143 +113,6 @@ impl<'a> Exploration<'a> {
     }
 }
 
-/// Options of template building, one field per stage.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct TemplateOptions {
-    /// Vertices of the template mesh, 100 to 50,000; a given mesh keeps its own.
-    pub vertices: usize,
-    /// Structure from motion.
-    pub sfm: SfmOptions,
-    /// Multi-view stereo.
-    pub dense: DenseOptions,
-    /// Remeshing to `vertices`.
-    pub remesh: RemeshOptions,
-    /// Flip edges of the remeshed surface where the other diagonal of their two faces lies closer to
-    /// what stereo saw ([`crate::mesh::remesh::fit_diagonals`]).
-    pub fit_diagonals: bool,
-    /// Conformal flattening.
-    pub flatten: FlattenOptions,
-    /// The organ as outlined on frames; empty = masks alone say what is organ.
-    pub outlines: Vec<OrganOutline>,
-    /// A pixel that shows the organ: the connected surface there stays.
-    pub click: Option<OrganClick>,
-    /// Pixels that show the organ, and such that do not, as drawn on frames.
-    pub strokes: Vec<OrganStroke>,
-    /// Refine the surface of stereo by the shading of all views.
-    pub refine_by_shading: bool,
-    /// Keep what lies behind the organ too, where depth steps and no mask, outline or click tells them
-    /// apart.
-    pub whole: bool,
-    /// Known distances; without any the unit of a template from frames is not metric.
-    pub scale: Vec<ScaleReference>,
-    /// Light estimation.
-    pub light: LightFitOptions,
-    /// Albedo (eqs. 1, 2).
-    pub albedo: AlbedoOptions,
-    /// Descriptors on the surface.
-    pub anchor: AnchorOptions,
-}
-
-impl Default for TemplateOptions {
-    fn default() -> Self {
-        Self {
-            vertices: 1000,
-            sfm: SfmOptions::default(),
-            dense: DenseOptions::default(),
-            remesh: RemeshOptions::default(),
-            fit_diagonals: true,
-            flatten: FlattenOptions::default(),
-            outlines: Vec::new(),
-            click: None,
-            strokes: Vec::new(),
-            refine_by_shading: true,
-            whole: false,
-            scale: Vec::new(),
-            light: LightFitOptions::default(),
-            albedo: AlbedoOptions::default(),
-            anchor: AnchorOptions::default(),
-        }
-    }
-}
-
-impl TemplateOptions {
-    /// Options from TOML; what the text does not name keeps its default.
-    ///
-    /// # Errors
-    /// Malformed TOML, a field that does not exist, or one out of its bounds.
-    pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
-        let options: Self = toml::from_str(text)?;
-        options.validate().map_err(serde::de::Error::custom)?;
-        Ok(options)
-    }
-
-    /// The defaults as TOML, every field under its documentation.
-    pub fn commented() -> String {
-        commented(&Self::default(), &TABLES)
-    }
-
-    /// Check every field against its bounds; outlines, clicks and distances are checked against the
-    /// frames.
-    ///
-    /// # Errors
-    /// The first field out of them.
-    pub fn validate(&self) -> Result<(), TemplateError> {
-        let Self { vertices, remesh, flatten, light, albedo, anchor, .. } = self;
-        let anchoring = [anchor.merge_px, anchor.merge_deg, anchor.contour_px, anchor.grazing_cos];
-        check(&[
-            ("strokes", self.strokes.iter().all(OrganStroke::is_sound), "places near the frames"),
-            ("vertices", (100..=50_000).contains(vertices), "100 to 50,000"),
-            ("remesh.rounds", remesh.rounds >= 1, "at least 1"),
-            (
-                "remesh.corner_deg",
-                remesh.corner_deg > 0.0 && remesh.corner_deg <= 180.0,
-                "above 0 and at most 180",
-            ),
-            ("remesh.adaptive", (0.0..=1.0).contains(&remesh.adaptive), "from 0 to 1"),
-            (
-                "flatten.max_area_ratio",
-                flatten.max_area_ratio > 1.0 && flatten.max_area_ratio.is_finite(),
-                "a number above 1",
-            ),
-            ("light.spots", light.spots >= 100, "at least 100"),
-            (
-                "light.gain_sigma, offset_sigma",
-                positive(&[light.gain_sigma, light.offset_sigma]),
-                "positive",
-            ),
-            ("light.refractive_index", light.refractive_index >= 1.0, "at least 1"),
-            ("albedo.texels_per_px", positive(&[albedo.texels_per_px]), "positive"),
-            ("albedo.max_resolution", (1..=256).contains(&albedo.max_resolution), "from 1 to 256"),
-            ("albedo.max_texels", albedo.max_texels >= 1, "at least 1"),
-            ("albedo.gain_sigma", positive(&[albedo.gain_sigma]), "positive"),
-            ("albedo.refractive_index", albedo.refractive_index >= 1.0, "at least 1"),
-            (
-                "anchor.merge_px, merge_deg, contour_px, grazing_cos",
-                from_zero(&anchoring),
-                "0 or more",
-            ),
-        ])?;
-        self.sfm.validate()?;
-        Ok(self.dense.validate()?)
-    }
-}
-
-/// Where the fields of the options are documented.
-const TABLES: [Documented; 11] = [
-    ("", include_str!("template.rs"), "TemplateOptions"),
-    ("sfm", include_str!("../sfm/options.rs"), "SfmOptions"),
-    ("sfm.refine", include_str!("../sfm/intrinsics.rs"), "RefineIntrinsics"),
-    ("dense", include_str!("../dense/options.rs"), "DenseOptions"),
-    ("remesh", include_str!("../mesh/remesh.rs"), "RemeshOptions"),
-    ("flatten", include_str!("../template/flatten.rs"), "FlattenOptions"),
-    ("light", include_str!("../template/light_fit.rs"), "LightFitOptions"),
-    ("light.bounds", include_str!("../template/photometric.rs"), "ObservationBounds"),
-    ("albedo", include_str!("../template/albedo.rs"), "AlbedoOptions"),
-    ("albedo.bounds", include_str!("../template/photometric.rs"), "ObservationBounds"),
-    ("anchor", include_str!("../template/anchor.rs"), "AnchorOptions"),
-];
-
 /// A template and how it came about.
 #[derive(Clone, Debug)]
 pub struct BuiltTemplate {
@@ -295,14 +158,30 @@ pub fn template_from_frames(
     options: &TemplateOptions,
     progress: &dyn Progress,
 ) -> Result<BuiltTemplate, TemplateError> {
+    template_from_frames_kept(exploration, options, progress, Keep::default())
+}
+
+/// [`template_from_frames`] that keeps the values of its stages (features, matches, poses, depth) in a
+/// [`Store`](crate::checkpoint::Store), and begins behind the last that is there for the same frames and
+/// options. The template has the same bits either way.
+///
+/// # Errors
+/// As [`template_from_frames`].
+pub fn template_from_frames_kept(
+    exploration: &Exploration,
+    options: &TemplateOptions,
+    progress: &dyn Progress,
+    keep: Keep,
+) -> Result<BuiltTemplate, TemplateError> {
     options.validate()?;
     let valid = valid_masks(exploration, &options.sfm);
     let exploration = &Exploration { valid: &valid, ..*exploration };
     let usable = usable_masks(exploration);
     let report = |stage, done, total| progress.step(sfm_stage(stage), done, total);
-    let sparse =
-        sfm::reconstruct(exploration.frames, &usable, exploration.camera, &options.sfm, &report)?;
-    from_sparse(exploration, &usable, sparse, options, progress)
+    let Exploration { frames, camera, .. } = *exploration;
+    let keep = keep.with(|key| kept::sparse_key(key, exploration, &usable, &options.sfm));
+    let sparse = sfm::reconstruct_kept(frames, &usable, camera, &options.sfm, &report, keep)?;
+    from_sparse(exploration, &usable, sparse, options, progress, keep)
 }
 
 /// Build a template from frames whose poses are known (`camera_from_world`, `None` for frames to leave
@@ -330,6 +209,20 @@ pub fn template_from_poses(
     options: &TemplateOptions,
     progress: &dyn Progress,
 ) -> Result<BuiltTemplate, TemplateError> {
+    template_from_poses_kept(exploration, poses, options, progress, Keep::default())
+}
+
+/// [`template_from_poses`] that keeps the values of its stages, as [`template_from_frames_kept`] does.
+///
+/// # Errors
+/// As [`template_from_poses`].
+pub fn template_from_poses_kept(
+    exploration: &Exploration,
+    poses: &[Option<Isometry>],
+    options: &TemplateOptions,
+    progress: &dyn Progress,
+    keep: Keep,
+) -> Result<BuiltTemplate, TemplateError> {
     options.validate()?;
     if poses.iter().flatten().count() < 2 {
         return Err(TemplateError::TooFewPoses {
@@ -341,12 +234,17 @@ pub fn template_from_poses(
     let exploration = &Exploration { valid: &valid, ..*exploration };
     let usable = usable_masks(exploration);
     let report = |stage, done, total| progress.step(sfm_stage(stage), done, total);
-    let (frames, camera) = (exploration.frames, exploration.camera);
-    let sparse = sfm::triangulate_known(frames, &usable, camera, poses, &options.sfm, &report)?;
+    let Exploration { frames, camera, .. } = *exploration;
+    let keep = keep.with(|key| {
+        kept::sparse_key(key, exploration, &usable, &options.sfm);
+        key.value(&poses);
+    });
+    let known = &options.sfm;
+    let sparse = sfm::triangulate_kept(frames, &usable, camera, poses, known, &report, keep)?;
     if sparse.points.is_empty() {
         return Err(TemplateError::NoPoints { frames: sparse.registered() });
     }
-    from_sparse(exploration, &usable, sparse, options, progress)
+    from_sparse(exploration, &usable, sparse, options, progress, keep)
 }
 
 /// From poses and points to the template: surface, scale, albedo, descriptors. `usable`: one per frame.
@@ -356,10 +254,13 @@ fn from_sparse(
     mut sparse: sfm::Reconstruction,
     options: &TemplateOptions,
     progress: &dyn Progress,
+    keep: Keep,
 ) -> Result<BuiltTemplate, TemplateError> {
+    told::sparse(exploration.frames, &sparse, &options.sfm, progress);
+    let keep = keep.with(|key| kept::dense_key(key, exploration, options));
     let points: Vec<Point3> = sparse.points.iter().map(|p| p.position).collect();
     let Surface { mut mesh, mut sigma, organ, mut around } =
-        dense_mesh(exploration, &sparse, &points, options, progress)?;
+        dense_mesh(exploration, &sparse, &points, options, progress, keep)?;
     // Reconstruction took long: a mark beside the surface costs the unit, not the template.
     let scale = measure(exploration, &sparse.camera, &sparse.poses, &mesh, options).unwrap_or_else(
         |error| {
@@ -369,6 +270,7 @@ fn from_sparse(
     );
     let unit = match &scale {
         Some(scale) => {
+            tracing::info!(factor = scale.factor, "scale");
             apply(scale.factor, &mut mesh, &mut sparse);
             around.iter_mut().flat_map(|m| &mut m.positions).for_each(|p| *p *= scale.factor);
             sigma.iter_mut().for_each(|s| *s *= scale.factor);
@@ -422,111 +324,6 @@ fn apply(factor: f64, mesh: &mut Mesh, sparse: &mut sfm::Reconstruction) {
     sparse.points.iter_mut().for_each(|p| p.position *= factor);
     for pose in sparse.poses.iter_mut().flatten() {
         pose.translation.vector *= factor;
-    }
-}
-
-/// Build a template on a given mesh, whose frame is the world of the given poses
-/// (`camera_from_world`, `None` for frames to leave out). The mesh is kept as it is.
-///
-/// ```
-/// use dsfms::{Exploration, LengthUnit, Silent, TemplateOptions};
-/// use dsfms::{pipeline::template_from_posed_frames, synth::Case};
-///
-/// let case = Case::example(1);
-/// let (frames, poses) = case.explore(2);
-/// let poses: Vec<_> = poses.into_iter().map(Some).collect();
-/// let exploration = Exploration::new(&frames, &case.camera);
-/// let (mesh, unit) = (case.template.mesh.clone(), LengthUnit::Millimetre);
-/// let options = TemplateOptions::default();
-/// let built = template_from_posed_frames(&exploration, mesh, unit, &poses, &options, &Silent)?;
-/// assert!(built.template.features.is_some());
-/// # Ok::<_, dsfms::pipeline::TemplateError>(())
-/// ```
-///
-/// # Errors
-/// Options out of their bounds, no pose, nothing to measure the albedo in.
-pub fn template_from_posed_frames(
-    exploration: &Exploration,
-    mesh: Mesh,
-    unit: LengthUnit,
-    poses: &[Option<Isometry>],
-    options: &TemplateOptions,
-    progress: &dyn Progress,
-) -> Result<BuiltTemplate, TemplateError> {
-    options.validate()?;
-    if poses.iter().flatten().next().is_none() {
-        return Err(TemplateError::NoPoses { frames: exploration.frames.len() });
-    }
-    let valid = valid_masks(exploration, &options.sfm);
-    let exploration = &Exploration { valid: &valid, ..*exploration };
-    let usable = usable_masks(exploration);
-    let count = exploration.frames.len();
-    let features: Vec<Features2d> = (0..count)
-        .map(|i| {
-            let mask = usable.get(i).and_then(Option::as_ref);
-            let found = sfm::detect(&exploration.frames[i], mask, &options.sfm);
-            progress.step("features", i + 1, count);
-            found
-        })
-        .collect();
-    let views = Views {
-        exploration,
-        usable: &usable,
-        poses,
-        reprojection_px: &vec![0.0; count],
-        features: &features,
-    };
-    let (template, light) = views.dress(mesh, None, unit, options, progress)?;
-    let rejected = (0..count)
-        .filter(|&i| poses[i].is_none())
-        .map(|i| (exploration.frames[i].name.clone(), "the pose file has no pose for it".into()))
-        .collect();
-    Ok(BuiltTemplate {
-        template,
-        rejected,
-        models: Vec::new(),
-        light,
-        scale: None,
-        precision: None,
-        organ: None,
-    })
-}
-
-/// A template of a mesh and, where it is known, its albedo: no frames, no descriptors.
-///
-/// ```
-/// use dsfms::pipeline::template_from_mesh;
-/// use dsfms::{LengthUnit, Silent, TemplateOptions, synth::patch};
-///
-/// let organ = patch(60, 1);
-/// let (unit, options) = (LengthUnit::Millimetre, TemplateOptions::default());
-/// let template = template_from_mesh(organ.mesh, unit, Some(organ.albedo), &options, &Silent);
-/// assert!(template.flattening.is_some());
-/// ```
-pub fn template_from_mesh(
-    mesh: Mesh,
-    unit: LengthUnit,
-    albedo: Option<SurfaceTexels>,
-    options: &TemplateOptions,
-    progress: &dyn Progress,
-) -> Template {
-    let flattening = try_flatten(&mesh, options, progress);
-    Template {
-        unit,
-        mesh,
-        seen: Vec::new(),
-        sigma: Vec::new(),
-        flattening,
-        albedo,
-        features: None,
-        views: Vec::new(),
-        points: Vec::new(),
-        camera: None,
-        tone: ToneCurve::default(),
-        light: None,
-        coat: Coat::default(),
-        usual: None,
-        surroundings: None,
     }
 }
 

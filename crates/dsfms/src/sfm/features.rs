@@ -9,7 +9,7 @@ use crate::image::{Frame, Mask, Plane, clahe};
 
 /// Keypoints of one frame; all vectors have the same length, but for the descriptors where corners were
 /// followed.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Features2d {
     /// Positions, px.
     pub points: Vec<Point2>,
@@ -19,6 +19,7 @@ pub struct Features2d {
     pub angle: Vec<f32>,
     /// RootSIFT (Arandjelović, Zisserman 2012), `round(512·√(h/‖h‖₁))` capped at 255. Corners
     /// followed by optical flow come last and have none.
+    #[serde(with = "crate::checkpoint::flat")]
     pub descriptors: Vec<[u8; 128]>,
 }
 

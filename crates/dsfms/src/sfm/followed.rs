@@ -39,7 +39,7 @@ const LEAST_ALIKE: f64 = 0.6;
 const SCALE: f32 = 4.9;
 
 /// A corner in one frame after another.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Followed {
     /// Index of the first frame.
     pub first: usize,

@@ -2,20 +2,21 @@
 
 use super::collect::{collect, normalise};
 use super::features::Features2d;
-use super::followed::{follow_where_few, join};
+use super::followed::{Followed, follow_where_few, join};
 use super::frames::{
     Progress, SfmStage, ValidAreas, check_input, check_usable, detect_all, unusable,
 };
 use super::incremental::{grow, settle};
+use super::kept::{whole_features, whole_matches, whole_poses};
 use super::map::Map;
 use super::matching::UnitDescriptors;
 use super::reconstruction::{FoundModel, Reconstruction, SfmError};
 use super::rematch::rematch;
 use super::tracks::{PairMatches, build_tracks};
 use super::two_view::{VerifiedPair, verify_pairs};
-use super::{LocalContrast, RefineIntrinsics, SfmOptions};
+use super::{LocalContrast, SfmOptions};
 use crate::camera::CameraModel;
-use crate::geometry::Isometry;
+use crate::checkpoint::Keep;
 use crate::image::{Frame, Mask};
 use crate::solver::Loss;
 
@@ -32,8 +33,20 @@ pub fn reconstruct(
     options: &SfmOptions,
     progress: Progress,
 ) -> Result<Reconstruction, SfmError> {
+    reconstruct_kept(frames, masks, camera, options, progress, Keep::default())
+}
+
+/// [`reconstruct`] that keeps what its steps make.
+pub(crate) fn reconstruct_kept(
+    frames: &[Frame],
+    masks: &[Option<Mask>],
+    camera: &CameraModel,
+    options: &SfmOptions,
+    progress: Progress,
+    keep: Keep,
+) -> Result<Reconstruction, SfmError> {
     check_input(frames, masks, camera, options)?;
-    let first = attempt(frames, masks, camera, options, progress);
+    let first = attempt(frames, masks, camera, options, progress, keep);
     let registered = |found: &Result<Reconstruction, SfmError>| {
         found.as_ref().map_or(0, Reconstruction::registered)
     };
@@ -41,10 +54,16 @@ pub fn reconstruct(
     if options.local_contrast != LocalContrast::WhereNeeded || registered(&first) as f64 >= enough {
         return first;
     }
+    tracing::info!(
+        registered = registered(&first),
+        of = frames.len(),
+        enough = ENOUGH,
+        "a second attempt, on local contrast"
+    );
     // Faint texture makes descriptors alike; the geometry that matches must obey sorts them.
     let ratio = options.ratio.max(FAINT_RATIO);
     let local = SfmOptions { local_contrast: LocalContrast::Always, ratio, ..options.clone() };
-    let second = attempt(frames, masks, camera, &local, progress);
+    let second = attempt(frames, masks, camera, &local, progress, keep.suffixed("-contrast"));
     if registered(&second) > registered(&first) { second } else { first }
 }
 
@@ -60,69 +79,59 @@ fn attempt(
     camera: &CameraModel,
     options: &SfmOptions,
     progress: Progress,
+    keep: Keep,
 ) -> Result<Reconstruction, SfmError> {
     let areas = ValidAreas::new(frames, masks, options);
-    let mut features = detect_all(frames, &areas, options, progress);
+    let mut features = features(frames, &areas, options, progress, &keep)?;
     let descriptors: Vec<_> =
         features.iter().map(|f| UnitDescriptors::new(&f.descriptors)).collect();
-    let mut pairs = verify_pairs(camera, &features, &descriptors, options, progress);
-    let tracks = follow_where_few(frames, &areas, &pairs, options, progress);
+    let whole =
+        |found: &(Vec<VerifiedPair>, Vec<Followed>)| whole_matches(&found.0, &found.1, &features);
+    let matched = || {
+        let pairs = verify_pairs(camera, &features, &descriptors, options, progress);
+        let tracks = follow_where_few(frames, &areas, &pairs, options, progress);
+        Ok::<_, SfmError>((pairs, tracks))
+    };
+    let (mut pairs, tracks) = keep.stage("matches", |_| frames.len(), whole, matched)?;
+    for VerifiedPair { a, b, matches, parallax_deg, .. } in &pairs {
+        tracing::debug!(a, b, matches = matches.len(), parallax_deg, "pair");
+    }
+    let least = options.min_matches;
+    tracing::info!(pairs = pairs.len(), followed = tracks.len(), least, "matches");
     let followed = join(&tracks, camera, &mut features, &descriptors, &mut pairs, options);
-    let mut rejected = unusable(frames, &features);
-    check_usable(frames, &rejected)?;
-    let (mut map, others) =
-        largest_model(camera, &features, &pairs, options, progress, &mut rejected)?;
-    let first = map.poses.iter().position(Option::is_some).unwrap_or(0);
-    if options.refine.any() {
-        settle(&mut map, first, options, options.refine, 2, 50);
-    }
-    if options.guided {
-        rematch(&mut map, &descriptors, &followed, options, progress);
-        settle(&mut map, first, options, options.refine, 2, 30);
-    }
-    finish_adjustment(&mut map, first, options);
-    normalise(&mut map, first);
-    Ok(collect(map, frames, rejected, others))
+    let whole = |found: &Reconstruction| whole_poses(found, &features);
+    let mut found = keep.stage("poses", Reconstruction::registered, whole, || {
+        let mut rejected = unusable(frames, &features);
+        check_usable(frames, &rejected)?;
+        let (mut map, others) =
+            largest_model(camera, &features, &pairs, options, progress, &mut rejected)?;
+        let first = map.poses.iter().position(Option::is_some).unwrap_or(0);
+        if options.refine.any() {
+            settle(&mut map, first, options, options.refine, 2, 50);
+        }
+        if options.guided {
+            rematch(&mut map, &descriptors, &followed, options, progress);
+            settle(&mut map, first, options, options.refine, 2, 30);
+        }
+        finish_adjustment(&mut map, first, options);
+        normalise(&mut map, first);
+        Ok::<_, SfmError>(collect(map, frames, rejected, others))
+    })?;
+    found.features = features;
+    Ok(found)
 }
 
-/// Points and features for poses that are known: features, matching along epipolar lines and
-/// triangulation; neither poses nor intrinsics are changed.
-///
-/// `poses`: `camera_from_world` per frame, `None` for frames to leave out.
-pub fn triangulate_known(
+/// Features of every frame.
+pub(super) fn features(
     frames: &[Frame],
-    masks: &[Option<Mask>],
-    camera: &CameraModel,
-    poses: &[Option<Isometry>],
+    areas: &ValidAreas,
     options: &SfmOptions,
     progress: Progress,
-) -> Result<Reconstruction, SfmError> {
-    check_input(frames, masks, camera, options)?;
-    if poses.len() != frames.len() {
-        return Err(SfmError::Count { what: "poses", found: poses.len(), frames: frames.len() });
-    }
-    let areas = ValidAreas::new(frames, masks, options);
-    let features = detect_all(frames, &areas, options, progress);
-    let mut rejected = unusable(frames, &features);
-    let missing = (0..frames.len()).filter(|&v| poses[v].is_none());
-    rejected.extend(missing.map(|v| (v, "no pose was given".to_string())));
-    rejected.sort_by_key(|r| r.0);
-    rejected.dedup_by_key(|r| r.0);
-    let descriptors: Vec<_> =
-        features.iter().map(|f| UnitDescriptors::new(&f.descriptors)).collect();
-    let mut map = Map {
-        camera: camera.clone(),
-        prior: camera.clone(),
-        features: &features,
-        poses: poses.to_vec(),
-        tracks: Vec::new(),
-    };
-    rematch(&mut map, &descriptors, &[], options, progress);
-    let none = RefineIntrinsics::default();
-    // Without points there is nothing to adjust, and the caller sees an empty cloud.
-    let _ = map.adjust(&|_| true, Loss::GemanMcClure(1.5), none, 20);
-    map.filter(&options.limits());
-    Ok(collect(map, frames, rejected, Vec::new()))
+    keep: &Keep,
+) -> Result<Vec<Features2d>, SfmError> {
+    let whole = |found: &Vec<Features2d>| whole_features(found, frames.len());
+    let make = || Ok(detect_all(frames, areas, options, progress));
+    keep.stage("features", Vec::len, whole, make)
 }
 
 /// Grow models until no pair of unregistered frames starts another; keep the largest, and list the
@@ -210,8 +219,9 @@ fn finish_adjustment(map: &mut Map, first: usize, options: &SfmOptions) {
 mod tests {
     use super::*;
     use crate::camera::Lens;
-    use crate::geometry::{Point3, Vector3, align_similarity};
+    use crate::geometry::{Isometry, Point3, Vector3, align_similarity};
     use crate::sfm::random::Random;
+    use crate::sfm::triangulate_known;
     use crate::sfm::triangulation::centre_of;
 
     const SIZE: [usize; 2] = [200, 150];

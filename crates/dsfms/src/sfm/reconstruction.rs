@@ -9,9 +9,10 @@ use super::map::sigma_of_scale;
 use super::reconstruct::LAST_LOSS;
 use crate::camera::{CameraError, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3};
+use serde::{Deserialize, Serialize};
 
 /// Where a scene point was seen.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrackedPixel {
     /// Index of the frame.
     pub frame: usize,
@@ -22,7 +23,7 @@ pub struct TrackedPixel {
 }
 
 /// A sparse point of the scene.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ScenePoint {
     /// Position in world axes.
     pub position: Point3,
@@ -35,7 +36,7 @@ pub struct ScenePoint {
 }
 
 /// Frames that share points, and how many points they found.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FoundModel {
     /// Indices of the frames, ascending.
     pub frames: Vec<usize>,
@@ -45,7 +46,7 @@ pub struct FoundModel {
 
 /// Camera poses and sparse points. The world has the axes of the first registered camera and,
 /// unless poses were given, such a scale that the median depth is 50 units.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Reconstruction {
     /// `camera_from_world` per frame; `None` where it was rejected.
     pub poses: Vec<Option<Isometry>>,
@@ -60,7 +61,8 @@ pub struct Reconstruction {
     pub camera: CameraModel,
     /// Root mean square reprojection error of each frame, px; 0 where there are no sightings.
     pub reprojection_px: Vec<f64>,
-    /// Features of every frame.
+    /// Features of every frame; not serialised.
+    #[serde(skip)]
     pub features: Vec<Features2d>,
 }
 

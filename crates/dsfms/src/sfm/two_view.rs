@@ -12,7 +12,7 @@ use crate::geometry::{Isometry, Point3, Vector3};
 use rayon::prelude::*;
 
 /// A pair of frames with a relative pose.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct VerifiedPair {
     /// First frame.
     pub a: usize,

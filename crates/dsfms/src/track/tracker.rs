@@ -203,6 +203,13 @@ impl<'a> Tracker<'a> {
         let named: f64 = tracked.stages.iter().map(|s| s.1).sum();
         let all = prepared.seconds + start.elapsed().as_secs_f64();
         tracked.stages.push(("other", all - named));
+        tracing::debug!(
+            frame = %prepared.frame.name,
+            status = tracked.status.label(),
+            reasons = ?tracked.reasons,
+            stages = ?tracked.stages,
+            "tracked"
+        );
         tracked
     }
 

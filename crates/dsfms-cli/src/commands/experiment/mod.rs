@@ -7,6 +7,7 @@ mod table1;
 
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
+use crate::interrupt;
 use crate::outputs::{prepare_folder, write_text};
 use crate::progress::Reporter;
 use crate::report::experiment::experiment_page;
@@ -170,12 +171,16 @@ fn work(
         noises: series.noise.clone(),
         count: series.count,
         arms,
-        build: build()?,
+        build: crate::build::number()?,
     };
     let results = place.output.join("cases.csv");
     if place.restart && results.exists() {
         std::fs::remove_file(&results).with_context(|| results.display().to_string())?;
     }
+    interrupt::advise(format!(
+        "finished cases are kept in {}; the same command goes on from there",
+        results.display()
+    ));
     let records = run_plan(&plan, &organ, &results, &Paced::new(reporter))?;
     for lost in records.iter().filter(|r| r.errors.is_none()).take(5) {
         let (case, extension) = (lost.case, lost.cell.extension);
@@ -183,16 +188,6 @@ fn work(
     }
     let rows = summarise(&records, &plan);
     Ok((plan, rows))
-}
-
-/// A number that differs between builds of this program: results of two are never mixed.
-fn build() -> anyhow::Result<String> {
-    let bytes = std::env::current_exe()
-        .and_then(std::fs::read)
-        .context("cannot read the program's own file")?;
-    let fnv = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
-    let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325, fnv);
-    Ok(format!("{} {hash:016x}", env!("CARGO_PKG_VERSION")))
 }
 
 /// `zone.svg` and so on; with the noise in the name where there are several.

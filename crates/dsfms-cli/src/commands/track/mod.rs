@@ -15,6 +15,7 @@ use crate::args::Global;
 use crate::exit::Outcome;
 use crate::formats::{Formats, Shape};
 use crate::inputs;
+use crate::interrupt;
 use crate::outputs::{write_png, write_text};
 use crate::place;
 use crate::progress::Reporter;
@@ -107,7 +108,11 @@ pub fn run(args: &TrackArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
         recording,
     };
     let reading = source.start(rate, job.tracker.preparation());
+    interrupt::end_softly();
     let ended = loop {
+        if interrupt::asked() {
+            break Ok(());
+        }
         match reading.next() {
             Ok(Some((item, dropped))) => {
                 if let Err(error) = job.take(item, dropped) {
@@ -315,6 +320,11 @@ impl<'a> Job<'a> {
             None => {}
         }
         let total: usize = self.counts.iter().sum();
+        if interrupt::asked() {
+            let out = self.args.output.display();
+            self.reporter
+                .error(&format!("stopped; the {total} frame(s) so far are whole in {out}"));
+        }
         if total == 0 {
             ended?;
             anyhow::bail!("the input holds no frame");

@@ -2,6 +2,10 @@
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// How often who waits for an item looks whether to stop.
+const LOOK: Duration = Duration::from_millis(200);
 
 /// What happens to a new item where there is no room.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,6 +72,11 @@ impl<T> Queue<T> {
 
     /// The next item and how many gave way before it; `None` at the end.
     pub fn pop(&self) -> Option<(T, usize)> {
+        self.pop_unless(|| false)
+    }
+
+    /// As [`Queue::pop`], but `None` soon after `stop` is true, too, though nothing comes.
+    pub fn pop_unless(&self, stop: impl Fn() -> bool) -> Option<(T, usize)> {
         let mut state = self.lock();
         loop {
             if let Some(item) = state.items.pop_front() {
@@ -75,10 +84,11 @@ impl<T> Queue<T> {
                 self.changed.notify_all();
                 return Some((item, dropped));
             }
-            if state.ended {
+            if state.ended || stop() {
                 return None;
             }
-            state = self.wait(state);
+            let wait = self.changed.wait_timeout(state, LOOK);
+            state = wait.unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 
@@ -107,6 +117,15 @@ impl<T> Drop for EndOnDrop<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn who_waits_for_what_does_not_come_can_be_stopped() {
+        let queue = Queue::<u8>::new(1, Full::Wait);
+        assert_eq!(queue.pop_unless(|| true), None);
+        queue.push(7);
+        // What is there is not lost.
+        assert_eq!(queue.pop_unless(|| true), Some((7, 0)));
+    }
 
     #[test]
     fn the_newest_stays_where_there_is_no_room() {

@@ -88,7 +88,7 @@ pub struct Reading {
 impl Reading {
     /// The next frame and how many were dropped before it.
     pub fn next(&self) -> anyhow::Result<Option<(Item, usize)>> {
-        match self.queue.pop() {
+        match self.queue.pop_unless(crate::interrupt::asked) {
             Some((Ok(item), dropped)) => Ok(Some((item, dropped))),
             Some((Err(error), _)) => Err(error),
             None => Ok(None),

@@ -1,7 +1,8 @@
 //! The surface that stereo saw, as the template's mesh.
 
-use super::{Exploration, FoundOrgan, TemplateError, TemplateOptions, click, named, outline};
+use super::{Exploration, FoundOrgan, TemplateError, TemplateOptions, click, kept, named, outline};
 use crate::camera::CameraModel;
+use crate::checkpoint::Keep;
 use crate::dense::{
     DenseError, DenseOptions, DenseSurface, DepthMap, PosedFrame, depth_maps, surface, worthwhile,
 };
@@ -9,7 +10,7 @@ use crate::geometry::{Isometry, Point3};
 use crate::mesh::Mesh;
 use crate::mesh::remesh::{fit_diagonals, remesh};
 use crate::mesh::surface_points::ClosestPoints;
-use crate::pipeline::Progress;
+use crate::pipeline::{Progress, told};
 use crate::sfm::Reconstruction;
 use rayon::prelude::*;
 
@@ -32,6 +33,7 @@ pub(super) fn dense_mesh(
     points: &[Point3],
     options: &TemplateOptions,
     progress: &dyn Progress,
+    keep: Keep,
 ) -> Result<Surface, TemplateError> {
     let dense = DenseOptions {
         // Which piece is the organ the user says, if anybody: it need not be the largest.
@@ -51,12 +53,15 @@ pub(super) fn dense_mesh(
         options,
         progress,
     };
+    told::views(&scene.views, scene.named.len(), dense.max_frames);
     let (organ, around) = scene.organ(&dense)?.unzip();
     let views = match organ.as_ref().filter(|organ| organ.taken) {
         Some(organ) => shown(&scene.views, organ),
         None => scene.views.clone(),
     };
-    let maps = scene.stereo(&views, &dense, "stereo")?;
+    let whole = |maps: &Vec<DepthMap>| kept::whole_maps(maps, views.len());
+    let maps = keep.stage("depth", Vec::len, whole, || scene.stereo(&views, &dense, "stereo"))?;
+    told::maps(&views, &maps, progress);
     progress.step("surface", 0, 2);
     let seen = surface(&views, &maps, &dense)?;
     progress.step("surface", 1, 2);
@@ -67,6 +72,13 @@ pub(super) fn dense_mesh(
         mesh = fit_diagonals(&mesh, &fine);
     }
     let sigma = expected_errors(&seen, &mesh);
+    tracing::info!(
+        seen_faces = seen.mesh.topology.faces.len(),
+        kept_faces = fine.topology.faces.len(),
+        vertices = mesh.positions.len(),
+        edge = mesh.mean_edge_length(),
+        "surface"
+    );
     progress.step("surface", 2, 2);
     Ok(Surface { mesh, sigma, organ, around: around.flatten() })
 }

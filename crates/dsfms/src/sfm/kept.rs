@@ -1,0 +1,82 @@
+//! Whether values that were kept are such as the stages make: every index is of something that is there.
+
+use super::features::Features2d;
+use super::followed::Followed;
+use super::reconstruction::Reconstruction;
+use super::two_view::VerifiedPair;
+
+/// Features of so many frames, with all their vectors of one length.
+pub(super) fn whole_features(features: &[Features2d], frames: usize) -> bool {
+    let even = |f: &Features2d| {
+        [f.scale.len(), f.angle.len(), f.descriptors.len()].iter().all(|n| *n == f.points.len())
+    };
+    features.len() == frames && features.iter().all(even)
+}
+
+/// Pairs and corners of frames and features that there are.
+pub(super) fn whole_matches(
+    pairs: &[VerifiedPair],
+    followed: &[Followed],
+    features: &[Features2d],
+) -> bool {
+    let has = |frame: usize, i: u32| (i as usize) < features[frame].len();
+    let pair = |p: &VerifiedPair| {
+        p.a < p.b
+            && p.b < features.len()
+            && p.matches.iter().all(|m| has(p.a, m.a) && has(p.b, m.b))
+    };
+    let reach =
+        |f: &Followed| f.first.checked_add(f.pixels.len()).is_some_and(|n| n <= features.len());
+    pairs.iter().all(pair) && followed.iter().all(reach)
+}
+
+/// Poses and points of frames and features that there are.
+pub(super) fn whole_poses(found: &Reconstruction, features: &[Features2d]) -> bool {
+    let frames = features.len();
+    let posed = |frame: usize| found.poses.get(frame).is_some_and(Option::is_some);
+    let seen = found.points.iter().flat_map(|p| &p.track);
+    found.poses.len() == frames
+        && found.reprojection_px.len() == frames
+        && found.camera.validate().is_ok()
+        && found.rejected.iter().all(|r| r.0 < frames)
+        && found.models.iter().flat_map(|m| &m.frames).all(|&f| f < frames)
+        && found.points.iter().all(|p| !p.track.is_empty())
+        && { seen }.all(|t| posed(t.frame) && t.feature < features[t.frame].len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Isometry, Point2};
+    use crate::sfm::DescriptorMatch;
+
+    #[test]
+    fn indices_of_nothing_are_found() {
+        let one = Features2d {
+            points: vec![Point2::origin()],
+            scale: vec![1.0],
+            angle: vec![0.0],
+            descriptors: vec![[0; 128]],
+        };
+        let features = vec![one.clone(), one];
+        assert!(whole_features(&features, 2) && !whole_features(&features, 3));
+        let mut uneven = features.clone();
+        uneven[1].angle.clear();
+        assert!(!whole_features(&uneven, 2));
+        let pair = |b: usize, feature: u32| VerifiedPair {
+            a: 0,
+            b,
+            b_from_a: Isometry::identity(),
+            matches: vec![DescriptorMatch { a: 0, b: feature, distance: 0.0 }],
+            parallax_deg: 1.0,
+        };
+        assert!(whole_matches(&[pair(1, 0)], &[], &features));
+        for bad in [pair(2, 0), pair(1, 1), pair(0, 0)] {
+            assert!(!whole_matches(&[bad], &[], &features));
+        }
+        let followed = |first: usize| Followed { first, pixels: vec![Point2::origin(); 2] };
+        assert!(whole_matches(&[], &[followed(0)], &features));
+        assert!(!whole_matches(&[], &[followed(1)], &features));
+        assert!(!whole_matches(&[], &[followed(usize::MAX)], &features));
+    }
+}

@@ -1,0 +1,87 @@
+//! The stage where poses are given: points and features alone.
+
+use super::collect::collect;
+use super::features::Features2d;
+use super::frames::{Progress, ValidAreas, check_input, unusable};
+use super::kept::whole_poses;
+use super::map::Map;
+use super::matching::UnitDescriptors;
+use super::reconstruct::features;
+use super::reconstruction::{Reconstruction, SfmError};
+use super::rematch::rematch;
+use super::{RefineIntrinsics, SfmOptions};
+use crate::camera::CameraModel;
+use crate::checkpoint::Keep;
+use crate::geometry::Isometry;
+use crate::image::{Frame, Mask};
+use crate::solver::Loss;
+
+/// Points and features for poses that are known: features, matching along epipolar lines and
+/// triangulation; neither poses nor intrinsics are changed.
+///
+/// `poses`: `camera_from_world` per frame, `None` for frames to leave out.
+pub fn triangulate_known(
+    frames: &[Frame],
+    masks: &[Option<Mask>],
+    camera: &CameraModel,
+    poses: &[Option<Isometry>],
+    options: &SfmOptions,
+    progress: Progress,
+) -> Result<Reconstruction, SfmError> {
+    triangulate_kept(frames, masks, camera, poses, options, progress, Keep::default())
+}
+
+/// [`triangulate_known`] that keeps what its steps make.
+pub(crate) fn triangulate_kept(
+    frames: &[Frame],
+    masks: &[Option<Mask>],
+    camera: &CameraModel,
+    poses: &[Option<Isometry>],
+    options: &SfmOptions,
+    progress: Progress,
+    keep: Keep,
+) -> Result<Reconstruction, SfmError> {
+    check_input(frames, masks, camera, options)?;
+    if poses.len() != frames.len() {
+        return Err(SfmError::Count { what: "poses", found: poses.len(), frames: frames.len() });
+    }
+    let areas = ValidAreas::new(frames, masks, options);
+    let features = features(frames, &areas, options, progress, &keep)?;
+    let whole = |found: &Reconstruction| whole_poses(found, &features);
+    let mut found = keep.stage("poses", Reconstruction::registered, whole, || {
+        Ok::<_, SfmError>(triangulate(frames, &features, camera, poses, options, progress))
+    })?;
+    found.features = features;
+    Ok(found)
+}
+
+/// Matching along epipolar lines and triangulation.
+fn triangulate(
+    frames: &[Frame],
+    features: &[Features2d],
+    camera: &CameraModel,
+    poses: &[Option<Isometry>],
+    options: &SfmOptions,
+    progress: Progress,
+) -> Reconstruction {
+    let mut rejected = unusable(frames, features);
+    let missing = (0..frames.len()).filter(|&v| poses[v].is_none());
+    rejected.extend(missing.map(|v| (v, "no pose was given".to_string())));
+    rejected.sort_by_key(|r| r.0);
+    rejected.dedup_by_key(|r| r.0);
+    let descriptors: Vec<_> =
+        features.iter().map(|f| UnitDescriptors::new(&f.descriptors)).collect();
+    let mut map = Map {
+        camera: camera.clone(),
+        prior: camera.clone(),
+        features,
+        poses: poses.to_vec(),
+        tracks: Vec::new(),
+    };
+    rematch(&mut map, &descriptors, &[], options, progress);
+    let none = RefineIntrinsics::default();
+    // Without points there is nothing to adjust, and the caller sees an empty cloud.
+    let _ = map.adjust(&|_| true, Loss::GemanMcClure(1.5), none, 20);
+    map.filter(&options.limits());
+    collect(map, frames, rejected, Vec::new())
+}

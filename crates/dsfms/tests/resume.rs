@@ -1,0 +1,95 @@
+//! A template whose making was stopped goes on behind its last finished stage, with the same bits.
+
+use dsfms::checkpoint::{Keep, Store};
+use dsfms::pipeline::template_from_frames_kept;
+use dsfms::synth::Case;
+use dsfms::{Exploration, Silent, Template, TemplateOptions};
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+
+/// Keeps stages in memory, in the order of their names, and counts those used.
+#[derive(Default)]
+struct Memory {
+    kept: Mutex<BTreeMap<String, (u64, Vec<u8>)>>,
+    used: Mutex<Vec<String>>,
+    refused: Mutex<Vec<String>>,
+}
+
+impl Store for Memory {
+    fn load(&self, stage: &str, key: u64) -> Option<Vec<u8>> {
+        let kept = self.kept.lock().unwrap();
+        kept.get(stage).filter(|(k, _)| *k == key).map(|(_, bytes)| bytes.clone())
+    }
+    fn save(&self, stage: &str, key: u64, bytes: &[u8]) {
+        self.kept.lock().unwrap().insert(stage.into(), (key, bytes.to_vec()));
+    }
+    fn used(&self, stage: &str, _frames: usize) {
+        self.used.lock().unwrap().push(stage.into());
+    }
+    fn refused(&self, stage: &str) {
+        self.refused.lock().unwrap().push(stage.into());
+    }
+}
+
+const STAGES: [&str; 4] = ["features", "matches", "poses", "depth"];
+
+/// On few pixels: what is shown is that stages are kept, not how well they work.
+fn build(case: &Case, store: &Memory) -> Template {
+    let (frames, _) = case.explore(8);
+    let exploration = Exploration::new(&frames, &case.camera).light(case.template.light.as_ref());
+    let mut options = TemplateOptions { vertices: 150, ..Default::default() };
+    options.dense.max_pixels = 20_000;
+    options.albedo.max_resolution = 4;
+    options.light.spots = 300;
+    template_from_frames_kept(&exploration, &options, &Silent, Keep::new(store)).unwrap().template
+}
+
+fn files(template: &Template) -> Vec<(String, Vec<u8>)> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("organ.template");
+    dsfms::write_template(&path, template).unwrap();
+    let read = |entry: std::fs::DirEntry| {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        (name, std::fs::read(entry.path()).unwrap())
+    };
+    let entries = std::fs::read_dir(&path).unwrap().map(|entry| entry.unwrap());
+    let mut all: Vec<_> = entries.filter(|e| e.path().is_file()).map(read).collect();
+    all.sort();
+    all
+}
+
+#[test]
+fn a_run_stopped_behind_any_stage_goes_on_to_the_same_bits() {
+    let case = Case::example(1);
+    let whole = Memory::default();
+    let expected = files(&build(&case, &whole));
+    let stages = whole.kept.lock().unwrap().clone();
+    assert_eq!(
+        stages.keys().map(String::as_str).collect::<std::collections::BTreeSet<_>>(),
+        STAGES.into()
+    );
+    assert!(whole.used.lock().unwrap().is_empty());
+    for finished in 1..=STAGES.len() {
+        let store = Memory::default();
+        for stage in &STAGES[..finished] {
+            store.kept.lock().unwrap().insert(stage.to_string(), stages[*stage].clone());
+        }
+        let found = files(&build(&case, &store));
+        assert_eq!(*store.used.lock().unwrap(), STAGES[..finished]);
+        for ((name, found), (_, expected)) in found.iter().zip(&expected) {
+            assert!(found == expected, "{name} differs behind {}", STAGES[finished - 1]);
+        }
+        assert_eq!(found.len(), expected.len());
+        // And the stages that were missing are those of the whole run.
+        assert_eq!(*store.kept.lock().unwrap(), stages);
+    }
+    // Values that break off: never used.
+    let torn = Memory { kept: Mutex::new(stages), ..Default::default() };
+    for stage in STAGES {
+        let mut kept = torn.kept.lock().unwrap();
+        let bytes = &mut kept.get_mut(stage).unwrap().1;
+        bytes.truncate(bytes.len() / 2);
+    }
+    assert_eq!(files(&build(&case, &torn)), expected);
+    assert_eq!(*torn.refused.lock().unwrap(), STAGES);
+}
