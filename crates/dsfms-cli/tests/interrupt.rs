@@ -83,12 +83,16 @@ fn exploration() -> TempDir {
     let light = case.template.light.clone();
     let file = CameraFile { camera: case.camera, tone: None, light, vignetting: None };
     write_camera(&folder.path().join("camera.json"), &file).unwrap();
+    // On few pixels: what is shown is that stages are kept, not how well they work.
+    let quick = "[dense]\nmax_pixels = 20000\n[albedo]\nmax_resolution = 4\n[light]\nspots = 300\n";
+    std::fs::write(folder.path().join("quick.toml"), quick).unwrap();
     folder
 }
 
 fn template(folder: &Path, output: &str) -> Command {
-    let arguments = ["template", "frames", "--camera", "camera.json", "--vertices", "150"];
-    dsfms(folder, &[&arguments[..], &["--progress", "json", "--no-report", "-o", output]].concat())
+    let arguments = ["template", "frames", "--camera", "camera.json", "--options", "quick.toml"];
+    let more = ["--vertices", "150", "--progress", "json", "--no-report", "-o", output];
+    dsfms(folder, &[&arguments[..], &more].concat())
 }
 
 /// Build to the end; what was told.
@@ -129,7 +133,8 @@ fn a_template_goes_on_where_it_was_stopped() {
     let text = whole(folder, output);
     assert!(text.contains("poses.stage is damaged and not used"), "{text}");
     assert!(text.contains("resumed after matches"), "{text}");
-    assert_eq!(names(folder), ["camera.json", "frames", "organ.template", "whole.template"]);
+    let left = ["camera.json", "frames", "organ.template", "quick.toml", "whole.template"];
+    assert_eq!(names(folder), left);
     let found = files(&folder.join(output));
     assert_eq!(found.keys().collect::<Vec<_>>(), expected.keys().collect::<Vec<_>>());
     for (name, bytes) in &found {
