@@ -34,6 +34,37 @@ fn a_synthetic_case_goes_through_the_other_commands() {
     assert!(all < 2.0, "{all} mm");
 }
 
+/// A ring light: rendered, written to the camera file, read from it, in the shading of the joint solve.
+#[test]
+fn a_ring_light_goes_from_synth_to_reconstruct() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let synth =
+        "synth --organ uterus --light ring --vertices 100 --ext 10 --count 1 --seed 3 -q -o cases";
+    dsfms(at, synth).assert().success();
+    let case = at.join("cases/ext10/case_0000");
+    let camera = fs::read_to_string(case.join("camera.json")).unwrap();
+    let camera: serde_json::Value = serde_json::from_str(&camera).unwrap();
+    assert_eq!(
+        (&camera["light"]["kind"], &camera["light"]["radius"]),
+        (&"ring".into(), &4.0.into())
+    );
+    dsfms(
+        &case,
+        "template --mesh rest.obj --albedo albedo.png --camera camera.json -q -o organ.template",
+    )
+    .assert()
+    .success();
+    let reconstruct = "reconstruct organ.template frame_000.png --camera camera.json --matches \
+                       matches.csv --method joint -q -o out";
+    dsfms(&case, reconstruct).assert().success();
+    dsfms(&case, "evaluate out truth --camera camera.json --json errors.json").assert().success();
+    let errors = fs::read_to_string(case.join("errors.json")).unwrap();
+    let errors: serde_json::Value = serde_json::from_str(&errors).unwrap();
+    let all = errors["frame_000.ply"]["vertices"]["all"]["rms"].as_f64().unwrap();
+    assert!(all < 2.0, "{all} mm");
+}
+
 #[test]
 fn an_experiment_goes_on_after_a_kill_and_keeps_its_tables() {
     let folder = tempfile::tempdir().unwrap();

@@ -9,6 +9,7 @@
 use super::grid::{NONE, coarser, neighbours, prolonged};
 use super::observe::Evidence;
 use super::volume::Volume;
+use crate::solver::conjugate_gradients::{Goal, System, conjugate_gradients};
 use rayon::prelude::*;
 
 /// Levels, each of half the resolution of the one before.
@@ -17,8 +18,6 @@ const LEVELS: usize = 4;
 const ROUNDS: usize = 2;
 /// Conjugate gradient steps a round on the finest level; twice as many on every coarser one.
 const STEPS: usize = 25;
-/// Points a parallel task works on.
-const CHUNK: usize = 4096;
 
 /// Replace the distances of `volume` by the smooth field.
 pub(super) fn run(volume: &mut Volume, smoothness: f32) {
@@ -51,47 +50,39 @@ struct Grid {
     smoothness: f32,
 }
 
-impl Grid {
-    /// Conjugate gradients on `(C + λ DᵀD) f = C d`, preconditioned by the diagonal.
-    fn solve(&self, weight: &[f32], evidence: &[Evidence], field: &mut [f32], steps: usize) {
-        let n = field.len();
-        // Six of 1, one of 4 for each of three axes; a little more where differences are missing.
-        let diagonal = |i: usize| weight[i] + 18.0 * self.smoothness;
-        let mut applied = self.apply(weight, field);
-        let mut residual: Vec<f32> =
-            (0..n).into_par_iter().map(|i| weight[i] * evidence[i].distance - applied[i]).collect();
-        let scaled = |r: &[f32]| -> Vec<f32> {
-            (0..n).into_par_iter().map(|i| r[i] / diagonal(i)).collect()
-        };
-        let mut z = scaled(&residual);
-        let mut direction = z.clone();
-        let mut energy = dot(&residual, &z);
-        for _ in 0..steps {
-            applied = self.apply(weight, &direction);
-            let curvature = dot(&direction, &applied);
-            if !(energy > 0.0 && curvature > 0.0) {
-                break;
-            }
-            let step = (energy / curvature) as f32;
-            field.par_iter_mut().zip(&direction).for_each(|(f, d)| *f += step * d);
-            residual.par_iter_mut().zip(&applied).for_each(|(r, a)| *r -= step * a);
-            z = scaled(&residual);
-            let next = dot(&residual, &z);
-            let share = (next / energy) as f32;
-            direction.par_iter_mut().zip(&z).for_each(|(d, z)| *d = z + share * *d);
-            energy = next;
-        }
+/// `C + λ DᵀD`, `D` the second differences along the axes and, mixed, across the squares.
+struct Normal<'a> {
+    grid: &'a Grid,
+    weight: &'a [f32],
+}
+
+impl System<f32> for Normal<'_> {
+    fn apply(&mut self, f: &[f32], out: &mut [f32]) {
+        let (grid, weight) = (self.grid, self.weight);
+        let second: Vec<[f32; 6]> =
+            (0..f.len()).into_par_iter().map(|i| grid.differences(f, i)).collect();
+        out.par_iter_mut().enumerate().for_each(|(i, out)| {
+            *out = weight[i] * f[i] + grid.smoothness * grid.transposed(&second, i);
+        });
     }
 
-    /// `(C + λ DᵀD) f`, `D` the second differences along the axes and, mixed, across the squares.
-    fn apply(&self, weight: &[f32], f: &[f32]) -> Vec<f32> {
-        let second: Vec<[f32; 6]> =
-            (0..f.len()).into_par_iter().map(|i| self.differences(f, i)).collect();
-        let mut out = vec![0.0; f.len()];
-        out.par_iter_mut().enumerate().for_each(|(i, out)| {
-            *out = weight[i] * f[i] + self.smoothness * self.transposed(&second, i);
-        });
-        out
+    fn precondition(&mut self, r: &[f32], out: &mut [f32]) {
+        // Six of 1, one of 4 for each of three axes; a little more where differences are missing.
+        let smooth = 18.0 * self.grid.smoothness;
+        let numbers = r.par_iter().zip(self.weight);
+        out.par_iter_mut().zip(numbers).for_each(|(out, (r, weight))| *out = r / (weight + smooth));
+    }
+}
+
+impl Grid {
+    /// `(C + λ DᵀD) f = C d`, nearly.
+    fn solve(&self, weight: &[f32], evidence: &[Evidence], field: &mut [f32], steps: usize) {
+        let mut normal = Normal { grid: self, weight };
+        let mut residual = vec![0.0; field.len()];
+        normal.apply(field, &mut residual);
+        let right = weight.par_iter().zip(evidence).map(|(weight, e)| weight * e.distance);
+        residual.par_iter_mut().zip(right).for_each(|(r, right)| *r = right - *r);
+        conjugate_gradients(&mut normal, field, &mut residual, Goal::Below(0.0), steps);
     }
 
     /// Second differences about point `i` along x, y, z; then of the squares above it in xy, yz, zx.
@@ -148,19 +139,11 @@ impl Grid {
 }
 
 /// Sum of products, in pieces of a fixed size and order.
-fn dot(a: &[f32], b: &[f32]) -> f64 {
-    let parts: Vec<f64> = a
-        .par_chunks(CHUNK)
-        .zip(b.par_chunks(CHUNK))
-        .map(|(a, b)| a.iter().zip(b).map(|(x, y)| f64::from(*x) * f64::from(*y)).sum())
-        .collect();
-    parts.iter().sum()
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::volume::{BLOCK, EDGE};
     use super::*;
+    use crate::solver::conjugate_gradients::Number;
 
     /// 4 x 4 x 4 blocks about the origin.
     fn blocks() -> Vec<[i32; 3]> {
@@ -231,7 +214,12 @@ mod tests {
         let a: Vec<f32> = (0..n).map(|i| (i as f32 * 0.37).sin()).collect();
         let b: Vec<f32> = (0..n).map(|i| (i as f32 * 0.53).cos()).collect();
         let weight = vec![0.3; n];
-        let (ab, ba) = (dot(&a, &grid.apply(&weight, &b)), dot(&b, &grid.apply(&weight, &a)));
+        let product = |a: &[f32], b: &[f32]| {
+            let mut out = vec![0.0; n];
+            Normal { grid: &grid, weight: &weight }.apply(b, &mut out);
+            f32::dot(a, &out)
+        };
+        let (ab, ba) = (product(&a, &b), product(&b, &a));
         assert!((ab - ba).abs() < 1e-4 * ab.abs().max(1.0), "{ab} {ba}");
     }
 }

@@ -17,12 +17,12 @@ pub use covariance::{Covariance, covariance};
 
 use super::intrinsics::{self, COUNT, RefineIntrinsics};
 use super::resection::{pose_jacobian, retract};
-use super::schur::{Eliminate, Layout, Row, Step, solve};
+use super::schur::{Eliminate, Layout, Row, solve};
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Isometry, Point2, Point3};
-use crate::solver::{Loss, Stop, Summary, TermCost};
+use crate::geometry::{Isometry, Point2, Point3, Vector3};
+use crate::solver::{Loss, Options, Problem, Step, Summary, minimize};
+use nalgebra::Vector6;
 use rayon::prelude::*;
-use std::time::Instant;
 
 /// One sighting of a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -119,72 +119,103 @@ pub enum BundleError {
 }
 
 /// Minimise the bundle's cost in place; never returns a state that costs more than the start.
+///
+/// # Errors
+/// A bundle without observations, with indices that do not exist, or with points behind their cameras.
 #[doc(alias("bundle adjustment", "BA"))]
 pub fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<Summary, BundleError> {
-    let began = Instant::now();
     check_cameras(bundle)?;
     let layout = Layout::new(bundle, &options.refine.active());
     sort(bundle, layout.eliminate)?;
     for camera in &mut bundle.cameras {
         *camera = intrinsics::prepared(camera, &options.refine);
     }
-    let prior = Prior::new(bundle, options);
     let both = bundle.cameras.iter().zip(&bundle.priors);
-    let mut offset: Vec<_> = both.map(|(c, prior)| intrinsics::difference(c, prior)).collect();
-    let prior_before = prior.cost(&offset);
-    let mut cost = reprojection_cost(bundle, options.loss)
-        .ok_or_else(|| BundleError::Infeasible(count_infeasible(bundle)))?;
-    let before = cost;
-    let (mut accepted, mut refused, mut damping, mut growth) = (0, 0, 1e-4, 2.0);
-    let mut stop = Stop::StepLimit;
-    'outer: for _ in 0..options.max_steps {
-        let rows = linearise(bundle, options.loss);
-        loop {
-            let total = cost + prior.cost(&offset);
-            let trial = solve(&rows, &layout, &prior.normal(&offset), damping).map(|step| {
-                let (trial, trial_offset) = apply(bundle, &layout, &offset, &step);
-                (reprojection_cost(&trial, options.loss), trial, trial_offset, step.promise)
-            });
-            if let Some((Some(trial_cost), trial, trial_offset, promise)) = trial {
-                let gained = total - trial_cost - prior.cost(&trial_offset);
-                if gained > 0.0 {
-                    let quality = gained / promise.max(1e-300);
-                    damping =
-                        (damping * (1.0 - (2.0 * quality - 1.0).powi(3)).max(1.0 / 3.0)).max(1e-12);
-                    growth = 2.0;
-                    (*bundle, offset, cost) = (trial, trial_offset, trial_cost);
-                    accepted += 1;
-                    if gained <= options.cost_tolerance * total {
-                        stop = Stop::Cost;
-                        break 'outer;
-                    }
-                    break;
-                }
-                if promise <= 1e-12 * total {
-                    stop = Stop::Gradient;
-                    break 'outer;
-                }
-            }
-            refused += 1;
-            damping *= growth;
-            growth *= 2.0;
-            if damping > 1e12 {
-                stop = Stop::NoProgress;
-                break 'outer;
+    let offset = both.map(|(c, prior)| intrinsics::difference(c, prior)).collect();
+    let (prior, loss) = (Prior::new(bundle, options), options.loss);
+    let mut adjustment = Adjustment { layout, prior, loss, rows: Vec::new(), normal: Vec::new() };
+    let solver = Options {
+        max_steps: options.max_steps,
+        cost_tolerance: options.cost_tolerance,
+        initial_damping: 1e-4,
+        // Nothing else holds the scale.
+        least_damping: 1e-12,
+        fastest: 1.0,
+        ..Options::default()
+    };
+    let start = Adjusted { bundle: bundle.clone(), offset };
+    let (end, summary) = minimize(&mut adjustment, start, &solver);
+    if summary.terms.is_empty() {
+        return Err(BundleError::Infeasible(count_infeasible(bundle)));
+    }
+    *bundle = end.bundle;
+    Ok(summary)
+}
+
+/// The problem, and its last linearisation.
+struct Adjustment {
+    layout: Layout,
+    prior: Prior,
+    loss: Loss,
+    rows: Vec<Row>,
+    /// Of the priors: second derivative and gradient of each active intrinsic.
+    normal: Vec<(f64, f64)>,
+}
+
+/// A bundle, and how far its intrinsics are from the middle of their priors.
+#[derive(Clone)]
+struct Adjusted {
+    bundle: Bundle,
+    offset: Vec<[f64; COUNT]>,
+}
+
+impl Problem for Adjustment {
+    type State = Adjusted;
+
+    fn costs(&self, state: &Adjusted) -> Option<Vec<f64>> {
+        let reprojection = reprojection_cost(&state.bundle, self.loss)?;
+        Some(vec![reprojection, self.prior.cost(&state.offset)])
+    }
+
+    fn labels(&self) -> Vec<&'static str> {
+        vec!["reprojection (bundle adjustment)", "prior on the intrinsics"]
+    }
+
+    fn linearise(&mut self, state: &Adjusted) -> f64 {
+        self.rows = linearise(&state.bundle, self.loss);
+        self.normal = self.prior.normal(&state.offset);
+        f64::INFINITY
+    }
+
+    fn step(&mut self, damping: f64) -> Option<Step> {
+        solve(&self.rows, &self.layout, &self.normal, damping)
+    }
+
+    /// `delta`: six numbers a pose, three a point, then the active intrinsics of every camera.
+    fn retract(&self, state: &Adjusted, delta: &[f64]) -> Adjusted {
+        let mut moved = state.clone();
+        let (poses, rest) = delta.split_at(6 * state.bundle.poses.len());
+        let (points, intrinsics) = rest.split_at(3 * state.bundle.points.len());
+        for (v, d) in poses.chunks_exact(6).enumerate() {
+            if !state.bundle.fixed[v] {
+                let pose = &mut moved.bundle.poses[v];
+                *pose = retract(pose, &Vector6::from_column_slice(d));
             }
         }
+        for (point, d) in moved.bundle.points.iter_mut().zip(points.chunks_exact(3)) {
+            *point += Vector3::new(d[0], d[1], d[2]);
+        }
+        let active = &self.layout.intrinsics;
+        for (c, camera) in moved.bundle.cameras.iter_mut().enumerate() {
+            let mut change = [0.0; COUNT];
+            for (&k, d) in active.iter().zip(&intrinsics[c * active.len()..]) {
+                change[k] = *d;
+            }
+            *camera = intrinsics::retract(camera, &change);
+            moved.offset[c] = std::array::from_fn(|k| state.offset[c][k] + change[k]);
+        }
+        moved
     }
-    let term = |label: &str, before, after| TermCost { label: label.into(), before, after };
-    Ok(Summary {
-        stop,
-        iterations: accepted,
-        refused,
-        terms: vec![
-            term("reprojection (bundle adjustment)", before, cost),
-            term("prior on the intrinsics", prior_before, prior.cost(&offset)),
-        ],
-        seconds: began.elapsed().as_secs_f64(),
-    })
 }
 
 /// Gaussian prior on the refined intrinsics of every camera about their starting values.
@@ -289,35 +320,6 @@ fn linearise(bundle: &Bundle, loss: Loss) -> Vec<Row> {
         })
     };
     bundle.observations.par_iter().with_min_len(512).filter_map(row).collect()
-}
-
-/// The bundle after a step.
-fn apply(
-    bundle: &Bundle,
-    layout: &Layout,
-    offset: &[[f64; COUNT]],
-    step: &Step,
-) -> (Bundle, Vec<[f64; COUNT]>) {
-    let mut moved = bundle.clone();
-    for ((pose, d), fixed) in moved.poses.iter_mut().zip(&step.poses).zip(&bundle.fixed) {
-        if !fixed {
-            *pose = retract(pose, d);
-        }
-    }
-    for (point, d) in moved.points.iter_mut().zip(&step.points) {
-        *point += d;
-    }
-    let active = &layout.intrinsics;
-    let mut offset = offset.to_vec();
-    for (c, camera) in moved.cameras.iter_mut().enumerate() {
-        let mut change = [0.0; COUNT];
-        for (&k, d) in active.iter().zip(&step.intrinsics[c * active.len()..]) {
-            change[k] = *d;
-        }
-        *camera = intrinsics::retract(camera, &change);
-        offset[c] = std::array::from_fn(|k| offset[c][k] + change[k]);
-    }
-    (moved, offset)
 }
 
 #[cfg(test)]

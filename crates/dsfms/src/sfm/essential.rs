@@ -9,6 +9,7 @@ use super::five_point::five_point;
 use super::magsac::Magsac;
 use super::random::{Random, draws_needed};
 use crate::geometry::{Isometry, Point3, Vector3};
+use crate::solver::{Options, minimize_few};
 use nalgebra::{Matrix3, Matrix5, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector5};
 
 /// Relative pose of two views.
@@ -157,26 +158,28 @@ fn decompose(e: &Matrix3<f64>, a: &[Vector3], b: &[Vector3], threshold: f64) -> 
     best.map(|(_, pose)| pose)
 }
 
-/// Gauss–Newton on the weighted epipolar angles over rotation (3) and direction of translation
-/// (2). The denominator of the residual is held during a step (a dropped derivative of second order
+/// Least squares of the weighted epipolar angles over rotation (3) and direction of translation (2).
+/// The denominator of the residual is held during a step (a dropped derivative of second order
 /// in the residual).
 fn refine(pose: &Isometry, a: &[Vector3], b: &[Vector3], loss: &Magsac) -> Isometry {
-    const STEPS: usize = 6;
-    let mut pose = *pose;
-    let mut cost = score(&essential_matrix(&pose), a, b, loss, f64::INFINITY);
-    for _ in 0..STEPS {
-        let Some(trial) = refine_step(&pose, a, b, loss) else { break };
-        let enough = cost * (1.0 - 1e-9);
-        let trial_cost = score(&essential_matrix(&trial), a, b, loss, enough);
-        if trial_cost >= enough {
-            break;
-        }
-        (pose, cost) = (trial, trial_cost);
-    }
-    pose
+    let options =
+        Options { max_steps: 6, cost_tolerance: 1e-9, fastest: 1.0, ..Options::default() };
+    let cost = |pose: &Isometry, bound| score(&essential_matrix(pose), a, b, loss, bound);
+    let normal = |pose: &Isometry| normal_equations(pose, a, b, loss);
+    minimize_few(pose, &options, cost, normal, |pose, step| {
+        let t = pose.translation.vector;
+        let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(step[0], step[1], step[2]));
+        let translation = (t + tangent_of(&t) * step.fixed_rows::<2>(3)).normalize();
+        Isometry::from_parts(Translation3::from(translation), rotation * pose.rotation)
+    })
 }
 
-fn refine_step(pose: &Isometry, a: &[Vector3], b: &[Vector3], loss: &Magsac) -> Option<Isometry> {
+fn normal_equations(
+    pose: &Isometry,
+    a: &[Vector3],
+    b: &[Vector3],
+    loss: &Magsac,
+) -> (Matrix5<f64>, Vector5<f64>) {
     let e = essential_matrix(pose);
     let t = pose.translation.vector;
     let tangent = tangent_of(&t);
@@ -202,11 +205,7 @@ fn refine_step(pose: &Isometry, a: &[Vector3], b: &[Vector3], loss: &Magsac) -> 
         hessian += row * row.transpose() * weight;
         gradient += row * (residual * weight);
     }
-    hessian += Matrix5::identity() * (1e-9 * hessian.trace());
-    let step = -hessian.cholesky()?.solve(&gradient);
-    let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(step[0], step[1], step[2]));
-    let translation = (t + tangent * step.fixed_rows::<2>(3)).normalize();
-    Some(Isometry::from_parts(Translation3::from(translation), rotation * pose.rotation))
+    (hessian, gradient)
 }
 
 /// Two unit vectors orthogonal to `v` and to each other, as columns.

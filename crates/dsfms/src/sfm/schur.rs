@@ -7,6 +7,7 @@
 
 use super::bundle::Bundle;
 use super::intrinsics::COUNT;
+use crate::solver::Step;
 use nalgebra::{DMatrix, DVector, Matrix2x3, Matrix2x6, SMatrix, SVector, Vector2};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -88,16 +89,6 @@ pub(super) struct PointBlock {
     pub couplings: Vec<(usize, SVector<f64, 3>)>,
 }
 
-/// A damped step and the drop of the cost that the linear model promises for it.
-pub(super) struct Step {
-    /// Zero for fixed poses.
-    pub poses: Vec<SVector<f64, 6>>,
-    pub points: Vec<SVector<f64, 3>>,
-    /// Camera by camera, each in the order of [`Layout::intrinsics`].
-    pub intrinsics: Vec<f64>,
-    pub promise: f64,
-}
-
 /// Solve for one step; `rows` sorted by what is eliminated, then by the other. `prior`: second
 /// derivative and gradient of each active intrinsic. `None` when a damped matrix is not positive
 /// definite.
@@ -114,14 +105,28 @@ pub(super) fn solve(
         Eliminate::Points => {
             let (poses, points, intrinsics, promise) =
                 System::new(&layout.free, &all, layout, damping, pose, point).solve(rows, prior)?;
-            Some(Step { poses, points, intrinsics, promise })
+            Some(step(&poses, &points, intrinsics, promise))
         }
         Eliminate::Poses => {
             let (points, poses, intrinsics, promise) =
                 System::new(&all, &layout.free, layout, damping, point, pose).solve(rows, prior)?;
-            Some(Step { poses, points, intrinsics, promise })
+            Some(step(&poses, &points, intrinsics, promise))
         }
     }
+}
+
+/// Zero for fixed poses; intrinsics camera by camera, each in the order of [`Layout::intrinsics`].
+fn step(
+    poses: &[SVector<f64, 6>],
+    points: &[SVector<f64, 3>],
+    intrinsics: Vec<f64>,
+    predicted: f64,
+) -> Step {
+    let mut delta = Vec::with_capacity(6 * poses.len() + 3 * points.len() + intrinsics.len());
+    poses.iter().for_each(|d| delta.extend(d.iter()));
+    points.iter().for_each(|d| delta.extend(d.iter()));
+    delta.extend(intrinsics);
+    Step { delta, predicted }
 }
 
 /// The undamped reduced matrix (lower triangle) of a [`Layout::whole`]; `None` where the sightings of

@@ -2,6 +2,7 @@
 
 use crate::camera::Camera;
 use crate::geometry::{Isometry, Point2, Point3, Vector3};
+use crate::solver::{Options, minimize_few};
 use nalgebra::{Matrix3, Vector3 as V3};
 
 /// One sighting of a point: where from, in which direction, at which pixel.
@@ -55,32 +56,22 @@ pub fn nearest_to_rays(sightings: &[Sighting]) -> Option<Point3> {
     point.iter().all(|v| v.is_finite()).then(|| Point3::from(point))
 }
 
-/// Gauss–Newton on the reprojection errors from a first point; the best point met.
+/// Least squares of the reprojection errors from a first point; the best point met.
 pub fn refine_point(camera: &dyn Camera, sightings: &[Sighting], start: Point3) -> Point3 {
-    let cost =
-        |p: &Point3| -> f64 { sightings.iter().map(|s| s.error_px(camera, p).powi(2)).sum() };
-    let (mut point, mut best) = (start, cost(&start));
-    for _ in 0..5 {
+    let options = Options { max_steps: 5, fastest: 1.0, ..Options::default() };
+    let cost = |p: &Point3, _| sightings.iter().map(|s| s.error_px(camera, p).powi(2)).sum::<f64>();
+    let normal = |point: &Point3| {
         let (mut normal, mut gradient) = (Matrix3::zeros(), V3::zeros());
         for s in sightings {
-            let Some(seen) = camera.project(&(s.pose * point)) else { return point };
+            // A point with a cost has a projection everywhere.
+            let Some(seen) = camera.project(&(s.pose * point)) else { continue };
             let jacobian = seen.jacobian * s.pose.rotation.to_rotation_matrix().matrix();
             normal += jacobian.transpose() * jacobian;
             gradient += jacobian.transpose() * (seen.pixel - s.pixel);
         }
-        let Some(factor) = normal.cholesky() else { return point };
-        let trial = point - factor.solve(&gradient);
-        let trial_cost = cost(&trial);
-        if trial_cost.is_nan() || trial_cost >= best {
-            return point;
-        }
-        let done = trial_cost > best * (1.0 - 1e-6);
-        (point, best) = (trial, trial_cost);
-        if done {
-            break;
-        }
-    }
-    point
+        (normal, gradient)
+    };
+    minimize_few(&start, &options, cost, normal, |point, step| point + step)
 }
 
 /// Largest angle between two sightlines of a point, degrees.

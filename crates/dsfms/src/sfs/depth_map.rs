@@ -5,8 +5,7 @@ use super::grid::{Cell, Grid};
 use super::rows::{Row, step};
 use crate::geometry::{Point3, area_normal};
 use crate::light::{Light, LightModel};
-use crate::solver::{Loss, Stop, Summary, TermCost};
-use std::time::Instant;
+use crate::solver::{Loss, Options, Problem, Step, Summary, minimize};
 
 const LABELS: [&str; 3] = ["shading (SfS)", "smoothing (SfS)", "border depth (SfS)"];
 /// Largest change of ln depth in one step.
@@ -14,49 +13,53 @@ const MAX_STEP: f64 = 0.2;
 
 /// ln depth of every node, and how it was found.
 pub(super) fn solve(grid: &Grid, light: &LightModel, options: &SfsOptions) -> (Vec<f64>, Summary) {
-    let started = Instant::now();
-    let problem = Problem { grid, light, options };
-    let mut u = problem.start();
-    let before = problem.costs(&u);
-    let (mut cost, mut damping) = (before.iter().sum::<f64>(), 1e-2);
-    let (mut iterations, mut refused, mut stop) = (0, 0, Stop::StepLimit);
-    while iterations < options.max_iterations {
-        let rows = problem.rows(&u);
-        let Some((next, next_cost)) = (0..8).find_map(|_| {
-            let delta = step(&rows, u.len(), damping);
-            let next: Vec<_> =
-                u.iter().zip(&delta).map(|(u, d)| u + d.clamp(-MAX_STEP, MAX_STEP)).collect();
-            let next_cost = problem.costs(&next).iter().sum::<f64>();
-            let better = next_cost < cost;
-            refused += usize::from(!better);
-            damping *= if better { 0.3 } else { 5.0 };
-            better.then_some((next, next_cost))
-        }) else {
-            stop = Stop::NoProgress;
-            break;
-        };
-        iterations += 1;
-        let decrease = cost - next_cost;
-        (u, cost) = (next, next_cost);
-        if decrease < 1e-4 * cost {
-            stop = Stop::Cost;
-            break;
-        }
-    }
-    let terms = (LABELS.iter().zip(before).zip(problem.costs(&u)))
-        .map(|((label, before), after)| TermCost { label: (*label).to_owned(), before, after })
-        .collect();
-    let seconds = started.elapsed().as_secs_f64();
-    (u, Summary { stop, iterations, refused, terms, seconds })
+    let mut map = DepthMap { grid, light, options, rows: Vec::new() };
+    let start = map.start();
+    let limits = Options {
+        max_steps: options.max_iterations,
+        cost_tolerance: 1e-4,
+        initial_damping: 1e-2,
+        fastest: 1.0,
+        ..Options::default()
+    };
+    minimize(&mut map, start, &limits)
 }
 
-struct Problem<'a> {
+struct DepthMap<'a> {
     grid: &'a Grid,
     light: &'a LightModel,
     options: &'a SfsOptions,
+    /// At the last linearisation.
+    rows: Vec<Row>,
 }
 
-impl Problem<'_> {
+impl Problem for DepthMap<'_> {
+    type State = Vec<f64>;
+
+    fn costs(&self, u: &Vec<f64>) -> Option<Vec<f64>> {
+        let costs = self.terms(u);
+        costs.iter().all(|cost| cost.is_finite()).then(|| costs.to_vec())
+    }
+
+    fn labels(&self) -> Vec<&'static str> {
+        LABELS.to_vec()
+    }
+
+    fn linearise(&mut self, u: &Vec<f64>) -> f64 {
+        self.rows = self.rows(u);
+        f64::INFINITY
+    }
+
+    fn step(&mut self, damping: f64) -> Option<Step> {
+        step(&self.rows, self.grid.sightlines.len(), damping)
+    }
+
+    fn retract(&self, u: &Vec<f64>, delta: &[f64]) -> Vec<f64> {
+        u.iter().zip(delta).map(|(u, d)| u + d.clamp(-MAX_STEP, MAX_STEP)).collect()
+    }
+}
+
+impl DepthMap<'_> {
     /// The mean depth, bulging a little towards the camera: organs do, and a flat start could not
     /// tell a hill from a hollow.
     fn start(&self) -> Vec<f64> {
@@ -94,7 +97,7 @@ impl Problem<'_> {
         nodes.map(move |(i, _)| (i, u[i] - mean))
     }
 
-    fn costs(&self, u: &[f64]) -> [f64; 3] {
+    fn terms(&self, u: &[f64]) -> [f64; 3] {
         let loss = Loss::Huber(2.0);
         let shading = |c: &Cell| loss.evaluate(self.shading(c, Self::gathered(c, u)).powi(2)).0;
         let smooth = |t: &[u32; 3]| self.second_difference(*t, u).powi(2);

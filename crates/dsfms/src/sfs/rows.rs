@@ -1,5 +1,8 @@
 //! Sparse least squares by conjugate gradients: every row has at most three unknowns.
 
+use crate::solver::Step;
+use crate::solver::conjugate_gradients::{Goal, System, conjugate_gradients};
+
 /// A linearised, weighted residual: `weight · (residual + slope · step)²`.
 pub(super) struct Row {
     pub index: [u32; 3],
@@ -13,54 +16,49 @@ const MAX_ITERATIONS: usize = 150;
 
 /// The step that minimises `Σ weight·(residual + slope·step)² + damping·‖step‖²_D`, `D` the diagonal
 /// of the normal matrix, nearly.
-pub(super) fn step(rows: &[Row], unknowns: usize, damping: f64) -> Vec<f64> {
-    let (mut diagonal, mut r) = (vec![1e-9; unknowns], vec![0.0; unknowns]);
+pub(super) fn step(rows: &[Row], unknowns: usize, damping: f64) -> Option<Step> {
+    let (mut diagonal, mut descent) = (vec![1e-9; unknowns], vec![0.0; unknowns]);
     for row in rows {
         for (&i, s) in row.index.iter().zip(row.slope) {
             diagonal[i as usize] += row.weight * s * s;
-            r[i as usize] -= row.weight * s * row.residual;
+            descent[i as usize] -= row.weight * s * row.residual;
         }
     }
-    let precondition = |r: &[f64]| -> Vec<f64> {
-        r.iter().zip(&diagonal).map(|(r, d)| r / ((1.0 + damping) * d)).collect()
-    };
-    let mut x = vec![0.0; unknowns];
-    let mut z = precondition(&r);
-    let mut p = z.clone();
-    let mut rz = dot(&r, &z);
-    let target = 1e-6 * rz;
-    for _ in 0..MAX_ITERATIONS {
-        if rz <= target {
-            break;
-        }
-        let q = multiply(rows, &diagonal, damping, &p);
-        let alpha = rz / dot(&p, &q);
-        for i in 0..unknowns {
-            x[i] += alpha * p[i];
-            r[i] -= alpha * q[i];
-        }
-        z = precondition(&r);
-        let next = dot(&r, &z);
-        let beta = next / rz;
-        rz = next;
-        p.iter_mut().zip(&z).for_each(|(p, z)| *p = z + beta * *p);
-    }
-    x
+    let (mut delta, mut left) = (vec![0.0; unknowns], descent.clone());
+    let mut normal = Normal { rows, diagonal: &diagonal, damping };
+    conjugate_gradients(&mut normal, &mut delta, &mut left, Goal::Share(1e-6), MAX_ITERATIONS);
+    // With (H + damping D) step = descent − left, the model falls by 2 descentᵀstep − stepᵀH step.
+    let damped: f64 = delta.iter().zip(&diagonal).map(|(x, d)| damping * d * x * x).sum();
+    let pulls = descent.iter().zip(&left).map(|(b, r)| b + r);
+    let predicted = delta.iter().zip(pulls).map(|(x, pull)| x * pull).sum::<f64>() + damped;
+    Some(Step { delta, predicted })
 }
 
-fn multiply(rows: &[Row], diagonal: &[f64], damping: f64, p: &[f64]) -> Vec<f64> {
-    let mut q: Vec<f64> = p.iter().zip(diagonal).map(|(p, d)| damping * d * p).collect();
-    for row in rows {
-        let along: f64 = (0..3).map(|k| row.slope[k] * p[row.index[k] as usize]).sum();
-        for k in 0..3 {
-            q[row.index[k] as usize] += row.weight * row.slope[k] * along;
-        }
-    }
-    q
+/// The damped normal matrix, row by row.
+struct Normal<'a> {
+    rows: &'a [Row],
+    diagonal: &'a [f64],
+    damping: f64,
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+impl System<f64> for Normal<'_> {
+    fn apply(&mut self, x: &[f64], out: &mut [f64]) {
+        for ((out, x), d) in out.iter_mut().zip(x).zip(self.diagonal) {
+            *out = self.damping * d * x;
+        }
+        for row in self.rows {
+            let along: f64 = (0..3).map(|k| row.slope[k] * x[row.index[k] as usize]).sum();
+            for k in 0..3 {
+                out[row.index[k] as usize] += row.weight * row.slope[k] * along;
+            }
+        }
+    }
+
+    fn precondition(&mut self, r: &[f64], out: &mut [f64]) {
+        for ((out, r), d) in out.iter_mut().zip(r).zip(self.diagonal) {
+            *out = r / ((1.0 + self.damping) * d);
+        }
+    }
 }
 
 #[cfg(test)]
@@ -76,8 +74,10 @@ mod tests {
             row([0, 1, 2], [1.0, 1.0, 0.0], -3.0, 4.0),
             row([0, 1, 2], [0.0, 0.0, 1.0], 2.0, 1.0),
         ];
-        let x = step(&rows, 3, 0.0);
-        for (x, expected) in x.iter().zip([1.0, 2.0, -2.0]) {
+        let Step { delta, predicted } = step(&rows, 3, 0.0).unwrap();
+        // From 1 + 36 + 4 to 0.
+        assert!((predicted - 41.0).abs() < 1e-5);
+        for (x, expected) in delta.iter().zip([1.0, 2.0, -2.0]) {
             assert!((x - expected).abs() < 1e-5);
         }
     }

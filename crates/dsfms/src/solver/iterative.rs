@@ -7,6 +7,7 @@
 //! in the matrix costs fewer iterations than new factors would.
 
 use super::cholesky::{Cholesky, CholeskyError, Factor, dot};
+use super::conjugate_gradients::{Ending, Goal, System, conjugate_gradients};
 use super::normal_equations::Matrix;
 use super::ordering::Ordered;
 use super::panels::Panels;
@@ -141,38 +142,41 @@ impl Iterative {
         let mut r: Vec<f64> = sums.gradient.iter().flat_map(|g| [-g.x, -g.y, -g.z]).collect();
         r.extend(sums.global_gradient.iter().map(|g| -g));
         let mut x = vec![0.0; r.len()];
-        let (mut z, mut q) = (x.clone(), x.clone());
         let diagonal = damped_part(matrix, damping);
-        let mut wide = [0, 1].map(|_| vec![[0.0; 4]; matrix.near.vertices()]);
-        self.precondition(matrix.ordered, &r, &mut z);
-        let mut p = z.clone();
-        let (mut rz, mut since) = (dot(&r, &z), 0);
-        let goal = reduction * reduction * rz;
-        if goal.is_nan() || goal <= 0.0 {
-            return None;
+        let mut solve = |iterative: &mut Self, goal: Goal, steps: usize| {
+            let wide = [0, 1].map(|_| vec![[0.0; 4]; matrix.near.vertices()]);
+            let mut damped = Damped { iterative, matrix, diagonal: &diagonal, wide };
+            conjugate_gradients(&mut damped, &mut x, &mut r, goal, steps)
+        };
+        let steps = if self.fresh { LIMIT } else { AGED };
+        let mut ending = solve(self, Goal::Share(reduction * reduction), steps);
+        if let (Ending::Limit { goal }, false) = (ending, self.fresh) {
+            self.factorise(matrix, damping).ok()?;
+            ending = solve(self, Goal::Below(goal), LIMIT);
         }
-        while rz > goal {
-            multiply(matrix, &diagonal, &p, &mut q, &mut wide);
-            let alpha = rz / dot(&p, &q);
-            if !alpha.is_finite() || alpha <= 0.0 || since == LIMIT {
-                return None;
-            }
-            x.iter_mut().zip(&p).for_each(|(x, p)| *x += alpha * p);
-            r.iter_mut().zip(&q).for_each(|(r, q)| *r -= alpha * q);
-            since += 1;
-            let aged = !self.fresh && since == AGED;
-            if aged {
-                self.factorise(matrix, damping).ok()?;
-                since = 0;
-            }
-            self.precondition(matrix.ordered, &r, &mut z);
-            let next = dot(&r, &z);
-            let beta = if aged { 0.0 } else { next / rz };
-            p.iter_mut().zip(&z).for_each(|(p, z)| *p = z + beta * *p);
-            rz = next;
+        if ending != Ending::Reached {
+            return None;
         }
         let slack = dot(&x, &r);
         Some((x, slack))
+    }
+}
+
+/// The damped normal matrix and what preconditions it.
+struct Damped<'a, 'b> {
+    iterative: &'a mut Iterative,
+    matrix: &'a Matrix<'b>,
+    diagonal: &'a [f64],
+    wide: [Vec<Wide>; 2],
+}
+
+impl System<f64> for Damped<'_, '_> {
+    fn apply(&mut self, x: &[f64], out: &mut [f64]) {
+        multiply(self.matrix, self.diagonal, x, out, &mut self.wide);
+    }
+
+    fn precondition(&mut self, r: &[f64], out: &mut [f64]) {
+        self.iterative.precondition(self.matrix.ordered, r, out);
     }
 }
 

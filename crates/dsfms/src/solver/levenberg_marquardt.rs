@@ -24,7 +24,8 @@ pub trait Problem {
     }
     /// Name of every term, in the order of [`Problem::costs`].
     fn labels(&self) -> Vec<&'static str>;
-    /// Build the Gauss–Newton model at a feasible state; returns the norm of the gradient.
+    /// Build the Gauss–Newton model at a feasible state; returns the norm of the gradient, or
+    /// infinity where that is not worth its time.
     fn linearise(&mut self, state: &Self::State) -> f64;
     /// Solve the damped model, `None` where it has no solution.
     fn step(&mut self, damping: f64) -> Option<Step>;
@@ -44,6 +45,11 @@ pub struct Options {
     pub gradient_tolerance: f64,
     /// Initial damping, relative to the diagonal of the normal matrix.
     pub initial_damping: f64,
+    /// Damping never falls below this: what nothing but damping holds, such as the scale of a bundle, wants more.
+    pub least_damping: f64,
+    /// Convergence is not believed to be faster than this ratio of two decreases, in (0, 1]; 1: the last
+    /// decrease itself has to be below the tolerance.
+    pub fastest: f64,
     /// An iterative solver of the linear systems reduces their residual by this factor.
     pub reduction: f64,
 }
@@ -55,6 +61,8 @@ impl Default for Options {
             cost_tolerance: 1e-6,
             gradient_tolerance: 1e-12,
             initial_damping: 1e-8,
+            least_damping: 1e-14,
+            fastest: 0.1,
             reduction: 0.1,
         }
     }
@@ -62,9 +70,6 @@ impl Default for Options {
 
 /// Largest damping before the solver gives up on a linearisation.
 const MAX_DAMPING: f64 = 1e12;
-
-/// Convergence is not believed to be faster than this from one step to the next.
-const FASTEST: f64 = 0.1;
 
 /// Damping after a refused step: less would hardly change it.
 const MIN_REFUSED_DAMPING: f64 = 1e-5;
@@ -108,59 +113,122 @@ const MIN_REFUSED_DAMPING: f64 = 1e-5;
 #[doc(alias("Levenberg-Marquardt", "Gauss-Newton", "nonlinear least squares"))]
 pub fn minimize<P: Problem>(
     problem: &mut P,
-    mut state: P::State,
+    state: P::State,
     options: &Options,
 ) -> (P::State, Summary) {
     let start = Instant::now();
     let Some(before) = problem.trial(&state) else {
         return (state, summary(problem, Stop::NoProgress, [0, 0], [&[], &[]], start));
     };
-    let (mut costs, mut damping, mut growth) = (before.clone(), options.initial_damping, 2.0);
-    let (mut accepted, mut refused, mut last_decrease) = (0, 0, f64::MIN_POSITIVE);
-    let stop = 'steps: loop {
-        if accepted == options.max_steps {
-            break Stop::StepLimit;
-        }
-        if problem.linearise(&state) < options.gradient_tolerance {
-            break Stop::Gradient;
-        }
-        loop {
-            let trial = problem.step(damping).and_then(|step| {
-                let next = problem.retract(&state, &step.delta);
-                let last = accepted + 1 == options.max_steps;
-                let costs = if last { problem.costs(&next) } else { problem.trial(&next) };
-                Some((next, costs?, step.predicted))
-            });
-            let cost: f64 = costs.iter().sum();
-            if let Some((next, next_costs, predicted)) = trial {
-                let decrease = cost - next_costs.iter().sum::<f64>();
-                if decrease > 0.0 && predicted > 0.0 {
-                    (state, costs) = (next, next_costs);
-                    accepted += 1;
-                    let gain = (2.0 * decrease / predicted - 1.0).powi(3);
-                    damping = (damping * (1.0 - gain).max(1.0 / 3.0)).max(1e-14);
-                    growth = 2.0;
-                    let rate = (decrease / last_decrease).clamp(FASTEST, 1.0);
-                    last_decrease = decrease;
-                    if decrease * rate < options.cost_tolerance * cost {
-                        break 'steps Stop::Cost;
-                    }
-                    break;
-                }
-                // What is left to gain drowns in what the model leaves out.
-                if predicted.abs() <= options.cost_tolerance * cost {
-                    break 'steps Stop::Step;
-                }
-            }
-            refused += 1;
-            damping = (damping * growth).max(MIN_REFUSED_DAMPING);
-            growth *= 2.0;
-            if damping > MAX_DAMPING {
-                break 'steps Stop::NoProgress;
-            }
-        }
+    let mut descent = Descent {
+        problem,
+        options,
+        state,
+        costs: before.clone(),
+        damping: options.initial_damping,
+        growth: 2.0,
+        accepted: 0,
+        refused: 0,
+        last_decrease: f64::MIN_POSITIVE,
     };
+    let stop = descent.run();
+    let Descent { problem, state, costs, accepted, refused, .. } = descent;
     (state, summary(problem, stop, [accepted, refused], [&before, &costs], start))
+}
+
+/// A minimisation under way.
+struct Descent<'a, P: Problem> {
+    problem: &'a mut P,
+    options: &'a Options,
+    state: P::State,
+    costs: Vec<f64>,
+    damping: f64,
+    /// Of the damping with the next refused step.
+    growth: f64,
+    accepted: usize,
+    refused: usize,
+    last_decrease: f64,
+}
+
+/// Where a damped step leads.
+struct Trial<S> {
+    state: S,
+    costs: Vec<f64>,
+    decrease: f64,
+    predicted: f64,
+}
+
+impl<P: Problem> Descent<'_, P> {
+    fn run(&mut self) -> Stop {
+        loop {
+            if self.accepted == self.options.max_steps {
+                return Stop::StepLimit;
+            }
+            if self.problem.linearise(&self.state) < self.options.gradient_tolerance {
+                return Stop::Gradient;
+            }
+            if let Some(stop) = self.descend() {
+                return stop;
+            }
+        }
+    }
+
+    /// Damp the model until a step is accepted.
+    fn descend(&mut self) -> Option<Stop> {
+        loop {
+            match self.try_step() {
+                Some(trial) if trial.decrease > 0.0 && trial.predicted > 0.0 => {
+                    return self.accept(trial);
+                }
+                trial => {
+                    let stop = self.refuse(trial.map(|trial| trial.predicted));
+                    if stop.is_some() {
+                        return stop;
+                    }
+                }
+            }
+        }
+    }
+
+    /// `None` where the damped model has no solution, or where it leads has no cost.
+    fn try_step(&mut self) -> Option<Trial<P::State>> {
+        let Step { delta, predicted } = self.problem.step(self.damping)?;
+        let state = self.problem.retract(&self.state, &delta);
+        let last = self.accepted + 1 == self.options.max_steps;
+        let costs = if last { self.problem.costs(&state) } else { self.problem.trial(&state) }?;
+        let decrease = self.cost() - costs.iter().sum::<f64>();
+        Some(Trial { state, costs, decrease, predicted })
+    }
+
+    fn accept(&mut self, trial: Trial<P::State>) -> Option<Stop> {
+        let Trial { state, costs, decrease, predicted } = trial;
+        let before = self.cost();
+        (self.state, self.costs) = (state, costs);
+        self.accepted += 1;
+        let gain = (2.0 * decrease / predicted - 1.0).powi(3);
+        let eased = self.damping * (1.0 - gain).max(1.0 / 3.0);
+        self.damping = eased.max(self.options.least_damping);
+        self.growth = 2.0;
+        let rate = (decrease / self.last_decrease).clamp(self.options.fastest, 1.0);
+        self.last_decrease = decrease;
+        (decrease * rate < self.options.cost_tolerance * before).then_some(Stop::Cost)
+    }
+
+    fn refuse(&mut self, predicted: Option<f64>) -> Option<Stop> {
+        // What is left to gain drowns in what the model leaves out.
+        let little = self.options.cost_tolerance * self.cost();
+        if predicted.is_some_and(|predicted| predicted.abs() <= little) {
+            return Some(Stop::Step);
+        }
+        self.refused += 1;
+        self.damping = (self.damping * self.growth).max(MIN_REFUSED_DAMPING);
+        self.growth *= 2.0;
+        (self.damping > MAX_DAMPING).then_some(Stop::NoProgress)
+    }
+
+    fn cost(&self) -> f64 {
+        self.costs.iter().sum()
+    }
 }
 
 fn summary<P: Problem>(

@@ -1,11 +1,15 @@
 //! Sparse Levenberg–Marquardt with a kept symbolic factorisation.
 //!
-//! [`minimize`] is the loop and knows nothing of meshes; [`NormalEquations`] holds the block-sparse
+//! [`minimize`] is the only loop and knows nothing of what it minimises (meshes, bundles, cameras, lights);
+//! `minimize_few` takes a small problem as functions, `conjugate_gradients` is the iterative solver of large
+//! linear systems. [`NormalEquations`] holds the block-sparse
 //! Gauss–Newton system of per-vertex unknowns bordered by a few global ones (gain, ambient, …), and
 //! [`cholesky`] and `ordering` are the only places that see the sparse linear algebra crate.
 
 pub mod cholesky;
+pub(crate) mod conjugate_gradients;
 mod direct;
+mod few;
 mod iterative;
 pub mod levenberg_marquardt;
 pub mod loss;
@@ -16,6 +20,7 @@ pub mod pattern;
 pub mod scalar;
 pub mod summary;
 
+pub(crate) use few::minimize_few;
 pub use levenberg_marquardt::{Options, Problem, Step, minimize};
 pub use loss::Loss;
 pub use normal_equations::NormalEquations;

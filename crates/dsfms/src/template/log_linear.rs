@@ -12,6 +12,7 @@
 
 use super::photometric::Observation;
 use super::robust::{robust_scale, tukey_loss, tukey_mean, tukey_weight};
+use crate::solver::{Options, Problem, Step, minimize};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -61,9 +62,17 @@ impl<M: ShadingModel> LogLinear<'_, M> {
         self.model.clamp(&mut x);
         x.extend(self.gain_priors.iter().map(|p| p.0));
         let mut scale = SCALE_START;
+        let options = Options {
+            max_steps: 15,
+            cost_tolerance: 1e-7,
+            initial_damping: 1e-3,
+            fastest: 1.0,
+            ..Options::default()
+        };
         for _ in 0..4 {
             scale = self.scale(&x, scale).clamp(SCALE_FLOOR, scale);
-            self.minimise(&mut x, scale);
+            let model = (DMatrix::zeros(0, 0), DVector::zeros(0));
+            x = minimize(&mut Round { fit: self, scale, model }, x, &options).0;
         }
         let scale = self.scale(&x, scale).max(SCALE_FLOOR);
         let log_gains = x.split_off(theta.len());
@@ -135,44 +144,6 @@ impl<M: ShadingModel> LogLinear<'_, M> {
         data + x.iter().zip(self.prior()).map(|(x, (m, s))| ((x - m) / s).powi(2)).sum::<f64>()
     }
 
-    fn minimise(&self, x: &mut Vec<f64>, scale: f64) {
-        let (mut damping, mut cost) = (1e-3, self.cost(x, scale));
-        for _ in 0..15 {
-            let (hessian, gradient) = self.linearise(x, scale);
-            let mut accepted = None;
-            while damping < 1e8 && accepted.is_none() {
-                if let Some(trial) = self.step(x, &hessian, &gradient, damping) {
-                    let trial_cost = self.cost(&trial, scale);
-                    accepted = (trial_cost < cost).then_some((trial, trial_cost));
-                }
-                damping *= if accepted.is_some() { 0.2 } else { 5.0 };
-            }
-            let Some((trial, trial_cost)) = accepted else { return };
-            let decrease = cost - trial_cost;
-            (*x, cost) = (trial, trial_cost);
-            if decrease < 1e-7 * cost {
-                return;
-            }
-        }
-    }
-
-    fn step(
-        &self,
-        x: &[f64],
-        h: &DMatrix<f64>,
-        g: &DVector<f64>,
-        damping: f64,
-    ) -> Option<Vec<f64>> {
-        let mut damped = h.clone();
-        for i in 0..x.len() {
-            damped[(i, i)] += damping * h[(i, i)].max(1e-9);
-        }
-        let step = damped.cholesky()?.solve(g);
-        let mut trial: Vec<f64> = x.iter().zip(step.iter()).map(|(x, d)| x + d).collect();
-        self.model.clamp(&mut trial[..self.parameters()]);
-        Some(trial)
-    }
-
     /// Gauss–Newton matrix and descent direction of the reduced problem.
     fn linearise(&self, x: &[f64], scale: f64) -> (DMatrix<f64>, DVector<f64>) {
         let n = x.len();
@@ -225,6 +196,47 @@ impl<M: ShadingModel> LogLinear<'_, M> {
             })
             .collect();
         SpotRows::new(rows)
+    }
+}
+
+/// The fit under one noise.
+struct Round<'a, 'b, M> {
+    fit: &'a LogLinear<'b, M>,
+    scale: f64,
+    /// Gauss–Newton matrix and descent direction.
+    model: (DMatrix<f64>, DVector<f64>),
+}
+
+impl<M: ShadingModel> Problem for Round<'_, '_, M> {
+    /// θ, then log gains.
+    type State = Vec<f64>;
+
+    fn costs(&self, x: &Vec<f64>) -> Option<Vec<f64>> {
+        Some(vec![self.fit.cost(x, self.scale)])
+    }
+
+    fn labels(&self) -> Vec<&'static str> {
+        vec!["log brightness and priors"]
+    }
+
+    fn linearise(&mut self, x: &Vec<f64>) -> f64 {
+        self.model = self.fit.linearise(x, self.scale);
+        self.model.1.norm()
+    }
+
+    fn step(&mut self, damping: f64) -> Option<Step> {
+        let (matrix, descent) = &self.model;
+        let mut damped = matrix.clone();
+        (0..descent.len()).for_each(|i| damped[(i, i)] += damping * matrix[(i, i)].max(1e-9));
+        let delta = damped.cholesky()?.solve(descent);
+        let predicted = 2.0 * descent.dot(&delta) - delta.dot(&(matrix * &delta));
+        Some(Step { delta: delta.as_slice().to_vec(), predicted })
+    }
+
+    fn retract(&self, x: &Vec<f64>, delta: &[f64]) -> Vec<f64> {
+        let mut moved: Vec<f64> = x.iter().zip(delta).map(|(x, d)| x + d).collect();
+        self.fit.model.clamp(&mut moved[..self.fit.parameters()]);
+        moved
     }
 }
 

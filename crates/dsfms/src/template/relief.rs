@@ -22,6 +22,7 @@ use super::robust::{robust_scale, tukey_mean, tukey_weight, weighted_median};
 use super::spots::{Spot, smoothed_normals};
 use crate::geometry::{Point3, Vector3};
 use crate::mesh::Mesh;
+use crate::solver::conjugate_gradients::{Goal, System, conjugate_gradients};
 use nalgebra::{Matrix4, Vector4};
 use rayon::prelude::*;
 
@@ -165,7 +166,7 @@ impl<'a> Relief<'a> {
                 .zip(self.spots)
                 .map(|(rows, spot)| block(rows, &self.at(spot, &changes), &scales))
                 .collect();
-            self.conjugate_gradients(&map, &blocks, &mut unknowns);
+            self.step(&map, &blocks, &mut unknowns);
             map = self.map(&unknowns[..count]);
             rows = self.rows(map.normals());
             scales = self::scales(&rows, scales.noise).unwrap_or(scales);
@@ -276,32 +277,32 @@ impl<'a> Relief<'a> {
         diagonal
     }
 
-    fn conjugate_gradients(&self, map: &NormalMap, blocks: &[Block], x: &mut [f64]) {
-        let diagonal = self.diagonal(blocks);
-        let scaled =
-            |r: &[f64]| -> Vec<f64> { r.iter().zip(&diagonal).map(|(r, d)| r / d).collect() };
-        let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+    /// Gauss–Newton's displacements and mean albedo, from those before.
+    fn step(&self, map: &NormalMap, blocks: &[Block], x: &mut [f64]) {
         let mut residual = self.gather(map, &blocks.iter().map(|b| b.right).collect::<Vec<_>>());
         let applied = self.apply(map, blocks, x);
         residual.iter_mut().zip(applied).for_each(|(r, a)| *r -= a);
-        let mut direction = scaled(&residual);
-        let mut energy = dot(&residual, &direction);
-        let enough = 1e-8 * energy;
-        for _ in 0..STEPS {
-            let applied = self.apply(map, blocks, &direction);
-            let curvature = dot(&direction, &applied);
-            if !(energy > enough && curvature > 0.0) {
-                return;
-            }
-            let step = energy / curvature;
-            x.iter_mut().zip(&direction).for_each(|(x, d)| *x += step * d);
-            residual.iter_mut().zip(applied).for_each(|(r, a)| *r -= step * a);
-            let next = scaled(&residual);
-            let next_energy = dot(&residual, &next);
-            let share = next_energy / energy;
-            direction.iter_mut().zip(next).for_each(|(d, z)| *d = z + share * *d);
-            energy = next_energy;
-        }
+        let diagonal = self.diagonal(blocks);
+        let mut normal = Normal { relief: self, map, blocks, diagonal: &diagonal };
+        conjugate_gradients(&mut normal, x, &mut residual, Goal::Share(1e-8), STEPS);
+    }
+}
+
+/// The normal matrix at a linearisation.
+struct Normal<'a> {
+    relief: &'a Relief<'a>,
+    map: &'a NormalMap<'a>,
+    blocks: &'a [Block],
+    diagonal: &'a [f64],
+}
+
+impl System<f64> for Normal<'_> {
+    fn apply(&mut self, x: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(&self.relief.apply(self.map, self.blocks, x));
+    }
+
+    fn precondition(&mut self, r: &[f64], out: &mut [f64]) {
+        out.iter_mut().zip(r.iter().zip(self.diagonal)).for_each(|(out, (r, d))| *out = r / d);
     }
 }
 

@@ -8,7 +8,6 @@ fn model() -> ColmapModel {
         Lens::BrownConrady { k: [-0.2, 0.1, 0.0], p: [1e-3, -2e-3] },
         Lens::BrownConrady { k: [-0.2, 0.1, 0.03], p: [1e-3, -2e-3] },
         Lens::KannalaBrandt { k: [0.1, 0.2, -0.3, 0.4] },
-        Lens::Rational { k: [-0.2, 0.1, 0.03, 0.3, 0.2, 0.1], p: [1e-3, -2e-3] },
     ];
     let camera = |(id, lens): (usize, &Lens)| ColmapCamera {
         id: id as u32 + 1,
