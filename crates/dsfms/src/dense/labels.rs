@@ -58,10 +58,13 @@ pub(super) struct Prior {
     pub(super) looks: f64,
     /// What a node in the middle says for the organ by its place, and one at the edge against it.
     pub(super) gaze: f64,
+    /// Whether pieces part where depth steps or the surface folds, so that of those only one stays.
+    pub(super) apart: bool,
 }
 
 /// That of the labels that are taken.
-const USUAL: Prior = Prior { middle: 0.55, favour: 0.0, looks: 1.0, gaze: 0.0 };
+pub(super) const USUAL: Prior =
+    Prior { middle: 0.55, favour: 0.0, looks: 1.0, gaze: 0.0, apart: true };
 
 /// Places known to show the organ, or something else: points of the surface, world axes. What lies nearer to the
 /// middle of the frame than to any of the others is organ to begin with, or, where the organ is named, what lies nearer to
@@ -193,7 +196,8 @@ impl<'a> Nodes<'a> {
         let mut organ: Vec<bool> = start.map(|(g, c)| c.given.unwrap_or(*g > 0.0)).collect();
         for _ in 0..CUTS {
             let previous = organ;
-            organ = self.piece(graph.labels(self.favour(&previous, &gaze, prior)), &gaze);
+            organ =
+                self.piece(graph.labels(self.favour(&previous, &gaze, prior)), &gaze, prior.apart);
             let changed = organ.iter().zip(&previous).filter(|(a, b)| a != b).count();
             if (changed as f64) < SETTLED * organ.len() as f64 {
                 break;
@@ -221,10 +225,12 @@ impl<'a> Nodes<'a> {
         favour.collect()
     }
 
-    /// Of the pieces that are organ, joined in frames or between them, that which is looked at most.
-    fn piece(&self, organ: Vec<bool>, gaze: &[f64]) -> Vec<bool> {
+    /// Of the pieces that are organ, joined in frames or between them, that which is looked at most; see
+    /// [`Prior::apart`].
+    fn piece(&self, organ: Vec<bool>, gaze: &[f64], apart: bool) -> Vec<bool> {
         let mut pieces = DisjointSets::new(organ.len());
-        let close = self.pairs.iter().filter(|pair| pair.joined).map(|pair| (pair.p, pair.q));
+        let close = self.pairs.iter().filter(|pair| pair.joined || !apart);
+        let close = close.map(|pair| (pair.p, pair.q));
         for (p, q) in close.chain(self.links.iter().copied()) {
             if organ[p as usize] && organ[q as usize] {
                 pieces.join(p, q);
