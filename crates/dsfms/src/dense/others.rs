@@ -138,7 +138,8 @@ mod tests {
         }
         let views = posed(&frames, &camera);
         let moved = |px: f64| -> Vec<(Point3, f64)> {
-            let on_grid = (0..SIZE[0] * SIZE[1]).filter(|p| p % 4 == 0 && p / SIZE[0] % 4 == 0);
+            let on_grid =
+                (0..SIZE[0] * SIZE[1]).filter(|p| p % 4 == 0 && (p / SIZE[0]).is_multiple_of(4));
             let point = |p: usize| {
                 let back = maps[2].pose.inverse();
                 (back * maps[2].point(p), if plate(2, p, 0.0) { px } else { 0.1 })

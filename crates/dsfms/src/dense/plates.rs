@@ -11,7 +11,7 @@ pub(super) const WALL: f64 = 60.0;
 pub(super) const PLATE: [f64; 2] = [40.0, 9.0];
 
 pub(super) fn camera() -> CameraModel {
-    CameraModel { size: SIZE, focal: [100.0; 2], centre: [59.5, 44.5], lens: Lens::Pinhole }
+    CameraModel { size: SIZE, focal: [100.0; 2], centre: [59.5, 44.5], lens: Lens::default() }
 }
 
 /// A camera that looks along z, moved sideways.
