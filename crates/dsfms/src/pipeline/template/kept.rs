@@ -112,7 +112,11 @@ mod tests {
 
     #[test]
     fn a_grid_that_is_not_filled_is_found() {
-        let camera = CameraModel { size: [2, 1], ..crate::synth::Case::example(1).camera };
+        let camera = CameraModel {
+            size: [2, 1],
+            centre: [0.5, 0.0],
+            ..crate::synth::Case::example(1).camera
+        };
         let map = DepthMap {
             camera,
             pose: crate::geometry::Isometry::identity(),
