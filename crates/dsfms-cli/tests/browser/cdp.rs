@@ -15,7 +15,7 @@ const FLAGS: &str = "--headless --no-sandbox --disable-quic --no-first-run \
     --enable-unsafe-swiftshader --remote-debugging-pipe";
 
 /// On a loaded machine the software renderer takes its time.
-const PATIENCE: Duration = Duration::from_secs(120);
+const PATIENCE: Duration = Duration::from_secs(240);
 
 /// A browser with one page.
 pub struct Browser {
