@@ -24,9 +24,10 @@ fn solve(
     Reconstruction::even_refused(reconstruct(&case.template, &seen, method, options))
 }
 
+/// Labels of the terms of the last solve.
 fn labels(found: &Reconstruction) -> Vec<String> {
-    let summaries = found.stages.iter().filter_map(|s| s.summary.as_ref());
-    summaries.flat_map(|s| &s.terms).map(|t| t.label.clone()).collect()
+    let last = found.stages.iter().rev().find_map(|s| s.summary.as_ref()).unwrap();
+    last.terms.iter().map(|t| t.label.clone()).collect()
 }
 
 #[test]
@@ -170,6 +171,7 @@ fn reports_name_the_equation_that_a_term_belongs_to() {
     assert!(motion.iter().any(|l| l == "depth prior"), "{motion:?}");
     assert!(!motion.iter().any(|l| l.contains("eq. 4")), "{motion:?}");
     let joint = labels(&solve(&case, Method::Joint, &options).unwrap());
+    assert!(joint.iter().any(|l| l == "shading"), "{joint:?}");
     assert!(!joint.iter().any(|l| l.contains("eq. ")), "{joint:?}");
     let shaded = labels(&solve(&case, Method::Dsfms, &options).unwrap());
     assert!(shaded.iter().any(|l| l == "smoothing (eq. 4)"), "{shaded:?}");
