@@ -42,9 +42,9 @@ Examples:
   dsfms register-ct organ.template liver.obj --mesh-unit m --repair --rigid \\
       --landmarks pairs.csv -o ct
 
-Landmarks: three pairs or more that are not in one line. One CSV with the header
+Landmarks: three pairs or more that are not in one line. One CSV with header
   name,ct_x,ct_y,ct_z,template_x,template_y,template_z
-where ct_vertex or template_vertex (counted from 0) may stand for x,y,z; or JSON,
+where ct_vertex or template_vertex (from 0) may stand for x,y,z; or JSON,
   {\"pairs\": [{\"name\": \"fundus\", \"ct\": [12, -3, 40], \"template\": 1822}]}
 or two files, first of the CT mesh, then of the template: 3D Slicer's .mrk.json
 or .fcsv, MeshLab's .pp, or CSV (name,x,y,z), paired by name, else by order.

@@ -7,7 +7,7 @@ use super::magsac::Magsac;
 use super::random::{Random, draws_needed};
 use crate::camera::Camera;
 use crate::geometry::{Isometry, Point2, Point3, Vector3, align_rigid};
-use crate::solver::{Loss, Options, minimize_few};
+use crate::solver::Loss;
 use nalgebra::{Matrix2x6, Matrix4, Matrix6, Schur, UnitQuaternion, Vector6};
 
 /// A pose and the matches that agree with it.
@@ -138,16 +138,29 @@ fn refine_pose_under(
     pixels: &[Point2],
     robust: Robust,
 ) -> Isometry {
-    let options = Options {
-        max_steps: 20,
-        cost_tolerance: 1e-8,
-        initial_damping: 1e-4,
-        fastest: 1.0,
-        ..Options::default()
-    };
-    let cost = |pose: &Isometry, bound| score(camera, pose, points, pixels, robust, bound);
-    let normal = |pose: &Isometry| pose_normal_equations(camera, pose, points, pixels, robust);
-    minimize_few(start, &options, cost, normal, retract)
+    let cost = |pose: &Isometry, bound: f64| score(camera, pose, points, pixels, robust, bound);
+    let (mut pose, mut best, mut damping) = (*start, cost(start, f64::INFINITY), 1e-4);
+    for _ in 0..20 {
+        let (hessian, gradient) = pose_normal_equations(camera, &pose, points, pixels, robust);
+        let damped =
+            hessian + Matrix6::from_diagonal(&(hessian.diagonal() * damping).add_scalar(1e-12));
+        let Some(factor) = damped.cholesky() else { break };
+        let trial = retract(&pose, &-factor.solve(&gradient));
+        let trial_cost = cost(&trial, best);
+        if trial_cost < best {
+            let done = trial_cost > best * (1.0 - 1e-8);
+            (pose, best, damping) = (trial, trial_cost, (damping * 0.2_f64).max(1e-12));
+            if done {
+                break;
+            }
+        } else {
+            damping *= 10.0;
+            if damping > 1e6 {
+                break;
+            }
+        }
+    }
+    pose
 }
 
 fn pose_normal_equations(
