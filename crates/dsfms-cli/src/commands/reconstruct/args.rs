@@ -32,9 +32,9 @@ Written to OUT for every frame: frame_NNN.ply (the template's faces and vertex
 order, camera axes of the frame, unit in a header comment, visible per vertex),
 frame_NNN.json (status, pose, gain, cost of every energy term),
 frame_NNN_overlay.png; summary.csv; and report.html, one page with everything
-in 3D (of more than 24 frames evenly spaced ones; view/frame_NNN.json has all of
-them for `dsfms view OUT`). With --formats also frame_NNN.vtp (ParaView, 3D Slicer), .obj, .stl, and
-frames.glb, an animation with one frame a second. NNN is the last number in the
+in 3D (of more than 24 frames evenly spaced ones; view/frame_NNN.json has all
+of them for `dsfms view OUT`). With --formats also frame_NNN.vtp (ParaView,
+3D Slicer), .obj, .stl, and frames.glb, an animation with one frame a second. NNN is the last number in the
 image's name where all have one and no two the same, else the place in the
 sequence.";
 

@@ -72,8 +72,8 @@ precision.json says how far camera poses and sparse points may
 be off (expected errors and covariances).
 
 What finished stages made (features, matches, poses, depth) is kept in
-TEMPLATE.partial until the template is written: after Ctrl-C or a crash the same
-command goes on behind the last of them, with the same result.";
+TEMPLATE.partial until the template is written: after Ctrl-C or a crash the
+same command goes on behind the last of them, with the same result.";
 
 /// Build a template (rest shape, albedo, descriptors) from exploration frames or a mesh.
 #[derive(Debug, Args)]
