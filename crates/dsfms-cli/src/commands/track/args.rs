@@ -34,9 +34,9 @@ brightness, of joint; dropped: frames left out before it); report.html, one
 page with plots and up to 96 frames in 3D, written anew every few seconds, so
 that `dsfms view OUT` shows a running video; of longer ones every frame for
 `dsfms view` in view/frame_NNN.json (about 50 KB each); with --ply
-frame_NNN.ply; with --formats frame_NNN.vtp, .obj, .stl, and frames.glb, an animation; with
---overlay overlay/frame_NNN.png and, where ffmpeg is installed, overlay.mp4.
-NNN is the place in the sequence.
+frame_NNN.ply; with --formats frame_NNN.vtp, .obj, .stl, and frames.glb, an
+animation; with --overlay overlay/frame_NNN.png and, where ffmpeg is installed,
+overlay.mp4. NNN is the place in the sequence.
 
 Frames on standard input also give a line of JSON each on standard output:
 frame, status, reasons, dropped, ms and, with a surface, pose
