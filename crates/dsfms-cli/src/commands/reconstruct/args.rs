@@ -34,9 +34,9 @@ frame_NNN.json (status, pose, gain, cost of every energy term),
 frame_NNN_overlay.png; summary.csv; and report.html, one page with everything
 in 3D (of more than 24 frames evenly spaced ones; view/frame_NNN.json has all
 of them for `dsfms view OUT`). With --formats also frame_NNN.vtp (ParaView,
-3D Slicer), .obj, .stl, and frames.glb, an animation with one frame a second. NNN is the last number in the
-image's name where all have one and no two the same, else the place in the
-sequence.";
+3D Slicer), .obj, .stl, and frames.glb, an animation with one frame a second.
+NNN is the last number in the image's name where all have one and no two the
+same, else the place in the sequence.";
 
 /// Reconstruct the deformed organ in every given frame.
 #[derive(Debug, Args)]
