@@ -10,6 +10,21 @@ fn dsfms(folder: &Path, arguments: &str) -> Command {
     command
 }
 
+/// Error over all vertices of the frame of a synthetic case, through template, reconstruct and evaluate.
+fn rms_mm(case: &Path, template: &str, method: &str) -> f64 {
+    let template = format!("template --mesh rest.obj {template} -q -o organ.template");
+    dsfms(case, &template).assert().success();
+    let reconstruct = format!(
+        "reconstruct organ.template frame_000.png --camera camera.json --matches matches.csv \
+         --method {method} -q -o out"
+    );
+    dsfms(case, &reconstruct).assert().success();
+    dsfms(case, "evaluate out truth --camera camera.json --json errors.json").assert().success();
+    let errors = fs::read_to_string(case.join("errors.json")).unwrap();
+    let errors: serde_json::Value = serde_json::from_str(&errors).unwrap();
+    errors["frame_000.ply"]["vertices"]["all"]["rms"].as_f64().unwrap()
+}
+
 #[test]
 fn a_synthetic_case_goes_through_the_other_commands() {
     let folder = tempfile::tempdir().unwrap();
@@ -21,16 +36,7 @@ fn a_synthetic_case_goes_through_the_other_commands() {
     let known: serde_json::Value = serde_json::from_str(&known).unwrap();
     let largest = known["largest_extension_percent"].as_f64().unwrap();
     assert!((largest - 10.0).abs() < 1e-3, "{known}");
-    dsfms(&case, "template --mesh rest.obj --albedo albedo.png -q -o organ.template")
-        .assert()
-        .success();
-    let reconstruct = "reconstruct organ.template frame_000.png --camera camera.json --matches \
-                       matches.csv --method dsfm -q -o out";
-    dsfms(&case, reconstruct).assert().success();
-    dsfms(&case, "evaluate out truth --camera camera.json --json errors.json").assert().success();
-    let errors = fs::read_to_string(case.join("errors.json")).unwrap();
-    let errors: serde_json::Value = serde_json::from_str(&errors).unwrap();
-    let all = errors["frame_000.ply"]["vertices"]["all"]["rms"].as_f64().unwrap();
+    let all = rms_mm(&case, "--albedo albedo.png", "dsfm");
     assert!(all < 2.0, "{all} mm");
 }
 
@@ -49,19 +55,7 @@ fn a_ring_light_goes_from_synth_to_reconstruct() {
         (&camera["light"]["kind"], &camera["light"]["radius"]),
         (&"ring".into(), &4.0.into())
     );
-    dsfms(
-        &case,
-        "template --mesh rest.obj --albedo albedo.png --camera camera.json -q -o organ.template",
-    )
-    .assert()
-    .success();
-    let reconstruct = "reconstruct organ.template frame_000.png --camera camera.json --matches \
-                       matches.csv --method joint -q -o out";
-    dsfms(&case, reconstruct).assert().success();
-    dsfms(&case, "evaluate out truth --camera camera.json --json errors.json").assert().success();
-    let errors = fs::read_to_string(case.join("errors.json")).unwrap();
-    let errors: serde_json::Value = serde_json::from_str(&errors).unwrap();
-    let all = errors["frame_000.ply"]["vertices"]["all"]["rms"].as_f64().unwrap();
+    let all = rms_mm(&case, "--albedo albedo.png --camera camera.json", "joint");
     assert!(all < 2.0, "{all} mm");
 }
 

@@ -1,9 +1,13 @@
 //! Inner points under a volumetric map: their error against the surface's.
 
+#[path = "common/organ.rs"]
+mod organ;
+
 use dsfms::Mesh;
 use dsfms::geometry::{Isometry, Point3, Vector3};
 use dsfms::structures::{Carrier, CarrierOptions};
 use dsfms::synth::{Random, patch};
+use organ::closed;
 
 /// Bend about the y axis, a bulge pressed in from the front and a twist: tens of per cent of strain.
 fn deformed(p: &Point3) -> Point3 {
@@ -18,33 +22,7 @@ fn deformed(p: &Point3) -> Point3 {
 
 /// An ellipsoid of 50 x 40 x 30 mm.
 fn ellipsoid() -> Mesh {
-    let (rows, columns) = (24u32, 40u32);
-    let mut positions = vec![Point3::new(0.0, 0.0, -15.0)];
-    for r in 1..rows {
-        let polar = std::f64::consts::PI * f64::from(r) / f64::from(rows);
-        for c in 0..columns {
-            let around = std::f64::consts::TAU * f64::from(c) / f64::from(columns);
-            let flat = polar.sin();
-            positions.push(Point3::new(
-                25.0 * flat * around.cos(),
-                20.0 * flat * around.sin(),
-                -15.0 * polar.cos(),
-            ));
-        }
-    }
-    positions.push(Point3::new(0.0, 0.0, 15.0));
-    let last = positions.len() as u32 - 1;
-    let at = |r: u32, c: u32| 1 + (r - 1) * columns + c % columns;
-    let mut faces = Vec::new();
-    for c in 0..columns {
-        faces.push([0, at(1, c + 1), at(1, c)]);
-        faces.push([last, at(rows - 1, c), at(rows - 1, c + 1)]);
-        for r in 1..rows - 1 {
-            faces.push([at(r, c), at(r, c + 1), at(r + 1, c)]);
-            faces.push([at(r, c + 1), at(r + 1, c + 1), at(r + 1, c)]);
-        }
-    }
-    Mesh::new(positions, faces).unwrap()
+    closed(24, 40, |d| Vector3::new(25.0 * d.x, 20.0 * d.y, 15.0 * d.z))
 }
 
 /// A surface error that varies slowly, of the kind that reconstructions make, and jitter.

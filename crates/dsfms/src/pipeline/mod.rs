@@ -1,11 +1,11 @@
 //! One deformed frame through all stages of a method.
 
 pub mod inputs;
+mod logging;
 pub(crate) mod moved;
 pub mod progress;
 pub mod reconstruct;
 pub mod template;
-mod told;
 mod trust;
 
 pub use progress::{Progress, Silent};

@@ -1,7 +1,7 @@
 //! Pose, eq. 3 and eq. 4 in a row, with the visibility, the masks and the verdict around them.
 
+use super::logging;
 use super::moved::MOVED;
-use super::told;
 use super::trust::{Trusted, trust};
 use super::{Method, Observation, ReconstructError, Reconstruction, StageReport};
 use crate::camera::Camera;
@@ -137,7 +137,7 @@ pub fn reconstruct(
 ) -> Result<Reconstruction, ReconstructError> {
     let mut log = StageLog::default();
     let deformable = log.time("mesh", || Deformable::of(&template.mesh));
-    logged(template, &deformable, observation, method, options, log)
+    reconstruct_logged(template, &deformable, observation, method, options, log)
 }
 
 /// Reconstruct one deformed frame with what was made of the template's mesh before.
@@ -151,10 +151,10 @@ pub fn reconstruct_with(
     method: Method,
     options: &ReconstructOptions,
 ) -> Result<Reconstruction, ReconstructError> {
-    logged(template, deformable, observation, method, options, StageLog::default())
+    reconstruct_logged(template, deformable, observation, method, options, StageLog::default())
 }
 
-fn logged(
+fn reconstruct_logged(
     template: &Template,
     deformable: &Deformable,
     observation: &Observation,
@@ -184,44 +184,8 @@ fn logged(
                 true => Body::plain(&scene),
                 false => Body::new(&scene, deformable),
             };
-            let on_body = body.matches(&matches);
-            let coarse = log.time("register (eq. 3)", || {
-                let register = if options.literal { register_printed } else { register };
-                register(body.scene(), &on_body, &posed, &options.register)
-            });
-            log.attach(&coarse.summary);
-            let anchor = options.register.anchor;
-            take_coarse(&mut result, &body, &matches, &coarse, anchor);
-            let kept = coarse.kept.iter().zip(&*on_body).filter(|m| *m.0);
-            let kept: Vec<Match> = kept.map(|m| *m.1).collect();
-            if method == Method::Dsfms {
-                let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
-                let refined = log.time("refine (eq. 4)", || {
-                    let start = &coarse.vertices;
-                    if options.literal {
-                        return refine_printed(&body, start, &kept, &photo, &options.refine);
-                    }
-                    let mut refined = refine(&body, start, &kept, &photo, &options.refine);
-                    refined.vertices =
-                        options.comparison(&body, &kept, &photo).kept(start, refined.vertices);
-                    refined.settled(&body, anchor)
-                });
-                log.attach(&refined.summary);
-                take_refined(&mut result, &refined);
-            }
-            if method == Method::Joint {
-                let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
-                let (start, depth_sigma) = (&coarse.vertices, coarse.depth_sigma);
-                let joined = log.time("joint", || {
-                    let mut joined = join(&body, start, depth_sigma, &kept, &photo, &options.joint);
-                    let still = &body.scene().posed;
-                    joined.vertices =
-                        options.comparison(&body, &kept, &photo).kept(still, joined.vertices);
-                    joined.settled(&body, anchor)
-                });
-                log.attach(&joined.summary);
-                take_joined(&mut result, &joined);
-            }
+            let deformation = Deformation { sight: &sight, body: &body, options };
+            deformation.solve(method, &matches, &posed, &mut result, &mut log)?;
         }
     }
     log.time("visibility", || see(&sight, &mut result));
@@ -233,10 +197,76 @@ fn logged(
     let trusted = Trusted { sight: &sight, scene: &scene, posed: &posed, method, options };
     log.time("verdict", || trust(&trusted, &mut result));
     result.stages = log.stages;
-    told::reconstruction(observation.frame, &result);
+    logging::reconstruction(observation.frame, &result);
     match result.verdict.level {
         Level::Lost => Err(ReconstructError::Refused(Box::new(result))),
         Level::Ok | Level::Degraded => Ok(result),
+    }
+}
+
+/// The solves of a frame that deforms, on the mesh of `body`.
+struct Deformation<'a> {
+    sight: &'a Sight<'a>,
+    body: &'a Body<'a>,
+    options: &'a ReconstructOptions,
+}
+
+impl Deformation<'_> {
+    /// Eq. 3, and from its shape what the method asks for; into `result`.
+    fn solve(
+        &self,
+        method: Method,
+        matches: &[Match],
+        posed: &Posed,
+        result: &mut Reconstruction,
+        log: &mut StageLog,
+    ) -> Result<(), ReconstructError> {
+        let Self { sight, body, options } = self;
+        let on_body = body.matches(matches);
+        let coarse = log.time("register (eq. 3)", || {
+            let register = if options.literal { register_printed } else { register };
+            register(body.scene(), &on_body, posed, &options.register)
+        });
+        log.attach(&coarse.summary);
+        take_coarse(result, body, matches, &coarse, options.register.anchor);
+        if method == Method::Dsfm {
+            return Ok(());
+        }
+        let kept = coarse.kept.iter().zip(&*on_body).filter(|m| *m.0);
+        let kept: Vec<Match> = kept.map(|m| *m.1).collect();
+        let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
+        if method == Method::Dsfms {
+            let refined = log.time("refine (eq. 4)", || self.refined(&coarse, &kept, &photo));
+            log.attach(&refined.summary);
+            take_refined(result, &refined);
+        } else {
+            let joined = log.time("joint", || self.joined(&coarse, &kept, &photo));
+            log.attach(&joined.summary);
+            take_joined(result, &joined);
+        }
+        Ok(())
+    }
+
+    /// Eq. 4 from the shape of eq. 3.
+    fn refined(&self, coarse: &Registered, kept: &[Match], photo: &Photograph) -> Refined {
+        let Self { body, options, .. } = self;
+        let start = &coarse.vertices;
+        if options.literal {
+            return refine_printed(body, start, kept, photo, &options.refine);
+        }
+        let mut refined = refine(body, start, kept, photo, &options.refine);
+        refined.vertices = options.comparison(body, kept, photo).kept(start, refined.vertices);
+        refined.settled(body, options.register.anchor)
+    }
+
+    /// Motion and shading in one problem, from the shape of eq. 3.
+    fn joined(&self, coarse: &Registered, kept: &[Match], photo: &Photograph) -> Joined {
+        let Self { body, options, .. } = self;
+        let (start, depth_sigma) = (&coarse.vertices, coarse.depth_sigma);
+        let mut joined = join(body, start, depth_sigma, kept, photo, &options.joint);
+        let still = &body.scene().posed;
+        joined.vertices = options.comparison(body, kept, photo).kept(still, joined.vertices);
+        joined.settled(body, options.register.anchor)
     }
 }
 

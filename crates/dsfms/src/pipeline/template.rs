@@ -28,7 +28,7 @@ pub use outline::OrganOutline;
 pub use precision::{FramePrecision, SparsePrecision};
 pub use strokes::{OrganStroke, StrokeError, read_strokes, strokes_from, write_strokes};
 
-use super::{Progress, told};
+use super::{Progress, logging};
 use crate::camera::CameraModel;
 use crate::checkpoint::Keep;
 use crate::geometry::{Isometry, Point3};
@@ -256,7 +256,7 @@ fn from_sparse(
     progress: &dyn Progress,
     keep: Keep,
 ) -> Result<BuiltTemplate, TemplateError> {
-    told::sparse(exploration.frames, &sparse, &options.sfm, progress);
+    logging::sparse(exploration.frames, &sparse, &options.sfm, progress);
     let keep = keep.with(|key| kept::dense_key(key, exploration, options));
     let points: Vec<Point3> = sparse.points.iter().map(|p| p.position).collect();
     let Surface { mut mesh, mut sigma, organ, mut around } =

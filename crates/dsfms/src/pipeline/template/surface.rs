@@ -10,7 +10,7 @@ use crate::geometry::{Isometry, Point3};
 use crate::mesh::Mesh;
 use crate::mesh::remesh::{fit_diagonals, remesh};
 use crate::mesh::surface_points::ClosestPoints;
-use crate::pipeline::{Progress, told};
+use crate::pipeline::{Progress, logging};
 use crate::sfm::Reconstruction;
 use rayon::prelude::*;
 
@@ -53,7 +53,7 @@ pub(super) fn dense_mesh(
         options,
         progress,
     };
-    told::views(&scene.views, scene.named.len(), dense.max_frames);
+    logging::views(&scene.views, scene.named.len(), dense.max_frames);
     let (organ, around) = scene.organ(&dense)?.unzip();
     let views = match organ.as_ref().filter(|organ| organ.taken) {
         Some(organ) => shown(&scene.views, organ),
@@ -61,7 +61,7 @@ pub(super) fn dense_mesh(
     };
     let whole = |maps: &Vec<DepthMap>| kept::whole_maps(maps, views.len());
     let maps = keep.stage("depth", Vec::len, whole, || scene.stereo(&views, &dense, "stereo"))?;
-    told::maps(&views, &maps, progress);
+    logging::maps(&views, &maps, progress);
     progress.step("surface", 0, 2);
     let seen = surface(&views, &maps, &dense)?;
     progress.step("surface", 1, 2);

@@ -5,7 +5,7 @@ use crate::camera::Camera;
 use crate::geometry::{Isometry, Point3};
 use crate::image::Mask;
 use crate::mesh::{Mesh, Topology};
-use crate::pipeline::{Progress, told};
+use crate::pipeline::{Progress, logging};
 use crate::raster::{rasterize, visible_vertices};
 use crate::sfm::Features2d;
 use crate::template::albedo::{AlbedoOptions, estimate_albedo, refine_by_shading};
@@ -47,7 +47,7 @@ impl Views<'_> {
         let views: Vec<AlbedoView> =
             registered.iter().map(|r| self.albedo_view(r, &tone)).collect();
         let light = fit_light(&mesh, &views, self.exploration.light, &options.light)?;
-        told::light(&light, progress);
+        logging::light(&light, progress);
         if light.candidates.is_empty() {
             progress.warn(
                 "one frame has a pose: its light cannot be told from the albedo, and is taken from the \
