@@ -215,7 +215,7 @@ fn row(
         rms(organ.targets.iter().enumerate().map(of))
     };
     let back = found.similarity.inverse();
-    let expected = rms(found.expected(&organ.targets, &carried, &explored.template).into_iter());
+    let expected = rms(found.expected(&organ.targets, &carried, &explored.template)?.into_iter());
     let verdict = match found.doubts.is_empty() {
         true => "ok".to_string(),
         false => found.doubts.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "),

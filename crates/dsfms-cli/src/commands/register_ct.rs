@@ -209,7 +209,7 @@ fn carry(
 ) -> anyhow::Result<Vec<Carried>> {
     let of = |(name, mesh): &(String, Mesh)| {
         let points = found.carry(&mesh.positions)?;
-        let expected = found.expected(&mesh.positions, &points, &template.mesh);
+        let expected = found.expected(&mesh.positions, &points, &template.mesh)?;
         Ok(Carried { name: name.clone(), mesh: mesh.with_positions(points), expected })
     };
     loaded.structures.iter().map(of).collect()

@@ -12,7 +12,7 @@ use super::verdict::{Doubt, PreoperativeError};
 use crate::geometry::{Point3, Similarity, median};
 use crate::mesh::Mesh;
 use crate::mesh::orientation::oriented_outward;
-use crate::structures::{Carrier, CarrierOptions, depths};
+use crate::structures::{Carrier, CarrierOptions, Depth, StructureError, depths};
 use rayon::prelude::*;
 
 /// Points of the template that are laid on the preoperative surface.
@@ -288,10 +288,7 @@ impl Preoperative {
     ///
     /// # Errors
     /// A surface that carries nothing.
-    pub fn carry(
-        &self,
-        points: &[Point3],
-    ) -> Result<Vec<Point3>, crate::structures::StructureError> {
+    pub fn carry(&self, points: &[Point3]) -> Result<Vec<Point3>, StructureError> {
         let back = self.similarity.inverse();
         let placed: Vec<Point3> = points.iter().map(|p| back * p).collect();
         if self.bent.is_none() {
@@ -304,17 +301,26 @@ impl Preoperative {
 
     /// Expected error of carried points, mm; `points` in the preoperative frame, `carried` in the
     /// template's; `template` the surface that was registered.
-    pub fn expected(&self, points: &[Point3], carried: &[Point3], template: &Mesh) -> Vec<f64> {
+    ///
+    /// # Errors
+    /// A template without faces, from which nothing has a depth.
+    pub fn expected(
+        &self,
+        points: &[Point3],
+        carried: &[Point3],
+        template: &Mesh,
+    ) -> Result<Vec<f64>, StructureError> {
         let scale = self.similarity.scaling();
         let (middle, _) = extent(template.positions.iter());
         let half = template.positions.iter().map(|p| (p - middle).norm()).fold(0.0, f64::max);
         let surface = self.bent.unwrap_or(self.rigid).rms;
         let deformation = (self.rigid.rms.powi(2) - self.noise.powi(2)).max(0.0).sqrt();
-        let under = depths(template, carried).unwrap_or_default();
-        let error = |(p, d): (&Point3, &crate::structures::Depth)| {
+        let under = depths(template, carried)
+            .ok_or(StructureError::Degenerate { vertices: template.positions.len() })?;
+        let error = |(p, d): (&Point3, &Depth)| {
             let open = self.uncertainty.at(p);
             expected_target_error(open, surface, d.distance * scale, half * scale, deformation)
         };
-        points.iter().zip(&under).map(error).collect()
+        Ok(points.iter().zip(&under).map(error).collect())
     }
 }
