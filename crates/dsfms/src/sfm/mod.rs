@@ -49,4 +49,5 @@ pub use options::{LocalContrast, SfmOptions};
 pub use reconstruct::reconstruct;
 pub(crate) use reconstruct::reconstruct_kept;
 pub use reconstruction::{FoundModel, Reconstruction, ScenePoint, SfmError, TrackedPixel};
+pub(crate) use resection::error_px;
 pub use resection::{Resection, refine_pose, resect};

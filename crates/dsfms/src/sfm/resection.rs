@@ -81,7 +81,13 @@ fn all_of(rays: [Option<Vector3>; 3]) -> Option<[Vector3; 3]> {
     Some([rays[0]?, rays[1]?, rays[2]?])
 }
 
-fn error_px(camera: &dyn Camera, pose: &Isometry, point: &Point3, pixel: &Point2) -> f64 {
+/// Reprojection error, px; infinite where the camera does not see the point.
+pub(crate) fn error_px(
+    camera: &dyn Camera,
+    pose: &Isometry,
+    point: &Point3,
+    pixel: &Point2,
+) -> f64 {
     camera.project(&(pose * point)).map_or(f64::INFINITY, |p| (p.pixel - pixel).norm())
 }
 

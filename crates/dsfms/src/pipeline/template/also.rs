@@ -4,11 +4,10 @@
 //! is motion, and the parting of organ and wall learns which of the two it belongs to.
 
 use super::Exploration;
-use crate::camera::Camera;
-use crate::geometry::{Isometry, Point2, Point3, median};
+use crate::geometry::{Point2, Point3, median};
 use crate::sfm::random::Random;
 use crate::sfm::{
-    Features2d, Reconstruction, ScenePoint, SfmOptions, detect, match_descriptors, resect,
+    Features2d, Reconstruction, ScenePoint, SfmOptions, detect, error_px, match_descriptors, resect,
 };
 use rayon::prelude::*;
 
@@ -75,7 +74,7 @@ fn in_frame(
     }
     let most = WRONG * width as f64;
     let off = |&(i, pixel): &(usize, Point2)| {
-        let px = error_px(&sparse.camera, &rigid.pose, &sparse.points[i].position, &pixel)?;
+        let px = error_px(&sparse.camera, &rigid.pose, &sparse.points[i].position, &pixel);
         (px < most).then_some((i, px))
     };
     pairs.iter().filter_map(off).collect()
@@ -84,14 +83,11 @@ fn in_frame(
 /// Apart from the tasks of structure from motion.
 const ALSO: u64 = 0xa150_0000;
 
-fn error_px(camera: &dyn Camera, pose: &Isometry, point: &Point3, pixel: &Point2) -> Option<f64> {
-    Some((camera.project(&(pose * point))?.pixel - pixel).norm())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{CameraModel, Lens};
+    use crate::camera::{Camera, CameraModel, Lens};
+    use crate::geometry::Isometry;
     use crate::sfm::TrackedPixel;
 
     #[test]

@@ -2,14 +2,14 @@
 
 use super::click::shown_at;
 use super::surface::Scene;
-use super::{OrganClick, also};
-use super::{OrganStroke, TemplateError};
+use super::{OrganClick, OrganStroke, TemplateError, also};
 use crate::dense::{
     Border, DenseOptions, DepthMap, Labelling, Parting, PosedFrame, Seeds, outlines, overlap,
     surface,
 };
 use crate::geometry::Point3;
 use crate::image::Mask;
+use crate::image::distance::distance_to;
 use crate::mesh::Mesh;
 use crate::mesh::remesh::remesh;
 
@@ -221,9 +221,11 @@ fn deepest(own: &Labelling, others: &[&Labelling], maps: &[DepthMap]) -> Option<
             let mask = mask(i);
             let depth = inside(&mask);
             let best = (0..depth.len()).filter(|&p| maps[i].depth[p] > 0.0 && mask.data[p]);
-            best.max_by_key(|&p| (depth[p], std::cmp::Reverse(p))).map(|p| (depth[p], i, p))
+            best.max_by(|&p, &q| depth[p].total_cmp(&depth[q]).then(q.cmp(&p)))
+                .map(|p| (depth[p], i, p))
         });
-        places.max_by_key(|&(depth, i, p)| (depth, std::cmp::Reverse((i, p))))
+        // Of equals the first.
+        places.max_by(|a, b| a.0.total_cmp(&b.0).then((b.1, b.2).cmp(&(a.1, a.2))))
     };
     let alone = find(&only).filter(|(depth, ..)| *depth >= LEAST_INSIDE);
     let found = alone.or_else(|| find(&|i| own.masks[i].clone()))?;
@@ -231,25 +233,17 @@ fn deepest(own: &Labelling, others: &[&Labelling], maps: &[DepthMap]) -> Option<
 }
 
 /// Px of the depth grid by which a click must lie inside a part.
-const LEAST_INSIDE: u32 = 4;
+const LEAST_INSIDE: f32 = 4.0;
 
-/// Px to the nearest pixel outside of the mask or the frame, by steps across edges and corners.
-fn inside(mask: &Mask) -> Vec<u32> {
+/// Px to the nearest pixel outside of the mask or the frame.
+fn inside(mask: &Mask) -> Vec<f32> {
     let [w, h] = mask.size;
-    let mut depth: Vec<u32> = mask.data.iter().map(|&on| if on { u32::MAX } else { 0 }).collect();
-    let near = [[-1, -1], [0, -1], [1, -1], [-1, 0]];
-    let relax = |depth: &mut Vec<u32>, p: usize, sign: isize| {
-        let least = near.iter().map(|[dx, dy]| {
-            let x = (p % w).checked_add_signed(sign * dx).filter(|&x| x < w);
-            let y = (p / w).checked_add_signed(sign * dy).filter(|&y| y < h);
-            x.zip(y).map_or(0, |(x, y)| depth[y * w + x])
-        });
-        let least = least.min().unwrap_or(0).saturating_add(1);
-        depth[p] = depth[p].min(least);
+    let away = distance_to(&mask.complement());
+    let within = |(p, &away): (usize, &f32)| {
+        let (x, y) = (p % w, p / w);
+        away.min((x + 1).min(w - x).min(y + 1).min(h - y) as f32)
     };
-    (0..w * h).for_each(|p| relax(&mut depth, p, 1));
-    (0..w * h).rev().for_each(|p| relax(&mut depth, p, -1));
-    depth
+    away.data.iter().enumerate().map(within).collect()
 }
 
 #[cfg(test)]
@@ -257,10 +251,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn depth_inside_counts_steps_to_the_rim_and_to_the_edge_of_the_frame() {
+    fn depth_inside_is_that_to_the_rim_and_to_the_edge_of_the_frame() {
         let data = (0..35).map(|p| p != 17).collect();
         let depth = inside(&Mask { size: [7, 5], data });
-        assert_eq!([depth[0], depth[17], depth[16], depth[15], depth[8]], [1, 0, 1, 2, 2]);
+        assert_eq!(
+            [depth[0], depth[17], depth[16], depth[15], depth[8]],
+            [1.0, 0.0, 1.0, 2.0, 2.0]
+        );
     }
 
     #[test]
