@@ -1,7 +1,7 @@
 //! From the growing map to the value the stage returns.
 
 use super::map::Map;
-use super::reconstruction::{FoundModel, Reconstruction, ScenePoint, TrackedPixel};
+use super::reconstruction::{FoundModel, ScenePoint, SparseReconstruction, TrackedPixel};
 use crate::geometry::Point2;
 use crate::image::Frame;
 
@@ -24,7 +24,7 @@ pub(super) fn collect(
     frames: &[Frame],
     rejected: Vec<(usize, String)>,
     others: Vec<FoundModel>,
-) -> Reconstruction {
+) -> SparseReconstruction {
     let models = std::iter::once(map.summary()).chain(others).collect();
     let errors = map.errors();
     let mut sums = vec![(0.0, 0usize); frames.len()];
@@ -46,7 +46,7 @@ pub(super) fn collect(
             track: seen,
         })
     });
-    Reconstruction {
+    SparseReconstruction {
         points: points.collect(),
         rejected,
         models,

@@ -276,15 +276,10 @@ fn positive_roots(c: &[f64; 5]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{CameraModel, Lens};
+    use crate::camera::CameraModel;
 
     fn scene() -> (CameraModel, Isometry, Vec<Point3>, Vec<Point2>) {
-        let camera = CameraModel {
-            size: [640, 480],
-            focal: [500.0, 510.0],
-            centre: [318.0, 241.0],
-            lens: Lens::Pinhole,
-        };
+        let camera = CameraModel::pinhole([640, 480], [500.0, 510.0], [318.0, 241.0]);
         let pose = Isometry::new(Vector3::new(3.0, -1.0, 60.0), Vector3::new(0.2, -0.4, 0.1));
         let mut random = Random::new(9, 0);
         let mut unit = || random.below(1_000_000) as f64 / 1e6 - 0.5;

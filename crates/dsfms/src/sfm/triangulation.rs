@@ -131,15 +131,10 @@ fn pairs(n: usize) -> impl Iterator<Item = (usize, usize)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{CameraModel, Lens};
+    use crate::camera::CameraModel;
 
     fn camera() -> CameraModel {
-        CameraModel {
-            size: [640, 480],
-            focal: [500.0; 2],
-            centre: [320.0, 240.0],
-            lens: Lens::Pinhole,
-        }
+        CameraModel::pinhole([640, 480], [500.0; 2], [320.0, 240.0])
     }
 
     fn sighting(pose: Isometry, point: &Point3, shift: f64) -> Sighting {
