@@ -53,6 +53,7 @@ fn count(
 /// Frames of `seeing` that must agree before it is no accident: wrong depths spread over the range
 /// agree with one in a few per cent of the frames, so one of thirty says nothing.
 fn chance(seeing: usize) -> usize {
+    /// Above the few per cent, below what sees a place at a usable angle.
     const SHARE: f64 = 0.1;
     (SHARE * seeing as f64).round() as usize
 }

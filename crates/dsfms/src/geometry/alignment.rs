@@ -18,6 +18,7 @@ pub fn align_rigid(source: &[Point3], target: &[Point3]) -> Option<Isometry> {
 ///
 /// `None` as for [`align_rigid`].
 pub fn align_rigid_robust(source: &[Point3], target: &[Point3]) -> Option<Isometry> {
+    /// A bound on time.
     const ROUNDS: usize = 20;
     const SETTLED: f64 = 1e-6;
     let mut motion = align_rigid(source, target)?;

@@ -61,6 +61,7 @@ pub enum RemeshError {
 /// Rounds, beyond those asked for, in which a fine input may collapse: each about halves it.
 const MAX_COLLAPSING: usize = 16;
 
+/// As many as an icosahedron: fewer make no closed surface of nearly equilateral faces.
 const LEAST_VERTICES: usize = 12;
 
 /// The surface as it is being changed.
@@ -143,6 +144,7 @@ pub fn remesh(
 /// Vertices that were projected to one place (at narrow rims, where no edge may collapse) are moved
 /// between their neighbours, off the surface by less than an edge, until every face has an area.
 fn part_coincident(mesh: &mut Mesh) {
+    /// A bound on time.
     const ROUNDS: usize = 20;
     let topology = mesh.topology.clone();
     for _ in 0..ROUNDS {

@@ -33,6 +33,7 @@ pub struct ClosestPoints<'a> {
     nodes: Vec<TreeNode>,
 }
 
+/// Faces of a leaf: few enough to look at all.
 const LEAF: usize = 4;
 
 impl<'a> ClosestPoints<'a> {

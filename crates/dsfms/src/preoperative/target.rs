@@ -71,6 +71,7 @@ impl<'a> Target<'a> {
     }
 
     fn on_boundary(&self, place: &SurfacePoint) -> bool {
+        /// Rounding of a barycentric.
         const ZERO: f64 = 1e-9;
         let topology = &self.mesh.topology;
         let face = topology.faces[place.face as usize];

@@ -131,6 +131,7 @@ fn register_next(map: &mut Map, allowed: &[bool], options: &SfmOptions) -> bool 
 
 /// How well known points cover a view: number of occupied cells of a 12 × 12 grid.
 fn spread(map: &Map, view: usize) -> usize {
+    /// Along each side: tells points in one corner from points all over.
     const CELLS: usize = 12;
     let [w, h] = map.camera.size;
     let mut occupied = [false; CELLS * CELLS];

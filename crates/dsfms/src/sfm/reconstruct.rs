@@ -150,6 +150,7 @@ fn largest_model<'a>(
     progress: SfmProgress,
     rejected: &mut Vec<(usize, String)>,
 ) -> Result<(Map<'a>, Vec<FoundModel>), SfmError> {
+    /// The largest counts; further ones are only told to the user.
     const MAX_MODELS: usize = 4;
     let counts: Vec<usize> = features.iter().map(Features2d::len).collect();
     let matched: Vec<PairMatches> =

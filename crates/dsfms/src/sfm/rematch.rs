@@ -52,6 +52,7 @@ pub(super) fn rematch(
 
 /// Pairs that share some points already; neighbours while there are no points.
 fn related_pairs(map: &Map, options: &SfmOptions) -> Vec<(usize, usize)> {
+    /// Fewer say nothing of where the two frames look.
     const SHARED: usize = 5;
     let n = map.poses.len();
     let mut shared = vec![0usize; n * n];

@@ -122,6 +122,7 @@ pub fn triangulate(
 
 /// All pairs of `n` things, thinned evenly to at most `MAX_PAIRS`.
 fn pairs(n: usize) -> impl Iterator<Item = (usize, usize)> {
+    /// All pairs of nine sightings: more cost time, not points.
     const MAX_PAIRS: usize = 36;
     let total = n * n.saturating_sub(1) / 2;
     let step = total.div_ceil(MAX_PAIRS).max(1);

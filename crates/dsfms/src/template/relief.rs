@@ -39,7 +39,9 @@ const HOLDING: f64 = 3200.0;
 const LARGEST_TILT: f64 = 0.175;
 /// Largest displacement, standard deviations; nor more than an edge, whatever is known.
 const FARTHEST: f64 = 3.0;
+/// Of Gauss–Newton, a bound on time.
 const ROUNDS: usize = 6;
+/// Of conjugate gradients; a bound on time.
 const STEPS: usize = 100;
 
 /// Vertex normals as the shading of all views has them, smoothed as the mesh's own.
