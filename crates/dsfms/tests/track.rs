@@ -261,7 +261,7 @@ fn pale_clip() -> Clip {
         }
     }
     let rest = clip.template.mesh.clone();
-    let posed = |k: usize| {
+    let shape = |k: usize| {
         let turn = [0.0, 0.12, 0.3, 0.1, -0.15, 0.05][k];
         let shift = Vector3::new(1.5 * k as f64 - 3.0, 1.0 - 0.8 * k as f64, 75.0);
         let pose = Isometry::new(shift, Vector3::new(0.0, 0.05 * k as f64, turn));
@@ -269,20 +269,21 @@ fn pale_clip() -> Clip {
     };
     let seen = |k: usize| {
         let options = RenderOptions { gain: 1.0, seed: k as u64, ..Default::default() };
-        render(&clip.camera, &LightModel::Collinear, &posed(k), &albedo, &options)
+        render(&clip.camera, &LightModel::Collinear, &shape(k), &albedo, &options)
     };
     let first = seen(0);
     let found = detect(&first, None, &SfmOptions::default());
     let (points, descriptors) = (&found.points[..], &found.descriptors[..]);
     let pose = Isometry::new(Vector3::new(-3.0, 1.0, 75.0), Vector3::zeros());
-    let view = FeatureView { camera: &clip.camera, pose, valid: None, points, descriptors };
+    let posed = PosedFrame::new(&first, &clip.camera, pose);
+    let view = FeatureView { posed, points, descriptors };
     clip.template.features = Some(anchor_features(&rest, &[view], &AnchorOptions::default()));
     // What is white in every frame is never observed, as in an exploration.
     for (value, views) in albedo.value.iter().zip(&mut albedo.views) {
         *views = u16::from(value[0] < 1.5) * (*views).max(1);
     }
     clip.frames = (0..6).map(seen).collect();
-    clip.truth = (0..6).map(|k| Some(posed(k).positions)).collect();
+    clip.truth = (0..6).map(|k| Some(shape(k).positions)).collect();
     clip.template.albedo = Some(albedo);
     clip
 }

@@ -1,8 +1,8 @@
 //! How a frame gets its surface: followed from the last one, found again, or both.
 
-use super::follow::Followed;
+use super::follow::FollowedMatches;
 use super::judged::Candidate;
-use super::places::Place;
+use super::places::FollowedPlace;
 use super::prepare::View;
 use super::tracker::{Clock, Last, Tracker};
 use super::{Origin, TrackStatus};
@@ -109,11 +109,11 @@ impl Tracker<'_> {
     fn on_from_last(
         &mut self,
         view: &View,
-        found: Followed,
+        found: FollowedMatches,
         origin: Origin,
         clock: &mut Clock,
     ) -> Result<Candidate, String> {
-        let Followed { matches, places } = found;
+        let FollowedMatches { matches, places } = found;
         let by_look = matches.len() - places.len();
         let draft = self.carried(view, matches, origin, clock)?;
         let mut found = self.judged(view, draft, origin, clock);
@@ -131,9 +131,9 @@ impl Tracker<'_> {
     }
 
     /// A match of this frame as a place to follow.
-    pub(super) fn place(&self, view: &View, found: Match, pose: Isometry) -> Option<Place> {
+    pub(super) fn place(&self, view: &View, found: Match, pose: Isometry) -> Option<FollowedPlace> {
         let pixel = self.working.of_frame(found.pixel);
-        Place::new(found, pixel, &view.seen.pyramid.levels[0], pose, self.count)
+        FollowedPlace::new(found, pixel, &view.seen.pyramid.levels[0], pose, self.count)
     }
 
     /// A surface found from nothing, followed within its own frame: its look finds more matches than

@@ -2,7 +2,7 @@
 //! then by their look, and those that descriptors found, by the look of the frame that they were found in.
 
 use super::look::{Anchor, Look};
-use super::places::{Place, stays};
+use super::places::{Earlier, FollowedPlace, stays};
 use super::prepare::View;
 use super::tracker::{Last, Tracker};
 use crate::camera::Camera;
@@ -10,7 +10,7 @@ use crate::geometry::{
     Isometry, Neighbours, Point2, Point3, Vector2, align_rigid_robust, median, point_at,
 };
 use crate::image::Plane;
-use crate::image::flow::{Pyramid, correlation, follow, settle, whole};
+use crate::image::flow::{correlation, follow, settle, whole};
 use crate::register::Match;
 use crate::register::find::agreeing;
 use crate::register::pose_near;
@@ -53,22 +53,15 @@ const NEARER: f64 = 0.08;
 
 /// Matches of a frame.
 #[derive(Default)]
-pub(super) struct Followed {
+pub(super) struct FollowedMatches {
     pub(super) matches: Vec<Match>,
     /// Of the last of the matches, in their order: the places that descriptors found.
-    pub(super) places: Vec<Place>,
-}
-
-/// An earlier frame and its surface, by which highlights are told from what is pale.
-pub(super) struct Earlier {
-    pub(super) frame: usize,
-    pub(super) pyramid: Arc<Pyramid>,
-    pub(super) vertices: Vec<Point3>,
+    pub(super) places: Vec<FollowedPlace>,
 }
 
 /// A place found in the working image.
 #[derive(Clone, Copy)]
-struct Track {
+struct TrackedPlace {
     face: u32,
     barycentric: [f64; 3],
     place: Point2,
@@ -77,7 +70,7 @@ struct Track {
 }
 
 /// What places are followed by: a rendered shape, and where the frame may show it.
-struct Shown<'a> {
+struct ShownLook<'a> {
     look: &'a Look,
     start: &'a [Point3],
 }
@@ -85,10 +78,10 @@ struct Shown<'a> {
 impl Tracker<'_> {
     /// Matches of the last shape's places, in the order of the anchors and then of the places that
     /// descriptors found.
-    pub(super) fn followed(&self, view: &View) -> Followed {
-        let Some(last) = &self.last else { return Followed::default() };
+    pub(super) fn followed(&self, view: &View) -> FollowedMatches {
+        let Some(last) = &self.last else { return FollowedMatches::default() };
         let start = self.expected(last);
-        let mut tracks = self.by_look(view, last, &Shown { look: &last.look, start });
+        let mut tracks = self.by_look(view, last, &ShownLook { look: &last.look, start });
         if (tracks.len() as f64) < ENOUGH * self.could_be(view, &last.look, start) as f64
             && let Some(better) = self.turned(view, last, start, &tracks)
             && better.len() > tracks.len()
@@ -96,13 +89,13 @@ impl Tracker<'_> {
             tracks = better;
         }
         let places = self.carried_places(view, last, start, &tracks);
-        let pixel = |t: &Track| Match {
+        let pixel = |t: &TrackedPlace| Match {
             face: t.face,
             barycentric: t.barycentric,
             pixel: self.working.to_frame(t.place),
         };
         let matches = tracks.iter().chain(places.iter().map(|p| &p.0)).map(pixel).collect();
-        Followed { matches, places: places.into_iter().map(|p| p.1).collect() }
+        FollowedMatches { matches, places: places.into_iter().map(|p| p.1).collect() }
     }
 
     /// Number of anchors of which the frame may show the whole patch.
@@ -123,7 +116,7 @@ impl Tracker<'_> {
 
     /// Anchors of a rendered shape in the frame, and where too few of them are, those that their neighbours'
     /// motion leads to.
-    fn by_look(&self, view: &View, last: &Last, shown: &Shown) -> Vec<Track> {
+    fn by_look(&self, view: &View, last: &Last, shown: &ShownLook) -> Vec<TrackedPlace> {
         let anchors = &shown.look.anchors;
         let first = |a: &Anchor| self.anchor(view, last, shown, a);
         let found: Vec<_> = anchors.par_iter().map(first).collect();
@@ -135,11 +128,11 @@ impl Tracker<'_> {
         // Both in the order of the anchors.
         let mut rest = tracks.iter().peekable();
         for (a, offset) in anchors.iter().zip(&mut offsets) {
-            let own = |t: &&Track| t.face == a.face && t.barycentric == a.barycentric;
+            let own = |t: &&TrackedPlace| t.face == a.face && t.barycentric == a.barycentric;
             *offset = rest.next_if(own).map(|t| t.place - a.pixel);
         }
         let near = Neighbours::of(anchors.iter().map(|a| a.pixel.coords.into()).collect());
-        let again = |(i, a): (usize, &Anchor)| -> Option<(f64, Track)> {
+        let again = |(i, a): (usize, &Anchor)| -> Option<(f64, TrackedPlace)> {
             if offsets[i].is_some() {
                 return found[i];
             }
@@ -153,7 +146,13 @@ impl Tracker<'_> {
     }
 
     /// One anchor in the frame, with how unlike it is.
-    fn anchor(&self, view: &View, last: &Last, shown: &Shown, a: &Anchor) -> Option<(f64, Track)> {
+    fn anchor(
+        &self,
+        view: &View,
+        last: &Last,
+        shown: &ShownLook,
+        a: &Anchor,
+    ) -> Option<(f64, TrackedPlace)> {
         let (render, frame) = (&shown.look.render, &view.seen.pyramid);
         let start = self.shown_at(shown.start, a.face, a.barycentric)?;
         let accepted = |place: Point2| self.accepted(view, last, shown, a, place);
@@ -171,10 +170,10 @@ impl Tracker<'_> {
         &self,
         view: &View,
         last: &Last,
-        shown: &Shown,
+        shown: &ShownLook,
         a: &Anchor,
         place: Point2,
-    ) -> Option<(f64, Track)> {
+    ) -> Option<(f64, TrackedPlace)> {
         let frame = &view.seen.pyramid.levels[0];
         let clear = whole(&view.seen.usable, place);
         (clear || whole(&view.seen.open, place)).then_some(())?;
@@ -185,7 +184,7 @@ impl Tracker<'_> {
         (alike >= least && !glare()).then_some(())?;
         let (face, barycentric) = (a.face, a.barycentric);
         let offset = place - self.shown_at(&last.vertices, face, barycentric)?;
-        Some((1.0 - alike, Track { face, barycentric, place, offset }))
+        Some((1.0 - alike, TrackedPlace { face, barycentric, place, offset }))
     }
 
     /// Whether what the frame shows at a place was there before in the image, when the tissue was elsewhere.
@@ -202,15 +201,16 @@ impl Tracker<'_> {
         view: &View,
         last: &Last,
         start: &[Point3],
-        tracks: &[Track],
-    ) -> Option<Vec<Track>> {
+        tracks: &[TrackedPlace],
+    ) -> Option<Vec<TrackedPlace>> {
         if tracks.len() < LEAST {
             return None;
         }
         let pixels: Vec<Point2> = tracks.iter().map(|t| self.working.to_frame(t.place)).collect();
         let faces = &self.template.mesh.topology.faces;
-        let on =
-            |t: &Track| point_at(faces[t.face as usize].map(|v| &start[v as usize]), t.barycentric);
+        let on = |t: &TrackedPlace| {
+            point_at(faces[t.face as usize].map(|v| &start[v as usize]), t.barycentric)
+        };
         let points: Vec<Point3> = tracks.iter().map(on).collect();
         let options = &self.options.reconstruct.register;
         let motion = pose_near(self.camera, &points, &pixels, options, Isometry::identity());
@@ -224,7 +224,7 @@ impl Tracker<'_> {
         }
         let rest = &self.template.mesh;
         let look = Look::new(&self.working, rest, &shape, &self.albedo, &self.light);
-        Some(self.by_look(view, last, &Shown { look: &look, start: &shape }))
+        Some(self.by_look(view, last, &ShownLook { look: &look, start: &shape }))
     }
 
     /// The places that descriptors found, where no anchor tells the same.
@@ -233,8 +233,8 @@ impl Tracker<'_> {
         view: &View,
         last: &Last,
         start: &[Point3],
-        tracks: &[Track],
-    ) -> Vec<(Track, Place)> {
+        tracks: &[TrackedPlace],
+    ) -> Vec<(TrackedPlace, FollowedPlace)> {
         let rest = &self.template.mesh;
         let moved = align_rigid_robust(&last.vertices, start).unwrap_or_default();
         let pose = moved * last.pose;
@@ -244,8 +244,8 @@ impl Tracker<'_> {
             .map(|t| Some(t.place - self.shown_at(start, t.face, t.barycentric)?))
             .collect();
         let shift = typical(&(0..shifts.len()).collect::<Vec<_>>(), &shifts).unwrap_or_default();
-        let covered = Covered::of(self.working.camera.size, tracks.iter().map(|t| t.place));
-        let one = |p: &Place| -> Option<(Track, Place)> {
+        let covered = CoveredCells::of(self.working.camera.size, tracks.iter().map(|t| t.place));
+        let one = |p: &FollowedPlace| -> Option<(TrackedPlace, FollowedPlace)> {
             let (face, barycentric) = (p.found.face, p.found.barycentric);
             let start = self.shown_at(start, face, barycentric)? + shift;
             (!covered.at(start)).then_some(())?;
@@ -259,24 +259,25 @@ impl Tracker<'_> {
             let good = alike >= if clear { least } else { least.max(PALE) };
             (usable && good && (clear || !p.stays(frame, place))).then_some(())?;
             let offset = place - self.shown_at(&last.vertices, face, barycentric)?;
-            Some((Track { face, barycentric, place, offset }, p.clone()))
+            Some((TrackedPlace { face, barycentric, place, offset }, p.clone()))
         };
         let found: Vec<_> = self.places.par_iter().map(one).collect();
-        let found: Vec<(Track, Place)> = found.into_iter().flatten().collect();
-        let all: Vec<Track> = tracks.iter().copied().chain(found.iter().map(|f| f.0)).collect();
+        let found: Vec<(TrackedPlace, FollowedPlace)> = found.into_iter().flatten().collect();
+        let all: Vec<TrackedPlace> =
+            tracks.iter().copied().chain(found.iter().map(|f| f.0)).collect();
         let agreeing = self.agreeing(&all, SOUGHT_STRAY_PX);
         let kept = agreeing.into_iter().filter_map(|i| i.checked_sub(tracks.len()));
         kept.map(|i| found[i].clone()).collect()
     }
 
     /// What is not much less alike than most, and moves like its neighbours.
-    fn consistent(&self, found: Vec<(f64, Track)>) -> Vec<Track> {
+    fn consistent(&self, found: Vec<(f64, TrackedPlace)>) -> Vec<TrackedPlace> {
         let tracks = alike_enough(found);
         self.agreeing(&tracks, STRAY_PX).into_iter().map(|i| tracks[i]).collect()
     }
 
     /// Neighbours move alike, so that a patch which settled on another texture stands out.
-    fn agreeing(&self, tracks: &[Track], slack: f64) -> Vec<usize> {
+    fn agreeing(&self, tracks: &[TrackedPlace], slack: f64) -> Vec<usize> {
         let pixels: Vec<Point2> = tracks.iter().map(|t| self.working.to_frame(t.place)).collect();
         let offsets: Vec<_> = tracks.iter().map(|t| Some(t.offset)).collect();
         agreeing(&pixels, &offsets, f64::INFINITY, slack)
@@ -312,7 +313,7 @@ impl Tracker<'_> {
 
     /// Keep the places that a surface explains; where it was followed, for a while those too that it did not
     /// show.
-    pub(super) fn remember_places(&mut self, held: Vec<Place>, followed: bool) {
+    pub(super) fn remember_places(&mut self, held: Vec<FollowedPlace>, followed: bool) {
         let now = self.count;
         if followed {
             self.places.retain(|p| p.lasts(now) && !held.iter().any(|h| h.same(p)));
@@ -339,7 +340,7 @@ fn typical(named: &[usize], offsets: &[Option<Vector2>]) -> Option<Vector2> {
 }
 
 /// Which parts of the working image have a match near.
-pub(super) struct Covered {
+pub(super) struct CoveredCells {
     across: usize,
     cells: Vec<bool>,
 }
@@ -347,7 +348,7 @@ pub(super) struct Covered {
 /// Side of a part, px.
 const CELL: f64 = 4.0;
 
-impl Covered {
+impl CoveredCells {
     /// Of an image of a size that has matches at some places.
     pub(super) fn of(size: [usize; 2], places: impl Iterator<Item = Point2>) -> Self {
         let [across, down] = size.map(|n| n.div_ceil(CELL as usize) + 1);
@@ -381,7 +382,7 @@ mod tests {
 
     #[test]
     fn matches_cover_their_surroundings() {
-        let covered = Covered::of([100, 80], [Point2::new(40.0, 40.0)].into_iter());
+        let covered = CoveredCells::of([100, 80], [Point2::new(40.0, 40.0)].into_iter());
         assert!(covered.at(Point2::new(40.0, 40.0)) && covered.at(Point2::new(48.0, 44.0)));
         assert!(!covered.at(Point2::new(56.0, 40.0)) && !covered.at(Point2::new(-3.0, 500.0)));
     }

@@ -2,7 +2,7 @@
 
 use super::exposed::Shown;
 use super::look::{Look, edge_px};
-use super::places::Place;
+use super::places::FollowedPlace;
 use super::prepare::View;
 use super::tracker::{Clock, Draft, Tracker};
 use super::verdict::{Known, evidence};
@@ -21,7 +21,7 @@ pub(super) struct Candidate {
     pub(super) shown: Shown,
     pub(super) jumped: bool,
     /// What descriptors found and the surface explains.
-    pub(super) places: Vec<Place>,
+    pub(super) places: Vec<FollowedPlace>,
 }
 
 impl Candidate {

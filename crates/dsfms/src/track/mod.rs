@@ -14,6 +14,7 @@ mod follow;
 mod judged;
 pub mod look;
 mod mips;
+mod parts;
 mod places;
 mod prepare;
 mod reduce;

@@ -3,7 +3,7 @@
 //! match compares with that one frame, and the place is sought again before it is old.
 
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Isometry, Point2, Vector2, normal, point_at};
+use crate::geometry::{Isometry, Point2, Point3, Vector2, normal, point_at};
 use crate::image::Plane;
 use crate::image::flow::{Pyramid, RADIUS, correlation, follow, settle};
 use crate::mesh::Mesh;
@@ -31,18 +31,18 @@ const TELLS: f64 = 2.0;
 
 /// A place of the template and the frame that it was found in.
 #[derive(Clone)]
-pub(super) struct Place {
+pub(super) struct FollowedPlace {
     /// Where it is on the template, and the pixel at which the frame showed it.
     pub(super) found: Match,
     /// The frame's number.
     pub(super) frame: usize,
     /// The last frame in which the surface explained it.
     pub(super) held: usize,
-    kept: Arc<Kept>,
+    kept: Arc<KeptPatch>,
 }
 
 /// What a frame showed about a place.
-struct Kept {
+struct KeptPatch {
     pyramid: Pyramid,
     /// The place in it.
     at: Point2,
@@ -52,7 +52,7 @@ struct Kept {
     pose: Isometry,
 }
 
-impl Place {
+impl FollowedPlace {
     /// A match at `pixel` of the working image; `None` too close to its border.
     pub(super) fn new(
         found: Match,
@@ -76,7 +76,7 @@ impl Place {
         let row = |y: usize| &working.data[(top + y) * w + left..][..SIDE];
         let data = (0..SIDE).flat_map(|y| row(y).iter().copied()).collect();
         let pyramid = Pyramid::new(Plane { size: [SIDE; 2], data }, LEVELS);
-        let kept = Kept { pyramid, at, corner: Vector2::new(left as f64, top as f64), pose };
+        let kept = KeptPatch { pyramid, at, corner: Vector2::new(left as f64, top as f64), pose };
         Some(Self { found, frame, held: frame, kept: Arc::new(kept) })
     }
 
@@ -103,7 +103,7 @@ impl Place {
         start: Point2,
         turn: Option<Matrix2<f64>>,
     ) -> Option<(Point2, f64)> {
-        let Kept { pyramid, at, .. } = &*self.kept;
+        let KeptPatch { pyramid, at, .. } = &*self.kept;
         let turned = turn.filter(|t| (t - Matrix2::identity()).norm() > TURNED);
         let turned = turned.and_then(|turn| self.turned(&turn));
         let patch = turned.as_ref().unwrap_or(pyramid);
@@ -116,7 +116,7 @@ impl Place {
 
     /// What was kept as another view shows it.
     fn turned(&self, turn: &Matrix2<f64>) -> Option<Pyramid> {
-        let Kept { pyramid, at, .. } = &*self.kept;
+        let KeptPatch { pyramid, at, .. } = &*self.kept;
         let (back, most) = (turn.try_inverse()?, SIDE as f64 - 1.0);
         let value = |i: usize| {
             let to = Point2::new((i % SIDE) as f64, (i / SIDE) as f64);
@@ -152,10 +152,17 @@ impl Place {
     /// Whether what a frame shows at a place is what the place's own frame showed there in the image, not
     /// what it showed of the tissue: a highlight. `false` too where they have not moved apart.
     pub(super) fn stays(&self, frame: &Plane, now: Point2) -> bool {
-        let Kept { pyramid, at, corner, .. } = &*self.kept;
+        let KeptPatch { pyramid, at, corner, .. } = &*self.kept;
         let was = Point2::from(at.coords + corner);
         stays(&pyramid.levels[0], *corner, was, frame, now)
     }
+}
+
+/// An earlier frame and its surface, by which highlights are told from what is pale.
+pub(super) struct Earlier {
+    pub(super) frame: usize,
+    pub(super) pyramid: Arc<Pyramid>,
+    pub(super) vertices: Vec<Point3>,
 }
 
 /// Whether a patch of a frame is more like an earlier frame (whose first pixel is at `corner`) at the same
@@ -200,9 +207,9 @@ mod tests {
         Plane { size: SIZE, data: (0..SIZE[0] * SIZE[1]).map(value).collect() }
     }
 
-    fn place(plane: &Plane, at: Point2) -> Place {
+    fn place(plane: &Plane, at: Point2) -> FollowedPlace {
         let found = Match { face: 0, barycentric: [1.0, 0.0, 0.0], pixel: at };
-        Place::new(found, at, plane, Isometry::translation(0.0, 0.0, 75.0), 1).unwrap()
+        FollowedPlace::new(found, at, plane, Isometry::translation(0.0, 0.0, 75.0), 1).unwrap()
     }
 
     #[test]
@@ -249,9 +256,9 @@ mod tests {
         let twice = kept.turn(&camera, &mesh, &now(0.0, 37.5)).unwrap();
         assert!((twice.determinant() / 4.0 - 1.0).abs() < 0.3, "{twice}");
         assert!(kept.lasts(5) && !kept.lasts(1 + MISSED + 1));
-        assert!(!Place { held: OLD, ..kept }.lasts(1 + OLD));
+        assert!(!FollowedPlace { held: OLD, ..kept }.lasts(1 + OLD));
         assert!(
-            Place::new(
+            FollowedPlace::new(
                 Match { face: 0, barycentric: [1.0, 0.0, 0.0], pixel: Point2::origin() },
                 Point2::new(4.0, 60.0),
                 &plane,

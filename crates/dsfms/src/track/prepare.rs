@@ -113,7 +113,7 @@ impl View {
     /// Features of the frame at the size of the working image, by pixels of the frame.
     pub(super) fn features(&self, frame: &Frame, working: &Working, most: usize) -> Features2d {
         let size = self.seen.open.size;
-        self.features_in(frame, working, Window { corner: [0; 2], size }, most)
+        self.features_in(frame, working, WorkingWindow { corner: [0; 2], size }, most)
     }
 
     /// The same of a part of the working image; with some margin, since none lie at its border.
@@ -121,7 +121,7 @@ impl View {
         &self,
         frame: &Frame,
         working: &Working,
-        window: Window,
+        window: WorkingWindow,
         most: usize,
     ) -> Features2d {
         let [w, h] = self.seen.open.size;
@@ -141,14 +141,14 @@ impl View {
 
 /// A rectangle of the working image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Window {
+pub(super) struct WorkingWindow {
     /// Its first column and row.
     pub(super) corner: [usize; 2],
     /// Columns and rows, all of them in the image.
     pub(super) size: [usize; 2],
 }
 
-impl Window {
+impl WorkingWindow {
     /// That part of a mask.
     fn of(&self, mask: &Mask) -> Mask {
         let ([left, top], [width, height]) = (self.corner, self.size);
@@ -158,9 +158,9 @@ impl Window {
 }
 
 /// A part of a frame halved so many times, in encoded values.
-fn smaller(frame: &Frame, halvings: u32, window: Window) -> Frame {
+fn smaller(frame: &Frame, halvings: u32, window: WorkingWindow) -> Frame {
     let side = 1usize << halvings;
-    let Window { corner, size } = window;
+    let WorkingWindow { corner, size } = window;
     let (width, half) = (frame.size[0], (side * side / 2) as u32);
     let pixel = |i: usize| {
         let (x, y) = ((corner[0] + i % size[0]) * side, (corner[1] + i / size[0]) * side);

@@ -3,13 +3,12 @@
 use super::baseline::BaselineResidual;
 use super::busy_wait::busy_wait;
 use super::exposed::{Exposed, Shown};
-use super::follow::Earlier;
 use super::judged::Candidate;
 use super::look::{Look, Working};
 use super::mips::Mips;
-use super::places::Place;
+use super::parts::Seeker;
+use super::places::{Earlier, FollowedPlace};
 use super::prepare::{Preparation, Prepared, Regions, View};
-use super::seek::Seeker;
 use super::{Origin, Surface, TrackError, TrackOptions, TrackStatus, Tracked};
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point3, align_rigid_robust};
@@ -64,7 +63,7 @@ pub struct Tracker<'a> {
     preparation: Preparation,
     pub(super) last: Option<Last>,
     /// What descriptors found, and is followed.
-    pub(super) places: Vec<Place>,
+    pub(super) places: Vec<FollowedPlace>,
     pub(super) seeker: Seeker,
     pub(super) usual: BaselineResidual,
     exposed: Exposed,
