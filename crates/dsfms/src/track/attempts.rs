@@ -157,7 +157,10 @@ impl Tracker<'_> {
         let again = self.on_from_last(view, found, Origin::Found, clock);
         (self.last, self.places) = (earlier, places);
         match again {
-            Ok(again) if again.verdict.level <= first.verdict.level => again,
+            // Places that anchors cover now may be wanted in the next frames.
+            Ok(again) if again.verdict.level <= first.verdict.level => {
+                Candidate { places: first.places, ..again }
+            }
             _ => first,
         }
     }
