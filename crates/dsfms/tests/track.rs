@@ -278,11 +278,11 @@ fn pale_clip() -> Clip {
     let posed = PosedFrame::new(&first, &clip.camera, pose);
     let view = FeatureView { posed, points, descriptors };
     clip.template.features = Some(anchor_features(&rest, &[view], &AnchorOptions::default()));
+    clip.frames = (0..6).map(seen).collect();
     // What is white in every frame is never observed, as in an exploration.
     for (value, views) in albedo.value.iter().zip(&mut albedo.views) {
         *views = u16::from(value[0] < 1.5) * (*views).max(1);
     }
-    clip.frames = (0..6).map(seen).collect();
     clip.truth = (0..6).map(|k| Some(shape(k).positions)).collect();
     clip.template.albedo = Some(albedo);
     clip
