@@ -9,6 +9,16 @@
 Frames 40 to 59: out of focus, up to 4 px. 75 to 84: camera shake, 17 px sideways. 120 to 149: smoke that
 drifts and takes up to 70 % of the light, grey. 165 to 204: the picture moves out to the right and back;
 the truth of the clip does not follow that, so only its first and last frame can be measured.
+
+A third argument makes one of these of the whole clip instead (the template stays that of the sharp, coloured clip):
+
+    low      a third of the resolution, enlarged again, JPEG of quality 60
+    grey     grey, with the tone of another camera (contrast 0.8, lifted blacks)
+    ghosted  every frame mixed with the two before, as an interlaced recording that was converted
+    tool     a grey rod over a third of the organ from frame 40 to 340, which presses: the picture around its tip
+             is drawn towards it by up to 14 px (the truth of the clip does not follow that)
+    hard     low, grey, ghosted and the tool together
+
 Needs numpy and pillow.
 """
 import shutil
@@ -18,6 +28,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageFilter
 
+CASES = ("low", "grey", "ghosted", "tool", "hard")
 SMOKE = np.array([0.35, 0.35, 0.37])  # linear light
 RNG = np.random.default_rng(3)
 WAVES = [(RNG.uniform(0.3, 1.5), RNG.uniform(0.3, 1.5), RNG.uniform(0, 6)) for _ in range(4)]
@@ -61,13 +72,74 @@ def disturbed(image, i):
     return image
 
 
+def low(image):
+    small = image.resize((image.width // 3, image.height // 3), Image.Resampling.BOX)
+    return small.resize(image.size, Image.Resampling.BICUBIC)
+
+
+def grey(image):
+    a = np.asarray(image.convert("L"), float)
+    a = 24 + 0.8 * a
+    return Image.fromarray(np.repeat(a[..., None], 3, 2).astype(np.uint8))
+
+
+def ghosted(images):
+    weights = [0.6, 0.25, 0.15][: len(images)]
+    mixed = sum(w * linear(image) for w, image in zip(weights, images)) / sum(weights)
+    return encoded(mixed)
+
+
+def tool(image, i):
+    """A rod from the right edge to the middle, and what it presses on drawn towards its tip."""
+    if not 40 <= i < 340:
+        return image
+    a = np.asarray(image, float)
+    h, w = a.shape[:2]
+    press = min(1.0, (i - 40) / 30, (339 - i) / 30)
+    tip = np.array([w * (0.52 + 0.04 * np.sin(0.05 * i)), h * (0.5 + 0.05 * np.sin(0.037 * i))])
+    y, x = np.mgrid[0:h, 0:w].astype(float)
+    far = np.hypot(x - tip[0], y - tip[1]) / (0.12 * w)
+    pull = press * 14 * np.exp(-(far**2)) * np.minimum(far, 1)
+    away = np.maximum(np.hypot(x - tip[0], y - tip[1]), 1e-6)
+    sx = np.clip(x + pull * (x - tip[0]) / away, 0, w - 1).round().astype(int)
+    sy = np.clip(y + pull * (y - tip[1]) / away, 0, h - 1).round().astype(int)
+    a = a[sy, sx]
+    # The rod: a band about the line to the right edge, shaded across.
+    end = np.array([w + 10.0, h * 0.62])
+    along = (end - tip) / np.linalg.norm(end - tip)
+    d = (x - tip[0]) * along[0] + (y - tip[1]) * along[1]
+    across = (x - tip[0]) * -along[1] + (y - tip[1]) * along[0]
+    half = 0.055 * h
+    rod = (d > 0) & (np.abs(across) < half)
+    a[rod] = (70 + 110 * np.sqrt(np.clip(1 - (across[rod] / half) ** 2, 0, 1)))[:, None]
+    return Image.fromarray(a.astype(np.uint8))
+
+
+def case(name, images, i):
+    """Frame `i` of a case; `images`: it and up to two before, the newest first."""
+    if name == "hard":
+        return low(grey(ghosted([tool(image, i - k) for k, image in enumerate(images)])))
+    one = {"low": low, "grey": grey}
+    if name in one:
+        return one[name](images[0])
+    return ghosted(images) if name == "ghosted" else tool(images[0], i)
+
+
 def main():
+    if len(sys.argv) not in (3, 4) or (len(sys.argv) == 4 and sys.argv[3] not in CASES):
+        sys.exit(__doc__)
     clip, out = Path(sys.argv[1]), Path(sys.argv[2])
+    name = sys.argv[3] if len(sys.argv) == 4 else None
     shutil.copytree(clip, out, ignore=shutil.ignore_patterns("frames", "exploration"))
     (out / "frames").mkdir()
+    before = []
     for path in sorted((clip / "frames").iterdir()):
         i = int(path.stem.split("_")[-1])
-        disturbed(Image.open(path).convert("RGB"), i).save(out / "frames" / path.name, quality=92)
+        image = Image.open(path).convert("RGB")
+        before = [image, *before[:2]]
+        made = disturbed(image, i) if name is None else case(name, before, i)
+        quality = 60 if name in ("low", "hard") else 92
+        made.save(out / "frames" / path.name, quality=quality)
 
 
 if __name__ == "__main__":

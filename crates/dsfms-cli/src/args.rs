@@ -2,7 +2,7 @@
 
 use crate::commands::{
     calibrate, completions, demo, evaluate, experiment, export, figure, inspect, options,
-    reconstruct, register_ct, synth, template, track, view,
+    reconstruct, register_ct, replay, synth, template, track, view,
 };
 use crate::progress::ProgressKind;
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
@@ -80,6 +80,7 @@ pub enum Command {
     Template(template::TemplateArgs),
     Reconstruct(reconstruct::ReconstructArgs),
     Track(track::TrackArgs),
+    Replay(replay::ReplayArgs),
     RegisterCt(register_ct::RegisterCtArgs),
     Options(options::OptionsArgs),
     Inspect(inspect::InspectArgs),
@@ -95,8 +96,8 @@ pub enum Command {
 }
 
 /// Commands that draw nothing at random and look at no image's brightness.
-const WITHOUT_SEED_AND_TONE: [&str; 8] =
-    ["inspect", "evaluate", "options", "export", "view", "figure", "completions", "man"];
+const WITHOUT_SEED_AND_TONE: [&str; 9] =
+    ["replay", "inspect", "evaluate", "options", "export", "view", "figure", "completions", "man"];
 
 /// The command line with only those global options in a command's help that it uses.
 pub fn command() -> clap::Command {

@@ -14,7 +14,7 @@ pub fn suits() -> bool {
 }
 
 /// Whether this program is compiled for AVX2.
-const FAST: bool = cfg!(all(target_arch = "x86_64", target_feature = "avx2"));
+pub const FAST: bool = cfg!(all(target_arch = "x86_64", target_feature = "avx2"));
 
 /// Whether the first CPU of `/proc/cpuinfo` lists AVX2, FMA and BMI2; true where it lists nothing.
 fn has_avx2(cpuinfo: &str) -> bool {

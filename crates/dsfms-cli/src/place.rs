@@ -12,10 +12,11 @@ use std::path::{Component, Path, PathBuf};
 const MARK: &str = "dsfms.json";
 
 /// What a run writes besides `frame_NNN…`.
-const FILES: [&str; 9] = [
+const FILES: [&str; 10] = [
     "summary.csv",
     "report.html",
     "vertices.npz",
+    "run.json",
     "frames.pvd",
     "frames.glb",
     "frames.mtl",

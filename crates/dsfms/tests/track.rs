@@ -3,10 +3,11 @@
 
 use dsfms::camera::{CameraModel, PosedFrame};
 use dsfms::geometry::{Isometry, Point3, Vector3};
-use dsfms::image::{Frame, ToneCurve};
+use dsfms::image::{Frame, Mask, ToneCurve};
 use dsfms::light::LightModel;
 use dsfms::mesh::Mesh;
 use dsfms::pipeline::Method;
+use dsfms::register::find::find;
 use dsfms::sfm::{SfmOptions, detect};
 use dsfms::synth::{Case, CaseOptions, Draw, RenderOptions, render};
 use dsfms::template::anchor::{AnchorOptions, FeatureView, anchor_features};
@@ -240,4 +241,74 @@ fn what_covers_a_part_is_named_with_its_vertices_and_another_camera_is_never_goo
 fn clip_of(clip: &Clip) -> Clip {
     let (camera, template) = (clip.camera.clone(), clip.template.clone());
     Clip { camera, template, frames: Vec::new(), truth: clip.truth.clone() }
+}
+
+/// The patch with its tissue strewn with white spots, pale between them, in a picture that is exposed so that the
+/// spots are as white as highlights: it turns in the image back and forth while it moves.
+fn pale_clip() -> Clip {
+    let mut clip = clip();
+    let mut albedo = clip.template.albedo.clone().unwrap();
+    for value in &mut albedo.value {
+        *value = value.map(|v| 0.45 + 0.5 * v);
+    }
+    for face in (0..albedo.resolution.len()).step_by(2) {
+        let centres: Vec<[f64; 3]> = albedo.centres(face).collect();
+        let at = albedo.offset[face] as usize;
+        for (k, b) in centres.iter().enumerate() {
+            if b.iter().all(|&c| c > 0.22) {
+                albedo.value[at + k] = [1.6; 3];
+            }
+        }
+    }
+    let rest = clip.template.mesh.clone();
+    let shape = |k: usize| {
+        let turn = [0.0, 0.12, 0.3, 0.1, -0.15, 0.05][k];
+        let shift = Vector3::new(1.5 * k as f64 - 3.0, 1.0 - 0.8 * k as f64, 75.0);
+        let pose = Isometry::new(shift, Vector3::new(0.0, 0.05 * k as f64, turn));
+        rest.with_positions(rest.positions.iter().map(|p| pose * p).collect())
+    };
+    let seen = |k: usize| {
+        let options = RenderOptions { gain: 1.0, seed: k as u64, ..Default::default() };
+        render(&clip.camera, &LightModel::Collinear, &shape(k), &albedo, &options)
+    };
+    let first = seen(0);
+    let found = detect(&first, None, &SfmOptions::default());
+    let (points, descriptors) = (&found.points[..], &found.descriptors[..]);
+    let pose = Isometry::new(Vector3::new(-3.0, 1.0, 75.0), Vector3::zeros());
+    let posed = PosedFrame::new(&first, &clip.camera, pose);
+    let view = FeatureView { posed, points, descriptors };
+    clip.template.features = Some(anchor_features(&rest, &[view], &AnchorOptions::default()));
+    clip.frames = (0..6).map(seen).collect();
+    // What is white in every frame is never observed, as in an exploration.
+    for (value, views) in albedo.value.iter().zip(&mut albedo.views) {
+        *views = u16::from(value[0] < 1.5) * (*views).max(1);
+    }
+    clip.truth = (0..6).map(|k| Some(shape(k).positions)).collect();
+    clip.template.albedo = Some(albedo);
+    clip
+}
+
+#[test]
+fn a_followed_frame_has_no_fewer_matches_than_a_fresh_look() {
+    let clip = pale_clip();
+    let usable = Mask::filled(clip.camera.size, true);
+    let features = clip.template.features.as_ref().unwrap();
+    let (camera, rest) = (&clip.camera, &clip.template.mesh);
+    let register = TrackOptions::default().reconstruct.register;
+    let fresh =
+        |frame| find(camera, rest, features, frame, &usable, &register, 0).map_or(0, |m| m.len());
+    let tracked = track(&clip);
+    let figures: Vec<_> = (tracked.iter().zip(&clip.frames))
+        .map(|(t, frame)| {
+            let surface = t.surface.as_ref();
+            let kept = surface.map_or(0, dsfms::track::Surface::matches_kept);
+            (t.status, surface.map(|s| s.origin), kept, fresh(frame))
+        })
+        .collect();
+    println!("{figures:?}");
+    for (k, (status, origin, kept, fresh)) in figures.iter().enumerate().skip(1) {
+        assert_ne!(*status, TrackStatus::Lost, "frame {k}: {figures:?}");
+        assert_eq!(*origin, Some(Origin::Followed), "frame {k}: {figures:?}");
+        assert!(*fresh >= 60 && 10 * kept >= 9 * fresh, "frame {k}: {figures:?}");
+    }
 }

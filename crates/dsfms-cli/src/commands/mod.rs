@@ -11,6 +11,7 @@ pub mod inspect;
 pub mod options;
 pub mod reconstruct;
 pub mod register_ct;
+pub mod replay;
 mod scale;
 pub mod synth;
 pub mod template;
@@ -36,6 +37,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Command::Template(args) => template::run(args, global, &reporter),
         Command::Reconstruct(args) => reconstruct::run(args, global, &reporter),
         Command::Track(args) => track::run(args, global, &reporter),
+        Command::Replay(args) => replay::run(args, &reporter),
         Command::RegisterCt(args) => register_ct::run(args, global, &reporter),
         Command::Options(args) => options::run(args),
         Command::Inspect(args) => inspect::run(args),

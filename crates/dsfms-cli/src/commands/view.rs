@@ -10,7 +10,7 @@ use live::{Look, Watched, live};
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -55,10 +55,7 @@ const MOST_CONNECTIONS: usize = 32;
 pub fn run(args: &ViewArgs) -> anyhow::Result<Outcome> {
     // A mistake in the path is said here and not in the browser.
     Source::of(&args.path)?.html()?;
-    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, args.port)).with_context(|| {
-        format!("port {} of 127.0.0.1 cannot be used; leave --port out", args.port)
-    })?;
-    let root = format!("/{}/", token());
+    let (listener, root) = bound(args.port, "--port")?;
     let url = format!("http://{}{root}", listener.local_addr()?);
     super::to_stdout(&format!("{url}\nCtrl-C stops it\n"))?;
     std::io::stdout().flush()?;
@@ -68,6 +65,27 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<Outcome> {
     }
     serve(&listener, &Watched::new(&args.path), &root);
     Ok(Outcome::Ok)
+}
+
+/// Serve the page of an output folder that a run of this process fills, until the process ends. Returns its
+/// address.
+pub fn serve_running(output: &Path, port: u16) -> anyhow::Result<String> {
+    let (listener, root) = bound(port, "--view-port")?;
+    let url = format!("http://{}{root}", listener.local_addr()?);
+    let watched = Watched::running(output);
+    std::thread::spawn(move || serve(&listener, &watched, &root));
+    // Over ssh the browser is on the other side.
+    if std::env::var_os("SSH_CONNECTION").is_none() {
+        open(&url);
+    }
+    Ok(url)
+}
+
+/// A port of this machine alone, and a path that nobody can guess.
+fn bound(port: u16, option: &str) -> anyhow::Result<(TcpListener, String)> {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
+        .with_context(|| format!("port {port} of 127.0.0.1 cannot be used; leave {option} out"))?;
+    Ok((listener, format!("/{}/", token())))
 }
 
 /// Answer, each connection on a thread of its own.
@@ -142,6 +160,9 @@ fn answer(mut stream: TcpStream, watched: &Watched, root: &str) -> anyhow::Resul
     match watched.look().and_then(|look| wanted.body(&look)) {
         Ok(Some((kind, body))) => respond(&mut stream, "200 OK", kind, &body),
         Ok(None) => respond(&mut stream, "404 Not Found", "text/plain", "no such frame\n"),
+        Err(_) if watched.runs() && matches!(wanted, Wanted::Page) => {
+            respond(&mut stream, "200 OK", "text/html; charset=utf-8", WAITING)
+        }
         Err(error) => {
             let text = crate::exit::describe(&error);
             respond(&mut stream, "500 Internal Server Error", "text/plain; charset=utf-8", &text)
@@ -227,6 +248,10 @@ fn respond(stream: &mut TcpStream, status: &str, kind: &str, body: &str) -> anyh
     }
     Ok(stream.flush()?)
 }
+
+/// The page of a run that has no frame yet; it asks again by itself.
+const WAITING: &str = "<!DOCTYPE html><html lang=\"en\"><meta charset=\"utf-8\">\
+    <meta http-equiv=\"refresh\" content=\"1\"><title>dsfms track</title><body>No frame yet.</body></html>";
 
 /// Bytes written between two looks at the clock.
 const CHUNK: usize = 1 << 16;

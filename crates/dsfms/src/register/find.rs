@@ -5,8 +5,8 @@ use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Neighbours, Point2, Point3, Vector2, median, point_at};
 use crate::image::{Frame, Mask};
 use crate::mesh::Mesh;
-use crate::sfm::matching::UnitDescriptors;
-use crate::sfm::places::match_places;
+use crate::sfm::matching::{DescriptorMatch, UnitDescriptors, distance};
+use crate::sfm::places::{match_places, unique_places};
 use crate::sfm::random::Random;
 use crate::sfm::{Features2d, SfmOptions, detect, resect};
 use crate::template::Features;
@@ -104,6 +104,62 @@ impl<'a> Search<'a> {
             pixel: pixels[i],
         });
         Ok(matches.collect())
+    }
+}
+
+/// Largest ratio of the distances to the nearest and second nearest place near where it is expected, and
+/// largest distance: fewer look-alikes compete there than in the whole template.
+const GUIDED: (f32, f32) = (0.9, 0.7);
+
+impl Search<'_> {
+    /// Where on the rest shape each of the template's features lies.
+    pub fn places(&self) -> &[Point3] {
+        &self.places
+    }
+
+    /// Features closer than this on the rest shape are of one place.
+    pub fn one_place(&self) -> f64 {
+        0.25 * self.radius
+    }
+
+    /// A feature of the template in the frame.
+    pub fn matched(&self, feature: u32, pixel: Point2) -> Match {
+        let (face, barycentric) =
+            (self.features.faces[feature as usize], self.features.barycentrics[feature as usize]);
+        Match { face, barycentric, pixel }
+    }
+
+    /// Matches with the features of a frame near where the template's are expected: `expected` holds some of
+    /// them (indices of [`places`](Self::places)) with their pixels, `reach` is in px. A match differs from
+    /// where it is expected as its neighbours do.
+    pub fn near(&self, seen: &Features2d, expected: &[(u32, Point2)], reach: f64) -> Vec<Match> {
+        let (ratio, most) = GUIDED;
+        let a = UnitDescriptors::new(&seen.descriptors);
+        let nearest = |i: usize| -> Option<DescriptorMatch> {
+            let within = expected.iter().filter(|e| (e.1 - seen.points[i]).norm() <= reach);
+            let of = |e: &(u32, Point2)| {
+                let dot = |(a, b): (&f32, &f32)| a * b;
+                let rows = a.row(i).iter().zip(self.descriptors.row(e.0 as usize));
+                (e.0, distance(rows.map(dot).sum()))
+            };
+            let all: Vec<(u32, f32)> = within.map(of).collect();
+            let (best, own) = all.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1))?;
+            let place = |feature: u32| self.places[feature as usize];
+            let elsewhere = all.iter().filter(|o| (place(o.0) - place(best)).norm() > self.radius);
+            let other = elsewhere.map(|o| o.1).fold(f32::INFINITY, f32::min);
+            let clear = own <= most && own < ratio * other;
+            clear.then_some(DescriptorMatch { a: i as u32, b: best, distance: own })
+        };
+        let found = (0..seen.len()).into_par_iter().filter_map(nearest).collect();
+        let found = unique_places(found, &self.places, self.radius);
+        let pixels: Vec<Point2> = found.iter().map(|m| seen.points[m.a as usize]).collect();
+        let offset = |m: &DescriptorMatch| {
+            let at = expected.iter().find(|e| e.0 == m.b)?;
+            Some(seen.points[m.a as usize] - at.1)
+        };
+        let offsets: Vec<Option<Vector2>> = found.iter().map(offset).collect();
+        let kept = agreeing(&pixels, &offsets, reach, SLACK_PX);
+        kept.into_iter().map(|i| self.matched(found[i].b, pixels[i])).collect()
     }
 }
 

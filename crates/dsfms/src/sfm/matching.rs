@@ -58,7 +58,7 @@ impl UnitDescriptors {
 }
 
 /// Distance of two unit vectors from their scalar product.
-pub(super) fn distance(dot: f32) -> f32 {
+pub(crate) fn distance(dot: f32) -> f32 {
     (2.0 - 2.0 * dot.min(1.0)).max(0.0).sqrt()
 }
 

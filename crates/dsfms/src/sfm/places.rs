@@ -65,7 +65,7 @@ fn argmax(row: &[f32], admit: impl Fn(usize) -> bool) -> usize {
 }
 
 /// Of the matches to one place (within a quarter of `radius`) keep the nearest in descriptor.
-fn unique_places(
+pub(crate) fn unique_places(
     mut found: Vec<DescriptorMatch>,
     places: &[Point3],
     radius: f64,

@@ -1,9 +1,12 @@
 //! How a frame gets its surface: followed from the last one, found again, or both.
 
+use super::follow::FollowedMatches;
 use super::judged::Candidate;
+use super::places::FollowedPlace;
 use super::prepare::View;
 use super::tracker::{Clock, Last, Tracker};
 use super::{Origin, TrackStatus};
+use crate::geometry::Isometry;
 use crate::image::Frame;
 use crate::register::Match;
 use crate::verdict::Reason;
@@ -28,9 +31,8 @@ impl Tracker<'_> {
             |last: &Last| (self.count - last.frame <= self.options.patience).then_some(last.frame);
         let followed = match self.last.as_ref().and_then(fresh) {
             Some(_) => {
-                let matches = clock.time("follow", || self.followed(view));
-                let draft = self.carried(view, matches, Origin::Followed, clock);
-                draft.map(|draft| self.judged(view, draft, Origin::Followed, clock))
+                let found = clock.time("follow", || self.followed(view));
+                self.on_from_last(view, found, Origin::Followed, clock)
             }
             None => Err("not found yet".to_owned()),
         };
@@ -87,9 +89,13 @@ impl Tracker<'_> {
             other_camera(cameras, limit, rest, &matches, &options.register, options.seed)
         });
         let again = self.last.is_some().then(|| self.again(view, matches.clone(), clock));
-        let again = again.and_then(Result::ok).map(|d| self.judged(view, d, Origin::Found, clock));
+        let again = again.and_then(Result::ok).map(|draft| {
+            let found = self.judged(view, draft, Origin::Found, clock);
+            self.with_places(view, found)
+        });
         let anew = self.anew(view, matches, clock).map(|draft| {
             let first = self.judged(view, draft, Origin::Found, clock);
+            let first = self.with_places(view, first);
             self.followed_at_once(view, first, clock)
         });
         match (again, anew) {
@@ -97,6 +103,37 @@ impl Tracker<'_> {
             (Some(again), _) => Ok(again),
             (None, anew) => anew,
         }
+    }
+
+    /// The surface that matches from the last one give, with the places that it explains.
+    fn on_from_last(
+        &mut self,
+        view: &View,
+        found: FollowedMatches,
+        origin: Origin,
+        clock: &mut Clock,
+    ) -> Result<Candidate, String> {
+        let FollowedMatches { matches, places } = found;
+        let by_look = matches.len() - places.len();
+        let draft = self.carried(view, matches, origin, clock)?;
+        let mut found = self.judged(view, draft, origin, clock);
+        let kept = found.surface.matches[by_look..].iter().zip(places).filter(|m| m.0.1);
+        found.places = kept.map(|m| m.1).collect();
+        Ok(found)
+    }
+
+    /// The matches of a surface that was found by descriptors, as places to follow.
+    fn with_places(&self, view: &View, mut found: Candidate) -> Candidate {
+        let kept = found.surface.matches.iter().filter(|m| m.1);
+        let pose = found.surface.pose;
+        found.places = kept.filter_map(|m| self.place(view, m.0, pose)).collect();
+        found
+    }
+
+    /// A match of this frame as a place to follow.
+    pub(super) fn place(&self, view: &View, found: Match, pose: Isometry) -> Option<FollowedPlace> {
+        let pixel = self.working.of_frame(found.pixel);
+        FollowedPlace::new(found, pixel, &view.seen.pyramid.levels[0], pose, self.count)
     }
 
     /// A surface found from nothing, followed within its own frame: its look finds more matches than
@@ -113,13 +150,17 @@ impl Tracker<'_> {
             pose: first.surface.pose,
             ambient: first.ambient,
             look: first.look.clone(),
+            earlier: self.as_earlier(view, &first.surface.vertices),
         });
-        let matches = clock.time("follow", || self.followed(view));
-        let again = self.carried(view, matches, Origin::Found, clock);
-        let again = again.map(|draft| self.judged(view, draft, Origin::Found, clock));
-        self.last = earlier;
+        let places = std::mem::replace(&mut self.places, first.places.clone());
+        let found = clock.time("follow", || self.followed(view));
+        let again = self.on_from_last(view, found, Origin::Found, clock);
+        (self.last, self.places) = (earlier, places);
         match again {
-            Ok(again) if again.verdict.level <= first.verdict.level => again,
+            // Places that anchors cover now may be wanted in the next frames.
+            Ok(again) if again.verdict.level <= first.verdict.level => {
+                Candidate { places: first.places, ..again }
+            }
             _ => first,
         }
     }

@@ -2,6 +2,7 @@
 
 use super::exposed::Shown;
 use super::look::{Look, edge_px};
+use super::places::FollowedPlace;
 use super::prepare::View;
 use super::tracker::{Clock, Draft, Tracker};
 use super::verdict::{Known, evidence};
@@ -19,6 +20,8 @@ pub(super) struct Candidate {
     pub(super) ambient: f64,
     pub(super) shown: Shown,
     pub(super) jumped: bool,
+    /// What descriptors found and the surface explains.
+    pub(super) places: Vec<FollowedPlace>,
 }
 
 impl Candidate {
@@ -82,7 +85,8 @@ impl Tracker<'_> {
             let known = Known { before, residual, camera, appearance, usual, folds };
             judge(&evidence(rest, self.camera, &surface, &known), self.limits())
         });
-        Candidate { verdict, surface, look: Arc::new(look), ambient, shown, jumped }
+        let (look, places) = (Arc::new(look), Vec::new());
+        Candidate { verdict, surface, look, ambient, shown, jumped, places }
     }
 
     /// Image beside prediction, as single frames are looked at.

@@ -12,6 +12,7 @@ use crate::mesh::normals::vertex_normals;
 use crate::raster::{rasterize, visible_vertices};
 use crate::verdict::look::BLOCKS;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Sizes of the image that patches are followed through.
 pub const LEVELS: usize = 3;
@@ -55,6 +56,12 @@ impl Working {
         Self { camera: working, halvings, photo, photo_halvings, compared, compared_halvings }
     }
 
+    /// Pixel of the working image at a pixel of the frame.
+    pub fn of_frame(&self, p: Point2) -> Point2 {
+        let scale = f64::from(1u32 << self.halvings);
+        p.map(|c| (c + 0.5) / scale - 0.5)
+    }
+
     /// Pixel of the frame at a pixel of the working image.
     pub fn to_frame(&self, p: Point2) -> Point2 {
         let scale = f64::from(1u32 << self.halvings);
@@ -66,9 +73,11 @@ impl Working {
 /// used.
 pub struct Seen {
     /// Brightness and its halves.
-    pub pyramid: Pyramid,
-    /// `true` where the organ may be seen and no highlight is near.
+    pub pyramid: Arc<Pyramid>,
+    /// `true` where the organ may be seen and no white pixel is near.
     pub usable: Mask,
+    /// `true` where the organ may be seen.
+    pub open: Mask,
 }
 
 /// A textured place of the template.

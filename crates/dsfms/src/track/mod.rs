@@ -10,11 +10,15 @@ mod attempts;
 mod baseline;
 mod busy_wait;
 mod exposed;
+mod follow;
 mod judged;
 pub mod look;
 mod mips;
+mod parts;
+mod places;
 mod prepare;
 mod reduce;
+mod seek;
 pub mod shapes;
 mod surface;
 mod tracker;
@@ -47,6 +51,10 @@ pub struct TrackOptions {
     /// A frame that is followed but degraded is also searched by descriptors when the last such
     /// search lies this many frames back.
     pub search_every: usize,
+    /// Parts of the picture in which, after a followed frame, places of the template without a match are
+    /// sought by descriptors near where the surface has them; 0 = none. A part is 96 px of a picture of at most
+    /// 1000 px across its diagonal, and is looked at where a third of its places or more have no match.
+    pub seek: usize,
     /// One more thread does not sleep while a frame is solved, and frames are prepared on it: less time a
     /// frame for more of the processor, where it has the cores.
     pub awake: bool,
@@ -60,6 +68,7 @@ impl Default for TrackOptions {
             correlation: 0.7,
             patience: 10,
             search_every: 10,
+            seek: 2,
             awake: false,
         }
     }
@@ -68,7 +77,7 @@ impl Default for TrackOptions {
 impl TrackOptions {
     /// For a live source: coarser and about twice as fast.
     pub fn realtime() -> Self {
-        Self { video: VideoOptions::realtime(), awake: true, ..Self::default() }
+        Self { video: VideoOptions::realtime(), seek: 1, awake: true, ..Self::default() }
     }
 
     /// Options from TOML; what the text does not name keeps its default.

@@ -5,11 +5,13 @@ use super::TrackError;
 use super::look::{LEVELS, Seen, Working};
 use super::reduce::{Reduced, Tables, any, halve_mask, halved, stretch};
 use crate::camera::CameraModel;
+use crate::geometry::Vector2;
 use crate::image::flow::Pyramid;
 use crate::image::viewport::INSTRUMENT_MARGIN;
 use crate::image::{Frame, Mask, Picture, ToneCurve, diagonal, viewport};
 use crate::sfm::{Features2d, SfmOptions, detect};
 use rayon::prelude::*;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Margin about highlights within which nothing is compared, of the image diagonal.
@@ -92,8 +94,6 @@ pub(super) struct View {
     pub(super) photo: Shot,
     /// What the surface is compared with; `None`: the same.
     compared: Option<Shot>,
-    /// The same at the size of the working image.
-    usable_working: Mask,
 }
 
 /// A frame at one size.
@@ -112,21 +112,58 @@ impl View {
 
     /// Features of the frame at the size of the working image, by pixels of the frame.
     pub(super) fn features(&self, frame: &Frame, working: &Working, most: usize) -> Features2d {
-        let small = smaller(frame, working.halvings);
-        let options = SfmOptions { max_features: most, ..SfmOptions::default() };
-        let mut found = detect(&small, Some(&self.usable_working), &options);
-        found.points.iter_mut().for_each(|p| *p = working.to_frame(*p));
+        let size = self.seen.open.size;
+        self.features_in(frame, working, WorkingWindow { corner: [0; 2], size }, most)
+    }
+
+    /// The same of a part of the working image; with some margin, since none lie at its border.
+    pub(super) fn features_in(
+        &self,
+        frame: &Frame,
+        working: &Working,
+        window: WorkingWindow,
+        most: usize,
+    ) -> Features2d {
+        let [w, h] = self.seen.open.size;
+        let small = smaller(frame, working.halvings, window);
+        let usable = window.of(&self.seen.open);
+        let usual = SfmOptions::default();
+        // Tiles of about the same size as in the whole.
+        let share = (small.size[0] * small.size[1]) as f64 / (w * h).max(1) as f64;
+        let tiles = (usual.clahe_tiles as f64 * share.sqrt()).round().max(1.0) as usize;
+        let options = SfmOptions { max_features: most, clahe_tiles: tiles, ..usual };
+        let mut found = detect(&small, Some(&usable), &options);
+        let corner = Vector2::from(window.corner.map(|c| c as f64));
+        found.points.iter_mut().for_each(|p| *p = working.to_frame(*p + corner));
         found
     }
 }
 
-/// Halve a frame so many times, in encoded values.
-fn smaller(frame: &Frame, halvings: u32) -> Frame {
+/// A rectangle of the working image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct WorkingWindow {
+    /// Its first column and row.
+    pub(super) corner: [usize; 2],
+    /// Columns and rows, all of them in the image.
+    pub(super) size: [usize; 2],
+}
+
+impl WorkingWindow {
+    /// That part of a mask.
+    fn of(&self, mask: &Mask) -> Mask {
+        let ([left, top], [width, height]) = (self.corner, self.size);
+        let row = |y: usize| &mask.data[y * mask.size[0] + left..][..width];
+        Mask { size: self.size, data: (top..top + height).flat_map(row).copied().collect() }
+    }
+}
+
+/// A part of a frame halved so many times, in encoded values.
+fn smaller(frame: &Frame, halvings: u32, window: WorkingWindow) -> Frame {
     let side = 1usize << halvings;
-    let size = frame.size.map(|n| n >> halvings);
+    let WorkingWindow { corner, size } = window;
     let (width, half) = (frame.size[0], (side * side / 2) as u32);
     let pixel = |i: usize| {
-        let (x, y) = (i % size[0] * side, i / size[0] * side);
+        let (x, y) = ((corner[0] + i % size[0]) * side, (corner[1] + i / size[0]) * side);
         let mut sum = [half; 3];
         for row in y..y + side {
             for p in &frame.rgb[row * width + x..][..side] {
@@ -215,7 +252,8 @@ impl Preparation {
         let halo = HALO * diagonal(frame.size) / scale;
         let clear = usable.minus(&any(&reduced.saturated(), halvings - base).dilate(halo));
         let bright = halved(&reduced.bright, halvings - base);
-        let seen = Seen { pyramid: Pyramid::new(bright, LEVELS), usable: clear };
+        let pyramid = Arc::new(Pyramid::new(bright, LEVELS));
+        let seen = Seen { pyramid, usable: clear, open: usable.clone() };
         let shot = |times: u32, size: [usize; 2]| Shot {
             picture: reduced.picture(times - base),
             usable: match times.checked_sub(halvings) {
@@ -226,7 +264,7 @@ impl Preparation {
         let photo = shot(photo_halvings, self.working.photo.size);
         let smaller = compared_halvings > photo_halvings;
         let compared = smaller.then(|| shot(compared_halvings, self.working.compared.size));
-        View { seen, photo, compared, usable_working: usable }
+        View { seen, photo, compared }
     }
 }
 

@@ -230,7 +230,7 @@ impl Tracker<'_> {
     }
 
     /// The points of matches on a shape.
-    fn on(&self, matches: &[Match], shape: &[Point3]) -> Vec<Point3> {
+    pub(super) fn on(&self, matches: &[Match], shape: &[Point3]) -> Vec<Point3> {
         let faces = &self.template.mesh.topology.faces;
         let corners = |m: &Match| faces[m.face as usize].map(|v| &shape[v as usize]);
         matches.iter().map(|m| point_at(corners(m), m.barycentric)).collect()

@@ -4,32 +4,25 @@ use super::baseline::BaselineResidual;
 use super::busy_wait::busy_wait;
 use super::exposed::{Exposed, Shown};
 use super::judged::Candidate;
-use super::look::{Anchor, Look, Working};
+use super::look::{Look, Working};
 use super::mips::Mips;
+use super::parts::Seeker;
+use super::places::{Earlier, FollowedPlace};
 use super::prepare::{Preparation, Prepared, Regions, View};
-use super::{Origin, TrackError, TrackOptions, TrackStatus, Tracked};
-use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Isometry, Point2, Point3, Vector2, align_rigid_robust, median, point_at};
-use crate::image::flow::{correlation, follow, settle, whole};
+use super::{Origin, Surface, TrackError, TrackOptions, TrackStatus, Tracked};
+use crate::camera::CameraModel;
+use crate::geometry::{Isometry, Point3, align_rigid_robust};
 use crate::image::{Frame, ToneCurve};
 use crate::light::Coated;
 use crate::mesh::laplacian::Laplacian;
 use crate::pipeline::Method;
 use crate::refine::VideoMemory;
-use crate::register::find::{Search, agreeing};
+use crate::register::find::Search;
 use crate::register::{Deformable, Match, RegisterMemory};
 use crate::template::{Exposure, Template};
 use crate::verdict::{Reason, Thresholds};
-use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// A followed place moves like its neighbours within this and a third of their motion, px of the
-/// working image.
-const STRAY_PX: f64 = 1.5;
-
-/// Where a place was last is another start than where it is expected, px of the working image.
-const APART_PX: f64 = 4.0;
 
 /// Follows a template through the frames of one camera.
 ///
@@ -69,6 +62,9 @@ pub struct Tracker<'a> {
     pub(super) memory: Memory,
     preparation: Preparation,
     pub(super) last: Option<Last>,
+    /// What descriptors found, and is followed.
+    pub(super) places: Vec<FollowedPlace>,
+    pub(super) seeker: Seeker,
     pub(super) usual: BaselineResidual,
     exposed: Exposed,
     /// See [`other_camera`]; of the last search by descriptors.
@@ -98,6 +94,8 @@ pub(super) struct Last {
     pub(super) look: Arc<Look>,
     /// Where the next frame may show it.
     pub(super) ahead: Vec<Point3>,
+    /// Some frames before, or this one.
+    pub(super) earlier: Arc<Earlier>,
 }
 
 /// A surface before anybody has looked at it.
@@ -144,6 +142,7 @@ impl<'a> Tracker<'a> {
             return Err(TrackError::Method(method));
         }
         let features = template.features.as_ref().ok_or(TrackError::NoDescriptors)?;
+        let search = Search::new(&template.mesh, features);
         let blurs = options.reconstruct.joint.blurs.iter();
         let finest = blurs.copied().fold(options.video.blur, f64::min);
         let working = Working::of(camera, finest, options.video.least_blur_px);
@@ -151,7 +150,8 @@ impl<'a> Tracker<'a> {
         Ok(Self {
             template,
             albedo: Mips::new(template.albedo.as_ref().ok_or(TrackError::NoAlbedo)?),
-            search: Search::new(&template.mesh, features),
+            seeker: Seeker::new(search.places(), working.camera.size),
+            search,
             light: template.lighting(),
             camera,
             method,
@@ -162,6 +162,7 @@ impl<'a> Tracker<'a> {
             memory: Memory::default(),
             preparation,
             last: None,
+            places: Vec::new(),
             usual: BaselineResidual::default(),
             exposed: Exposed::default(),
             other_camera: None,
@@ -222,47 +223,16 @@ impl<'a> Tracker<'a> {
             return Tracked { status: TrackStatus::Lost, reasons, surface: None, stages: clock.0 };
         };
         let outcome = self.attempts(&prepared.frame, view, &mut clock);
-        self.settle(outcome, clock.0)
+        let (status, reasons, surface) = self.settle(outcome, view);
+        if let Some(surface) = surface.as_ref().filter(|s| s.origin == Origin::Followed) {
+            clock.time("seek", || self.seek(&prepared.frame, view, surface));
+        }
+        Tracked { status, reasons, surface, stages: clock.0 }
     }
 
     /// Where this frame may show the last shape.
     pub(super) fn expected<'b>(&self, last: &'b Last) -> &'b [Point3] {
         if last.frame + 1 == self.count { &last.ahead } else { &last.vertices }
-    }
-
-    /// Matches of the last shape's anchors, carried on by its motion and then by their look.
-    pub(super) fn followed(&self, view: &View) -> Vec<Match> {
-        let Some(last) = &self.last else { return Vec::new() };
-        let (faces, start) = (&self.template.mesh.topology.faces, self.expected(last));
-        let (render, frame) = (&last.look.render, &view.seen.pyramid);
-        let one = |a: &Anchor| -> Option<(f64, (Match, Vector2))> {
-            let corners = faces[a.face as usize].map(|v| &start[v as usize]);
-            let start = self.working.camera.project(&point_at(corners, a.barycentric))?.pixel;
-            let alike = |place: Point2| -> Option<(Point2, f64)> {
-                whole(&view.seen.usable, place).then_some(())?;
-                let alike = correlation(&render.levels[0], a.pixel, &frame.levels[0], place)?;
-                (alike >= self.options.correlation).then_some((place, alike))
-            };
-            // Mostly the last motion can be extrapolated; only where it does not must coarser levels tell.
-            let (place, alike) =
-                settle(render, frame, a.pixel, start).and_then(alike).or_else(|| {
-                    let elsewhere = (start - a.pixel).norm() > APART_PX;
-                    let place = follow(render, frame, a.pixel, start);
-                    let still = || follow(render, frame, a.pixel, a.pixel);
-                    place.or_else(|| elsewhere.then(still).flatten()).and_then(alike)
-                })?;
-            let pixel = self.working.to_frame(place);
-            let found = Match { face: a.face, barycentric: a.barycentric, pixel };
-            Some((1.0 - alike, (found, place - a.pixel)))
-        };
-        let found: Vec<_> = last.look.anchors.par_iter().map(one).collect();
-        let matches = alike_enough(found.into_iter().flatten().collect());
-        let (matches, offsets): (Vec<Match>, Vec<Option<Vector2>>) =
-            matches.into_iter().map(|(m, offset)| (m, Some(offset))).unzip();
-        // Neighbours move alike, so that a patch which settled on another texture stands out.
-        let pixels: Vec<Point2> = matches.iter().map(|m| m.pixel).collect();
-        let agreeing = agreeing(&pixels, &offsets, f64::INFINITY, STRAY_PX);
-        agreeing.into_iter().map(|i| matches[i]).collect()
     }
 
     /// What is known of the exposure of this frame.
@@ -278,36 +248,34 @@ impl<'a> Tracker<'a> {
     fn settle(
         &mut self,
         outcome: Result<Candidate, String>,
-        stages: Vec<(&'static str, f64)>,
-    ) -> Tracked {
+        view: &View,
+    ) -> (TrackStatus, Vec<Reason>, Option<Surface>) {
         let lost = |reasons| (TrackStatus::Lost, reasons, None);
-        let (status, reasons, surface) = match outcome {
-            Err(why) => lost(vec![Reason::NoSurface { why }]),
-            Ok(c) if c.verdict.level == TrackStatus::Lost => lost(c.verdict.reasons),
-            Ok(c) => {
-                if let (TrackStatus::Ok, Some(residual)) = (c.verdict.level, c.surface.photometric)
-                {
-                    self.usual.add(residual);
-                }
-                self.exposed.add(&c.shown);
-                let before = self
-                    .last
-                    .as_ref()
-                    .filter(|l| l.frame + 1 == self.count && c.surface.origin == Origin::Followed);
-                let vertices = c.surface.vertices.clone();
-                let ahead = before.and_then(|l| ahead(&l.vertices, &vertices));
-                self.last = Some(Last {
-                    frame: self.count,
-                    ahead: ahead.unwrap_or_else(|| vertices.clone()),
-                    vertices,
-                    pose: c.surface.pose,
-                    ambient: c.ambient,
-                    look: c.look,
-                });
-                (c.verdict.level, c.verdict.reasons, Some(c.surface))
-            }
+        let c = match outcome {
+            Err(why) => return lost(vec![Reason::NoSurface { why }]),
+            Ok(c) if c.verdict.level == TrackStatus::Lost => return lost(c.verdict.reasons),
+            Ok(c) => c,
         };
-        Tracked { status, reasons, surface, stages }
+        if let (TrackStatus::Ok, Some(residual)) = (c.verdict.level, c.surface.photometric) {
+            self.usual.add(residual);
+        }
+        self.exposed.add(&c.shown);
+        let followed = c.surface.origin == Origin::Followed;
+        self.remember_places(c.places, followed);
+        let before = self.last.take().filter(|l| l.frame + 1 == self.count && followed);
+        let vertices = c.surface.vertices.clone();
+        let ahead = before.as_ref().and_then(|l| ahead(&l.vertices, &vertices));
+        let earlier = before.map(|l| l.earlier).filter(|e| self.still_earlier(e, &vertices));
+        self.last = Some(Last {
+            frame: self.count,
+            ahead: ahead.unwrap_or_else(|| vertices.clone()),
+            earlier: earlier.unwrap_or_else(|| self.as_earlier(view, &vertices)),
+            vertices,
+            pose: c.surface.pose,
+            ambient: c.ambient,
+            look: c.look,
+        });
+        (c.verdict.level, c.verdict.reasons, Some(c.surface))
     }
 }
 
@@ -321,11 +289,4 @@ fn ahead(before: &[Point3], now: &[Point3]) -> Option<Vec<Point3>> {
         motion * now + motion.rotation * (now - motion * before) * GOES_ON
     };
     Some(before.iter().zip(now).map(on).collect())
-}
-
-/// What is not much less alike than most.
-fn alike_enough<T>(found: Vec<(f64, T)>) -> Vec<T> {
-    let mut unlike: Vec<f64> = found.iter().map(|f| f.0).collect();
-    let limit = 2.0 * median(&mut unlike).unwrap_or(0.0);
-    found.into_iter().filter(|f| f.0 <= limit).map(|f| f.1).collect()
 }

@@ -1,13 +1,14 @@
 //! The arguments of `dsfms track`.
 
 use super::super::reconstruct::PriorName;
+use super::incoming::is_address;
 use super::link::LinkArgs;
 use super::source::InputFormat;
 use crate::exit::Usage;
 use crate::formats::Format;
 use crate::inputs;
 use clap::{Args, ValueEnum};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -112,6 +113,13 @@ pub struct TrackArgs {
     /// Frames a second of the input; default what the video says, else 25.
     #[arg(help_heading = "Input", long, value_name = "FPS", value_parser = rate)]
     pub rate: Option<f64>,
+    /// Serve the page of the run, which follows it, to the browser of this machine (as `dsfms view`); its
+    /// address, which nobody can guess, is printed.
+    #[arg(help_heading = "Output", long, conflicts_with = "no_report")]
+    pub view: bool,
+    /// Port of the page; default any free one.
+    #[arg(help_heading = "Output", long, value_name = "N", default_value_t = 0, requires = "view")]
+    pub view_port: u16,
     /// The vertices too on standard output, behind the line of every frame.
     #[arg(help_heading = "Output", long)]
     pub live_vertices: bool,
@@ -152,6 +160,22 @@ impl TrackArgs {
             (&self.masks, "--masks"),
         ];
         all.into_iter().filter_map(|(path, option)| Some((path.as_ref()?, option)))
+    }
+
+    /// Whether the input is files: no standard input, no address, no device.
+    pub fn takes_files(&self) -> bool {
+        let file = |input: &PathBuf| input != Path::new("-") && !is_address(input);
+        self.device.is_none() && self.input.iter().all(file)
+    }
+
+    /// Surfaces and figures alone, of every frame, as fast as it goes.
+    pub fn without_outputs(&mut self) {
+        (self.device, self.record, self.live_vertices) = (None, None, false);
+        (self.link.igtl, self.link.igtl_connect) = (None, None);
+        (self.ply, self.overlay, self.view, self.no_report) = (false, false, false, true);
+        self.formats.clear();
+        self.structures.clear();
+        self.realtime = false;
     }
 }
 

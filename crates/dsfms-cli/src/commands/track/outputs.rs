@@ -16,11 +16,11 @@ use std::process::{Command, Stdio};
 /// First line of `summary.csv`.
 pub const COLUMNS: &str = "frame,input,status,way,reasons,matches,matches_kept,residual_px,\
                            reprojection_px,photometric,depth,agreement,places,dropped,ms,prepare_ms,follow_ms,find_ms,pose_ms,\
-                           register_ms,joint_ms,look_ms,agree_ms,compare_ms\n";
+                           register_ms,joint_ms,look_ms,agree_ms,compare_ms,seek_ms\n";
 
 /// Stages in the order of the columns.
-const STAGES: [&str; 9] =
-    ["prepare", "follow", "find", "pose", "register", "joint", "look", "agree", "compare"];
+const STAGES: [&str; 10] =
+    ["prepare", "follow", "find", "pose", "register", "joint", "look", "agree", "compare", "seek"];
 
 /// A row of `summary.csv`.
 pub fn row(number: usize, input: &str, tracked: &Tracked, dropped: usize, ms: f64) -> String {

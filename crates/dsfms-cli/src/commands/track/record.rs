@@ -107,6 +107,12 @@ fn write(folder: &Path, entry: &Entry, times: &mut impl Write) -> anyhow::Result
     Ok(times.flush()?)
 }
 
+/// The number in the source of a frame of a recording.
+pub fn number_of(path: &Path) -> Option<usize> {
+    let digits = path.file_name()?.to_str()?.strip_prefix("frame_")?.strip_suffix(".png")?;
+    (digits.len() >= 6).then(|| digits.parse().ok())?
+}
+
 /// When the files of a recording were seen.
 #[derive(Default)]
 pub struct Times {
@@ -166,6 +172,7 @@ mod tests {
             let after = Duration::new(k as u64, k as u32);
             assert_eq!(times.get(&path), Some((time(k), after)));
             assert_eq!(dsfms::io::images::read_frame(&path).unwrap().rgb, frame(k).rgb);
+            assert_eq!(number_of(&path), Some(3 * k));
         }
         let error = Recording::start(&folder, false).err().unwrap().to_string();
         assert!(error.contains("not empty"), "{error}");

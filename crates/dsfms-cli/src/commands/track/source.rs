@@ -3,7 +3,7 @@
 
 use super::incoming::Stream;
 use super::queue::{EndOnDrop, Full, Queue};
-use super::record::{Recorder, Times};
+use super::record::{Recorder, Times, number_of};
 use crate::exit::describe;
 use crate::inputs::{predicted_from, rest_lost};
 use anyhow::Context;
@@ -44,6 +44,14 @@ pub struct Item {
     pub content: Content,
 }
 
+impl Item {
+    /// A frame that could not be read.
+    pub fn unread(number: usize, why: String) -> Self {
+        let content = Content::Unreadable(frame_name(number), why);
+        Self { number, time: SystemTime::now(), total: None, warnings: Vec::new(), content }
+    }
+}
+
 /// What an item holds.
 pub enum Content {
     /// A frame, ready to be solved.
@@ -77,6 +85,8 @@ pub struct Source {
     pub stride: usize,
     /// Drop what cannot be kept up with; files play at so many frames a second.
     pub realtime: bool,
+    /// Files of a recording keep the numbers that they have by their names.
+    pub numbered: bool,
 }
 
 /// The queue of a source, and what ended it.
@@ -177,6 +187,9 @@ impl Reader<'_> {
                 let times = Times::of(input);
                 for path in &paths {
                     self.as_recorded(path, &times);
+                    if let Some(number) = number_of(path).filter(|_| self.source.numbered) {
+                        self.seen = number;
+                    }
                     let more = match self.source.decoded(|| read_frame(path)) {
                         Ok(frame) => self.give(frame, Some(path), Some(paths.len())),
                         Err(error) => {

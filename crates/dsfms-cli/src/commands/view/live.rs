@@ -16,6 +16,7 @@ const FRESH: Duration = Duration::from_millis(700);
 pub struct Watched {
     path: PathBuf,
     last: Arc<Mutex<Option<Look>>>,
+    running: bool,
 }
 
 /// What a path held.
@@ -29,7 +30,17 @@ pub struct Look {
 
 impl Watched {
     pub fn new(path: &Path) -> Self {
-        Self { path: path.into(), last: Arc::default() }
+        Self { path: path.into(), last: Arc::default(), running: false }
+    }
+
+    /// An output folder that is being filled, and may hold nothing yet.
+    pub fn running(path: &Path) -> Self {
+        Self { running: true, ..Self::new(path) }
+    }
+
+    /// Whether it is being filled.
+    pub fn runs(&self) -> bool {
+        self.running
     }
 
     pub fn look(&self) -> anyhow::Result<Look> {

@@ -1,0 +1,258 @@
+//! The frames of a run, one after the other, and everything that they leave.
+
+use super::TrackArgs;
+use super::again::Plan;
+use super::link::Link;
+use super::live::{Told, tell};
+use super::outputs;
+use super::record::Recording;
+use super::run_file::{RunFile, Taken};
+use super::source::{Content, Item, Reading};
+use crate::exit::Outcome;
+use crate::formats::{Formats, Shape};
+use crate::interrupt;
+use crate::outputs::{write_png, write_text};
+use crate::progress::Reporter;
+use crate::report::track::TrackReport;
+use crate::structures::Structures;
+use dsfms::camera::CameraModel;
+use dsfms::geometry::Point3;
+use dsfms::image::Frame;
+use dsfms::io::ply::{PlyExtras, write_ply};
+use dsfms::pipeline::Progress;
+use dsfms::template::Template;
+use dsfms::track::shapes::ShapeFile;
+use dsfms::track::{TrackStatus, Tracked, Tracker};
+use image::RgbImage;
+use std::path::PathBuf;
+use std::time::SystemTime;
+
+/// What the frames share.
+pub struct Job<'a> {
+    pub args: &'a TrackArgs,
+    pub template: &'a Template,
+    pub camera: &'a CameraModel,
+    pub reporter: &'a Reporter,
+    pub tracker: Tracker<'a>,
+    pub shapes: ShapeFile,
+    pub report: Option<TrackReport<'a>>,
+    /// Name, seconds and shape of every frame that has one, where a format needs them.
+    pub kept: Vec<(String, f64, Vec<Point3>)>,
+    pub live: bool,
+    /// Frames a second.
+    pub rate: f64,
+    pub summary: String,
+    /// Last good surface, for `--keep-lost`.
+    pub last: Option<Vec<Point3>>,
+    /// Pictures written.
+    pub overlays: Vec<PathBuf>,
+    pub dropped: usize,
+    pub counts: [usize; 3],
+    pub structures: Option<Structures>,
+    /// Programs that are told while it runs.
+    pub link: Option<Link>,
+    pub recording: Option<Recording>,
+    /// What is kept for `dsfms replay`.
+    pub run: RunFile,
+}
+
+/// A frame's way through the tracker.
+struct Done<'t> {
+    number: usize,
+    /// When it came.
+    time: SystemTime,
+    tracked: &'t Tracked,
+    dropped: usize,
+    ms: f64,
+}
+
+impl<'a> Job<'a> {
+    /// Every frame of the input, or of it what an earlier run took.
+    pub fn all(&mut self, reading: &Reading, plan: &mut Option<Plan>) -> anyhow::Result<()> {
+        while !interrupt::asked() {
+            let next = reading.next()?;
+            let ended = next.is_none();
+            let items = match (plan.as_mut(), next) {
+                (None, None) => Vec::new(),
+                (None, Some(next)) => vec![next],
+                (Some(plan), None) => plan.rest().into_iter().map(|item| (item, 0)).collect(),
+                (Some(plan), Some((item, _))) => {
+                    plan.of(item).into_iter().map(|item| (item, 0)).collect()
+                }
+            };
+            items.into_iter().try_for_each(|(item, dropped)| self.take(item, dropped))?;
+            if ended || plan.as_ref().is_some_and(|plan| plan.0.is_empty()) {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// The next frame of the input.
+    fn take(&mut self, item: Item, dropped: usize) -> anyhow::Result<()> {
+        let Item { number, time, total, warnings, content } = item;
+        self.reporter.step("frames", number + 1, total.unwrap_or(number + 1));
+        warnings.iter().for_each(|w| self.reporter.warn(w));
+        self.dropped += dropped;
+        let start = std::time::Instant::now();
+        let mut taken = Taken { number, unread: None, reserved: None };
+        let (frame, tracked) = match content {
+            Content::Frame(prepared, reservation) => {
+                taken.reserved.clone_from(&reservation);
+                let mut tracked = self.tracker.solve(&prepared);
+                reservation.into_iter().for_each(|why| tracked.reserve(why));
+                (prepared.frame, tracked)
+            }
+            Content::Unreadable(name, reason) => {
+                self.reporter.warn(&format!("{name} is lost: {reason}"));
+                taken.unread = Some(reason.clone());
+                let size = self.camera.size;
+                let frame = Frame { name, size, rgb: vec![[0; 3]; size[0] * size[1]] };
+                (frame, Tracked::unread(reason))
+            }
+        };
+        let ms = 1e3 * start.elapsed().as_secs_f64();
+        self.run.frames.push(taken);
+        self.keep(&frame, &Done { number, time, tracked: &tracked, dropped, ms })
+    }
+
+    /// Everything that one frame leaves.
+    fn keep(&mut self, frame: &Frame, done: &Done) -> anyhow::Result<()> {
+        let &Done { number, time, tracked, dropped, ms } = done;
+        self.counts[tracked.status as usize] += 1;
+        self.summary += &outputs::row(number, &frame.name, tracked, dropped, ms);
+        if let (TrackStatus::Ok, Some(surface)) = (tracked.status, &tracked.surface) {
+            self.last = Some(surface.vertices.clone());
+        }
+        let kept = self.last.clone().filter(|_| self.args.keep_lost);
+        let surface = tracked.surface.as_ref();
+        let shape = surface.map(|s| s.vertices.as_slice()).or(kept.as_deref());
+        if self.live {
+            let vertices = self.args.live_vertices.then_some(shape);
+            tell(&Told { number, tracked, dropped, ms, vertices }, &mut std::io::stdout())?;
+        }
+        if let Some(link) = &self.link {
+            let told = Told { number, tracked, dropped, ms, vertices: None };
+            link.send(&told, frame, time, shape, self.reporter)?;
+        }
+        // Of a shape that is only kept nothing is known to be seen.
+        let visible = surface.map_or(&[][..], |s| s.visible.as_slice());
+        self.shapes.push(shape, visible, tracked.status as u8)?;
+        if let Some(report) = &mut self.report {
+            report.add(number, frame, tracked, ms)?;
+        }
+        if let Some(shape) = shape {
+            let shape = Shape {
+                vertices: shape,
+                visible: surface.map(|s| s.visible.as_slice()),
+                regions: surface.map(|s| s.regions.as_slice()),
+                ..Default::default()
+            };
+            self.write_shape(number, tracked.status, &shape)?;
+        }
+        if self.args.overlay {
+            let path = self.args.output.join(format!("overlay/frame_{number:03}.png"));
+            let mut picture = outputs::picture(self.template, self.camera, frame, tracked);
+            self.draw_structures(&mut picture, tracked)?;
+            write_png(&path, &picture)?;
+            self.overlays.push(path);
+        }
+        Ok(())
+    }
+
+    /// The hidden structures where the surface carries them.
+    fn draw_structures(&self, picture: &mut RgbImage, tracked: &Tracked) -> anyhow::Result<()> {
+        if let (Some(structures), Some(surface)) = (&self.structures, &tracked.surface) {
+            let places = structures.carry(&surface.vertices, None)?;
+            structures.draw(picture, self.camera, &surface.vertices, &places);
+        }
+        Ok(())
+    }
+
+    /// The files of a shape that were asked for.
+    fn write_shape(
+        &mut self,
+        number: usize,
+        status: TrackStatus,
+        shape: &Shape,
+    ) -> anyhow::Result<()> {
+        let name = format!("frame_{number:03}");
+        if self.args.ply {
+            let comments = [format!("camera axes of the frame; status {}", status.label())];
+            let (visible, region) = (shape.visible, shape.regions);
+            let extras = PlyExtras { comments: &comments, visible, region, ..Default::default() };
+            let path = self.args.output.join(format!("{name}.ply"));
+            let (topology, unit) = (&self.template.mesh.topology, self.template.unit);
+            write_ply(&path, topology, shape.vertices, unit, &extras)?;
+            if let Some(structures) = &self.structures {
+                let places = structures.carry(shape.vertices, None)?;
+                structures.write(&self.args.output, &name, self.template, &places)?;
+            }
+        }
+        if !self.args.formats.is_empty() {
+            let seconds = number as f64 / self.rate;
+            let formats = self.formats();
+            formats.write_frame(&name, seconds, shape)?;
+            let vertices = if formats.animated() { shape.vertices.to_vec() } else { Vec::new() };
+            self.kept.push((name, seconds, vertices));
+        }
+        Ok(())
+    }
+
+    fn formats(&self) -> Formats<'a> {
+        let Self { args, template, .. } = self;
+        Formats { folder: &args.output, template, list: &args.formats }
+    }
+
+    /// Whatever ended the run, what was done by then is written.
+    pub fn conclude(mut self, ended: anyhow::Result<()>) -> anyhow::Result<Outcome> {
+        self.reporter.finish();
+        if let Some(link) = self.link.take() {
+            link.finish(self.reporter);
+        }
+        match self.recording.take().map(Recording::finish) {
+            Some(Ok([written, left_out])) => {
+                let text = format!("{written} frame(s) recorded, {left_out} left out to keep up");
+                self.reporter.say(&text);
+            }
+            Some(Err(error)) => self.reporter.error(&crate::exit::describe(&error)),
+            None => {}
+        }
+        let total: usize = self.counts.iter().sum();
+        if interrupt::asked() {
+            let out = self.args.output.display();
+            self.reporter
+                .error(&format!("stopped; the {total} frame(s) so far are whole in {out}"));
+        }
+        if total == 0 {
+            ended?;
+            anyhow::bail!("the input holds no frame");
+        }
+        if let Err(error) = &ended {
+            let why = crate::exit::describe(error);
+            self.reporter.error(&format!("{why}; the {total} frame(s) before are written"));
+        }
+        self.formats().write_series(&self.kept)?;
+        self.shapes.finish()?;
+        write_text(&self.args.output.join("summary.csv"), &self.summary)?;
+        self.run.write(&self.args.output)?;
+        self.report.map_or(Ok(()), TrackReport::finish)?;
+        if self.args.overlay {
+            let rate = self.rate / f64::from(self.args.stride);
+            if let Err(why) = outputs::film(&self.args.output, &self.overlays, rate) {
+                self.reporter.warn(&format!("overlay.mp4 {why}; the pictures are in OUT/overlay"));
+            }
+        }
+        let [ok, degraded, lost] = self.counts;
+        let dropped = match self.dropped {
+            0 => String::new(),
+            n => format!(", {n} dropped to keep up"),
+        };
+        self.reporter.say(&format!("{ok} frame(s) ok, {degraded} degraded, {lost} lost{dropped}"));
+        Ok(match () {
+            () if ok == total && ended.is_ok() => Outcome::Ok,
+            () if lost == total => Outcome::Nothing,
+            () => Outcome::Degraded,
+        })
+    }
+}

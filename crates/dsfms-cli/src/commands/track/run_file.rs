@@ -1,0 +1,163 @@
+//! What a run was: `OUT/run.json`, by which `dsfms replay` does it again.
+
+use super::TrackArgs;
+use crate::args::VERSION;
+use crate::inputs;
+use crate::outputs::write_json;
+use anyhow::Context;
+use dsfms::track::TrackOptions;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Its name in the output folder.
+pub const NAME: &str = "run.json";
+
+/// A run of `dsfms track`.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct RunFile {
+    /// Version and commit of the program.
+    pub version: String,
+    /// What it was compiled for; the bits of its results depend on it.
+    pub target: String,
+    /// The folder that relative paths start at.
+    pub folder: PathBuf,
+    /// The command line without the program.
+    pub arguments: Vec<String>,
+    /// All options, the seed among them.
+    pub options: TrackOptions,
+    /// Digest of the files of the template.
+    pub template: String,
+    /// Digest of the camera file; `None`: the template's camera.
+    pub camera: Option<String>,
+    /// The frames that were taken, in order.
+    pub frames: Vec<Taken>,
+}
+
+/// One frame of a run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Taken {
+    /// Its number in the source.
+    pub number: usize,
+    /// Why it could not be read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unread: Option<String>,
+    /// What was said of it besides.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reserved: Option<String>,
+}
+
+impl RunFile {
+    /// A run that is about to begin.
+    pub fn of(args: &TrackArgs, options: &TrackOptions) -> anyhow::Result<Self> {
+        let arguments = std::env::args_os().skip(1);
+        Ok(Self {
+            version: VERSION.into(),
+            target: target(),
+            folder: std::env::current_dir().context("the current folder")?,
+            arguments: arguments.map(|a| a.to_string_lossy().into_owned()).collect(),
+            options: options.clone(),
+            template: digest(&args.template)?,
+            camera: args.camera.as_deref().map(digest).transpose()?,
+            frames: Vec::new(),
+        })
+    }
+
+    /// Write it into the output folder.
+    pub fn write(&self, output: &Path) -> anyhow::Result<()> {
+        write_json(&output.join(NAME), self)
+    }
+
+    /// Read that of an output folder.
+    pub fn read(output: &Path) -> anyhow::Result<Self> {
+        let path = output.join(NAME);
+        inputs::must_exist(output, "OUT")?;
+        anyhow::ensure!(
+            path.is_file(),
+            "{} holds no {NAME}, so it cannot be replayed; give the output folder of `dsfms track`",
+            output.display()
+        );
+        let text = dsfms::guard::read_text(&path)?;
+        serde_json::from_str(&text).with_context(|| path.display().to_string())
+    }
+}
+
+/// What this program is compiled for.
+pub fn target() -> String {
+    let fast = if crate::cpu::FAST { ", AVX2 and FMA" } else { "" };
+    format!("{}-{}{fast}", std::env::consts::ARCH, std::env::consts::OS)
+}
+
+/// Digest of a file, or of the names and contents of the files of a folder, 16 hexadecimal digits: it tells
+/// a change, not a forgery.
+pub fn digest(path: &Path) -> anyhow::Result<String> {
+    let mut state = Fnv::default();
+    add(path, &mut state).with_context(|| format!("cannot read {}", path.display()))?;
+    Ok(format!("{:016x}", state.0))
+}
+
+fn add(path: &Path, state: &mut Fnv) -> std::io::Result<()> {
+    if !path.is_dir() {
+        let bytes = std::fs::read(path)?;
+        state.add(&(bytes.len() as u64).to_le_bytes());
+        state.add(&bytes);
+        return Ok(());
+    }
+    let entries: std::io::Result<Vec<_>> = std::fs::read_dir(path)?.collect();
+    let mut paths: Vec<PathBuf> = entries?.iter().map(std::fs::DirEntry::path).collect();
+    paths.sort();
+    for path in paths {
+        state.add(path.file_name().unwrap_or_default().to_string_lossy().as_bytes());
+        add(&path, state)?;
+    }
+    Ok(())
+}
+
+/// FNV-1a of 64 bits.
+struct Fnv(u64);
+
+impl Default for Fnv {
+    fn default() -> Self {
+        Self(0xcbf2_9ce4_8422_2325)
+    }
+}
+
+impl Fnv {
+    fn add(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_digest_tells_contents_and_names() {
+        let mut known = Fnv::default();
+        known.add(b"foobar");
+        assert_eq!(known.0, 0x8594_4171_f739_67e8, "the published value");
+        let folder = tempfile::tempdir().unwrap();
+        let of = || digest(folder.path()).unwrap();
+        std::fs::write(folder.path().join("a"), "1").unwrap();
+        let first = of();
+        assert_eq!(of(), first);
+        std::fs::write(folder.path().join("a"), "2").unwrap();
+        assert_ne!(of(), first);
+        std::fs::rename(folder.path().join("a"), folder.path().join("b")).unwrap();
+        std::fs::write(folder.path().join("b"), "1").unwrap();
+        assert_ne!(of(), first);
+        assert!(digest(&folder.path().join("none")).is_err());
+    }
+
+    #[test]
+    fn a_frame_says_only_what_there_is_to_say() {
+        let taken = Taken { number: 3, unread: None, reserved: Some("why".into()) };
+        let text = serde_json::to_string(&taken).unwrap();
+        assert_eq!(text, r#"{"number":3,"reserved":"why"}"#);
+        assert_eq!(serde_json::from_str::<Taken>(&text).unwrap(), taken);
+        let error = RunFile::read(tempfile::tempdir().unwrap().path()).unwrap_err().to_string();
+        assert!(error.contains("run.json"), "{error}");
+    }
+}

@@ -1,0 +1,116 @@
+//! `dsfms replay` of recorded, live and changed runs, and `dsfms track --view`.
+
+mod clip;
+
+use clip::{CLIP, FRAMES, Text, track};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+fn replay(out: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_dsfms"));
+    command.arg("replay").arg(out).args(arguments).args(["--quiet"]).output().unwrap()
+}
+
+fn told(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+}
+
+#[test]
+fn a_recorded_run_gives_the_same_bits_again_and_a_changed_one_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let (out, record) = (folder.path().join("out"), folder.path().join("recording"));
+    let record = record.to_str().unwrap();
+    let arguments = ["--record", record, "--stride", "2", "--realtime", "--rate", "30"];
+    let said = track(&out, "frames", &arguments).said();
+    let run = std::fs::read_to_string(out.join("run.json")).unwrap();
+    let again = replay(&out, &[]);
+    assert_eq!(again.status.code(), Some(0), "{said}\n{}\n{run}", told(&again));
+    assert!(told(&again).contains("the same bits"), "{}", told(&again));
+    // The frames are told by their numbers in the source, dropped ones or not.
+    let value: serde_json::Value = serde_json::from_str(&run).unwrap();
+    let numbers: Vec<u64> =
+        value["frames"].as_array().unwrap().iter().map(|t| t["number"].as_u64().unwrap()).collect();
+    assert!(numbers.iter().all(|n| n % 2 == 0 && (*n as usize) < FRAMES), "{numbers:?}");
+    // Another picture in the recording.
+    let [a, b] = [numbers[0], numbers[numbers.len() - 1]]
+        .map(|n| Path::new(record).join(format!("frame_{n:06}.png")));
+    let kept = std::fs::read(&b).unwrap();
+    std::fs::copy(&a, &b).unwrap();
+    let again = replay(&out, &[]);
+    assert_eq!(again.status.code(), Some(2), "{}", told(&again));
+    let named = format!("differs first in frame {}:", numbers[numbers.len() - 1]);
+    assert!(told(&again).contains(&named), "{}", told(&again));
+    // A frame that is missing, and one that was moved elsewhere.
+    std::fs::remove_file(&b).unwrap();
+    let again = replay(&out, &[]);
+    assert_eq!(again.status.code(), Some(1), "{}", told(&again));
+    assert!(told(&again).contains("lacks 1 of"), "{}", told(&again));
+    std::fs::write(&b, kept).unwrap();
+    let moved = folder.path().join("archive");
+    std::fs::rename(record, &moved).unwrap();
+    assert!(told(&replay(&out, &[])).contains("--frames"));
+    assert_eq!(replay(&out, &["--frames", moved.to_str().unwrap()]).status.code(), Some(0));
+}
+
+#[test]
+fn what_cannot_be_replayed_is_refused_with_its_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let again = replay(folder.path(), &[]);
+    assert!(
+        again.status.code() == Some(1) && told(&again).contains("run.json"),
+        "{}",
+        told(&again)
+    );
+    // Files are read again without a recording; a camera that has changed since is told.
+    let (out, camera) = (folder.path().join("out"), folder.path().join("other.json"));
+    track(&out, "frames", &["--stride", "4"]).said();
+    assert_eq!(replay(&out, &[]).status.code(), Some(0));
+    let text = std::fs::read_to_string(CLIP.path().join("clip/camera.json")).unwrap();
+    std::fs::write(&camera, text + " ").unwrap();
+    let again = replay(&out, &["--camera", camera.to_str().unwrap()]);
+    assert!(again.status.code() == Some(1) && told(&again).contains("changed"), "{}", told(&again));
+}
+
+#[test]
+fn a_running_track_serves_its_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_dsfms"))
+        .current_dir(CLIP.path().join("clip"))
+        .args(["track", "organ.template", "frames", "--camera", "camera.json", "--method", "dsfm"])
+        .args(["--view", "--quiet", "--realtime", "--rate", "0.5", "-o"])
+        .arg(folder.path().join("out"))
+        .env("SSH_CONNECTION", "no browser")
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let url = line.trim().rsplit(' ').next().unwrap().to_owned();
+    let rest = url.strip_prefix("http://").unwrap_or_else(|| panic!("{line}"));
+    let (host, root) = rest.split_once('/').unwrap();
+    let get = |path: &str| {
+        let mut stream = TcpStream::connect(host).unwrap();
+        write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\n\r\n").unwrap();
+        let mut text = String::new();
+        stream.read_to_string(&mut text).unwrap();
+        text
+    };
+    let start = Instant::now();
+    let page = loop {
+        assert!(start.elapsed() < Duration::from_secs(60), "no page of the run");
+        let page = get(&format!("/{root}"));
+        assert!(page.starts_with("HTTP/1.1 200"), "{page}");
+        if page.contains(", running") {
+            break page;
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    };
+    assert!(host.starts_with("127.0.0.1:") && page.contains("Matches kept"), "{host}");
+    assert!(get("/").starts_with("HTTP/1.1 404"));
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
