@@ -4,7 +4,7 @@ use super::labels::Seeds;
 use super::{DepthMap, PosedFrame, tolerance};
 use crate::camera::Camera;
 use crate::geometry::{Point2, Point3, Vector3};
-use crate::image::Mask;
+use crate::image::{Mask, nearest_pixel};
 
 /// Nodes of a frame, at most: enough to tell the sides of an outline apart, which the image then gives exactly.
 pub(super) const NODES: usize = 20_000;
@@ -174,7 +174,7 @@ impl Cell {
     fn new(view: &PosedFrame, map: &DepthMap, axis: &Vector3, place: usize) -> Self {
         let point = (map.depth[place] > 0.0).then(|| map.point(place));
         let pixel = view.camera.project(&map.ray(place).into()).map(|p| p.pixel);
-        let at = pixel.and_then(|p| nearest(&p, view.frame.size));
+        let at = pixel.and_then(|p| nearest_pixel(&p, view.frame.size));
         let rgb = at.map_or([f64::NAN; 3], |at| mean_of_nine(view, at));
         let log = rgb.map(|v| (v + DARK).ln());
         let height = point.map_or(f64::NAN, |p| (map.pose.inverse() * p).coords.dot(axis));
@@ -206,13 +206,6 @@ impl Cell {
         let squared = (0..3).map(|c| (self.rgb[c] - other.rgb[c]).powi(2)).sum::<f64>();
         if squared.is_finite() { squared } else { 0.0 }
     }
-}
-
-/// Column and row of the pixel that holds a point; `None` beside the image.
-fn nearest(p: &Point2, [w, h]: [usize; 2]) -> Option<[usize; 2]> {
-    let (x, y) = (p.x.round(), p.y.round());
-    let inside = x >= 0.0 && y >= 0.0 && x < w as f64 && y < h as f64;
-    inside.then_some([x as usize, y as usize])
 }
 
 /// Encoded colour about a pixel, 0 to 1.

@@ -268,12 +268,7 @@ mod tests {
         };
         let part = |masks| Labelling { masks, stepping: 1.0, marked: 1.0, borders: vec![vec![]] };
         let map = crate::dense::DepthMap {
-            camera: crate::camera::CameraModel {
-                size: [30, 20],
-                focal: [20.0; 2],
-                centre: [15.0, 10.0],
-                lens: crate::camera::Lens::Pinhole,
-            },
+            camera: crate::camera::CameraModel::pinhole([30, 20], [20.0; 2], [15.0, 10.0]),
             pose: crate::geometry::Isometry::identity(),
             depth: vec![5.0; 600],
             normal: vec![[0.0, 0.0, -1.0]; 600],

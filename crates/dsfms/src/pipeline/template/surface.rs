@@ -11,7 +11,7 @@ use crate::mesh::Mesh;
 use crate::mesh::remesh::{fit_diagonals, remesh};
 use crate::mesh::surface_points::ClosestPoints;
 use crate::pipeline::{Progress, logging};
-use crate::sfm::Reconstruction;
+use crate::sfm::SparseReconstruction;
 use rayon::prelude::*;
 
 /// The mesh of a template and how well its place is known.
@@ -29,7 +29,7 @@ pub(super) struct Surface {
 /// structure from motion.
 pub(super) fn dense_mesh(
     exploration: &Exploration,
-    sparse: &Reconstruction,
+    sparse: &SparseReconstruction,
     points: &[Point3],
     options: &TemplateOptions,
     progress: &dyn Progress,
@@ -99,7 +99,7 @@ const COARSE_ALL: usize = 1000;
 /// The registered frames and what structure from motion knows of them.
 pub(super) struct Scene<'a> {
     pub(super) exploration: &'a Exploration<'a>,
-    pub(super) sparse: &'a Reconstruction,
+    pub(super) sparse: &'a SparseReconstruction,
     pub(super) camera: &'a CameraModel,
     pub(super) views: Vec<PosedFrame<'a>>,
     points: &'a [Point3],
