@@ -19,6 +19,7 @@ use crate::progress::Reporter;
 use crate::report::template::template_page;
 pub use args::TemplateArgs;
 use dsfms::checkpoint::Keep;
+use dsfms::geometry::Isometry;
 use dsfms::io::mesh::MeshFile;
 use dsfms::io::poses::{PoseList, match_poses, read_poses};
 use dsfms::io::template::{check_target, write_template};
@@ -209,6 +210,9 @@ fn from_frames(
     let exploration = exploration.metric(metric.as_ref().map(|m| &m.mesh)).also(&also);
     let names: Vec<&str> = loaded.frames.iter().map(|f| f.name.as_str()).collect();
     let poses = listed.map(|list| match_poses(&list, &names));
+    if let (Some(path), Some(poses)) = (&args.poses, &poses) {
+        some_pose(path, poses, &names)?;
+    }
     let keep = Keep::new(stages);
     let built = match (given, poses) {
         (Some(mesh), Some(poses)) => {
@@ -238,4 +242,16 @@ fn from_frames(
     let parted = built.organ.as_ref().is_none_or(|organ| !organ.open());
     let complete = built.rejected.is_empty() && loaded.complete && scaled && parted;
     Ok((built, loaded, complete))
+}
+
+/// Poses of other frames are named with their file.
+fn some_pose(path: &Path, poses: &[Option<Isometry>], names: &[&str]) -> anyhow::Result<()> {
+    if let (true, Some(first)) = (poses.iter().all(Option::is_none), names.first()) {
+        anyhow::bail!(
+            "{}: none of its poses is of one of the {} frames; expected image names or numbers as in {first}",
+            path.display(),
+            names.len()
+        );
+    }
+    Ok(())
 }

@@ -1,7 +1,6 @@
 //! `report.html`: one file with its viewer, its data and its pictures; nothing is loaded from
 //! elsewhere, so it works offline, from a memory stick and as an attachment.
 
-pub mod chart;
 pub mod clip;
 pub mod data;
 pub mod embed;
