@@ -63,7 +63,7 @@ function paint(ink, f, scale, shift) {
     else { ink.fillStyle = "rgba(0,0,0,.55)"; ink.fillRect(0, 0, w, h); }
   }
   ink.lineCap = ink.lineJoin = "round";
-  for (const stroke of state.strokes) if (stroke.frame === name) trace(ink, stroke, Math.max(4, 7 / scale));
+  for (const stroke of state.strokes) if (stroke.frame === name) trace(ink, stroke, Math.max(1.5, 7 / scale));
 }
 function trace(ink, stroke, wide) {
   const way = () => {

@@ -211,7 +211,7 @@ mod tests {
                 organ: None,
             })
             .collect();
-        let options = DenseOptions { target_vertices: 3000, ..Default::default() };
+        let options = DenseOptions { target_vertices: Some(3000), ..Default::default() };
         let found = surface(&views, &maps, &options).unwrap();
         let of_all = found.support.iter().zip(&found.mesh.positions).filter(|(s, _)| s.frames == 6);
         let ratios: Vec<f64> = of_all.map(|(s, p)| ((p.z - 50.0) / s.sigma).powi(2)).collect();

@@ -5,6 +5,7 @@
 //! it; never about what lies behind.
 
 use super::observe::{Evidence, View, average};
+use super::options::MOST_VERTICES;
 use super::{DenseOptions, DepthMap, PosedFrame, grid};
 use crate::geometry::{Point3, median};
 use rayon::prelude::*;
@@ -34,7 +35,9 @@ pub(super) struct Volume {
 impl Volume {
     /// Allocate around the depth maps and average them; the distances are those of the evidence.
     pub fn fuse(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptions) -> Self {
-        let voxel = options.voxel.unwrap_or_else(|| voxel_edge(maps, options.target_vertices));
+        let voxel = options
+            .voxel
+            .unwrap_or_else(|| voxel_edge(maps, options.target_vertices.unwrap_or(MOST_VERTICES)));
         let blocks = widened(&allocate(maps, voxel));
         let lenses: Vec<View> = views.iter().zip(maps).map(|(v, m)| View::new(v, m)).collect();
         let mut volume = Self {

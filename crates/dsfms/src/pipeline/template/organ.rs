@@ -182,7 +182,7 @@ impl Scene<'_> {
         };
         let maps: Vec<DepthMap> = kept.iter().map(rest).collect();
         let vertices = self.options.vertices;
-        let options = DenseOptions { target_vertices: FINER * vertices, ..options.clone() };
+        let options = DenseOptions { target_vertices: Some(FINER * vertices), ..options.clone() };
         let seen = surface(&views, &maps, &options).ok()?;
         remesh(&seen.mesh, vertices, &self.options.remesh).ok()
     }

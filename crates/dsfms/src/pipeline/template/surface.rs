@@ -39,7 +39,7 @@ pub(super) fn dense_mesh(
         largest_only: options.dense.largest_only
             && options.outlines.is_empty()
             && options.click.is_none(),
-        ..options.dense.clone()
+        ..options.dense.for_template(options.vertices)
     };
     let (camera, poses) = (&sparse.camera, &sparse.poses);
     let scene = Scene {
