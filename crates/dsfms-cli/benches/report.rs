@@ -9,7 +9,7 @@
 mod cdp;
 
 use cdp::Browser;
-use dsfms::camera::{CameraModel, Lens};
+use dsfms::camera::CameraModel;
 use dsfms::geometry::{Isometry, Point3, Vector3};
 use dsfms::io::camera::{CameraFile, write_camera};
 use dsfms::io::matches::write_matches;
@@ -82,12 +82,7 @@ fn rate(browser: &mut Browser, layer: &str) -> f64 {
 fn prepare(folder: &Path, vertices: usize, frames: usize) {
     std::fs::create_dir_all(folder.join("frames")).expect("a folder");
     std::fs::create_dir_all(folder.join("matches")).expect("a folder");
-    let camera = CameraModel {
-        size: [1280, 720],
-        focal: [1100.0, 1100.0],
-        centre: [639.5, 359.5],
-        lens: Lens::Pinhole,
-    };
+    let camera = CameraModel::pinhole([1280, 720], [1100.0, 1100.0], [639.5, 359.5]);
     let organ = patch(vertices, 4);
     let (mesh, extras) = (&organ.mesh, PlyExtras::default());
     write_ply(

@@ -121,7 +121,6 @@ pub fn must_exist(path: &Path, option: &str) -> anyhow::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dsfms::camera::Lens;
     use dsfms::io::camera::{CameraFile, write_camera};
     use dsfms::light::{LightModel, PointLight, Spot};
     use dsfms::pipeline::{Silent, TemplateOptions, template_from_mesh};
@@ -137,12 +136,7 @@ mod tests {
             reference_distance: 50.0,
             spot: Spot::Isotropic,
         });
-        let camera = CameraModel {
-            size: [64, 48],
-            focal: [60.0; 2],
-            centre: [31.5, 23.5],
-            lens: Lens::Pinhole,
-        };
+        let camera = CameraModel::pinhole([64, 48], [60.0; 2], [31.5, 23.5]);
         let (light, vignetting) = (Some(light), Some(-0.2));
         write_camera(&path, &CameraFile { camera, tone: None, light, vignetting }).unwrap();
         let mesh = dsfms::synth::patch(60, 1).mesh;

@@ -4,7 +4,7 @@ mod common;
 
 use assert_cmd::Command;
 use common::save;
-use dsfms::camera::{Camera, CameraModel, Lens};
+use dsfms::camera::{Camera, CameraModel};
 use dsfms::geometry::{Isometry, Point2, Vector3};
 use dsfms::io::camera::read_camera;
 use std::fs;
@@ -12,7 +12,7 @@ use std::fs;
 const SIZE: [usize; 2] = [260, 200];
 
 fn camera() -> CameraModel {
-    CameraModel { size: SIZE, focal: [240.0, 243.0], centre: [127.0, 103.0], lens: Lens::Pinhole }
+    CameraModel::pinhole(SIZE, [240.0, 243.0], [127.0, 103.0])
 }
 
 fn poses() -> [Isometry; 5] {

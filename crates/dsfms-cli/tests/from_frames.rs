@@ -3,7 +3,7 @@
 mod common;
 
 use assert_cmd::Command;
-use dsfms::camera::{Camera, CameraModel, Lens};
+use dsfms::camera::{Camera, CameraModel};
 use dsfms::geometry::{Isometry, Point2, Point3, Vector3};
 use dsfms::io::camera::{CameraFile, write_camera};
 use dsfms::io::mesh::{MeshUnit, read_mesh};
@@ -17,7 +17,7 @@ use tempfile::TempDir;
 const SIZE: [usize; 2] = [240, 180];
 
 fn camera() -> CameraModel {
-    CameraModel { size: SIZE, focal: [260.0; 2], centre: [119.5, 89.5], lens: Lens::Pinhole }
+    CameraModel::pinhole(SIZE, [260.0; 2], [119.5, 89.5])
 }
 
 /// `camera_from_world`, all looking at the disc.

@@ -149,13 +149,13 @@ pub(crate) mod tests {
 
     /// Keeps in memory, and remembers what it was asked.
     #[derive(Default)]
-    pub(crate) struct Memory {
+    pub(crate) struct MemoryStore {
         pub kept: Mutex<BTreeMap<String, (u64, Vec<u8>)>>,
         pub used: Mutex<Vec<(String, usize)>>,
         pub refused: Mutex<Vec<String>>,
     }
 
-    impl Store for Memory {
+    impl Store for MemoryStore {
         fn load(&self, stage: &str, key: u64) -> Option<Vec<u8>> {
             let kept = self.kept.lock().unwrap();
             kept.get(stage).filter(|(k, _)| *k == key).map(|(_, bytes)| bytes.clone())
@@ -178,7 +178,7 @@ pub(crate) mod tests {
 
     #[test]
     fn a_value_is_read_back_exactly_and_only_under_its_own_key() {
-        let store = Memory::default();
+        let store = MemoryStore::default();
         let key = |n: u8| Keep::new(&store).with(|d| d.bytes(&[n]));
         let odd = vec![0.1 + 0.2, f64::INFINITY, -0.0];
         assert_eq!(stage(&key(1), odd.clone()), odd);
@@ -192,7 +192,7 @@ pub(crate) mod tests {
 
     #[test]
     fn what_is_no_value_of_the_stage_is_made_again() {
-        let store = Memory::default();
+        let store = MemoryStore::default();
         let keep = Keep::new(&store);
         for bytes in [&[][..], &[2, 1, 2, 3], &[0, 9], &[0xff; 12], &[0xff, 0xff, 0xff, 0x7f, 1]] {
             store.save("numbers", 0, bytes);

@@ -78,6 +78,9 @@ thread_local! {
 
 /// Run third-party code on data of others; a panic is an error with its message. What `work` changed
 /// before it panicked must not be used any more.
+///
+/// # Errors
+/// What the panic said.
 pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     let outer = GUARDED.replace(true);
     let result = catch_unwind(AssertUnwindSafe(work));

@@ -7,7 +7,7 @@
 //! case, seen, observed, error / R, features).
 
 use dsfms::expected_error::model::LARGEST;
-use dsfms::expected_error::{COUNT, Features, Model, NAMES, Solved, features};
+use dsfms::expected_error::{COUNT, ErrorFeatures, Model, NAMES, Solved, features};
 use dsfms::experiment::Organ;
 use dsfms::geometry::{Point2, Point3};
 use dsfms::image::{Frame, Mask, Picture, ToneCurve, usable, viewport};
@@ -201,7 +201,7 @@ fn look(
     instrument: Option<&Mask>,
     found: &Reconstruction,
     photographed: bool,
-) -> Features {
+) -> ErrorFeatures {
     let lit = viewport(std::slice::from_ref(&case.frame));
     let usable = usable(case.frame.size, lit, instrument, None);
     let mesh = &case.template.mesh;

@@ -2,7 +2,7 @@
 //! of the paper would form from the surface that was found.
 
 use dsfms::Mesh;
-use dsfms::camera::{Camera, CameraModel, Lens};
+use dsfms::camera::{Camera, CameraModel};
 use dsfms::energy::diffuse::DiffuseVertex;
 use dsfms::energy::{Brightness, Diffuse, EnergyTerm, Motion, Specular};
 use dsfms::geometry::{Point2, Point3, Vector3};
@@ -17,7 +17,7 @@ use dsfms::solver::Summary;
 use dsfms::synth::Case;
 
 fn camera() -> CameraModel {
-    CameraModel { size: [64, 48], focal: [100.0, 110.0], centre: [31.0, 23.0], lens: Lens::Pinhole }
+    CameraModel::pinhole([64, 48], [100.0, 110.0], [31.0, 23.0])
 }
 
 /// Six faces around vertex 0 at depth 50, turned about x by `tilt`; outward towards the camera.

@@ -1,7 +1,7 @@
 //! A small clip of known truth: a moving camera, a growing push, a black frame and a cut; smoke, blur
 //! and an organ that leaves the view.
 
-use dsfms::camera::CameraModel;
+use dsfms::camera::{CameraModel, PosedFrame};
 use dsfms::geometry::{Isometry, Point3, Vector3};
 use dsfms::image::{Frame, ToneCurve};
 use dsfms::light::LightModel;
@@ -49,7 +49,7 @@ fn clip() -> Clip {
     let look = photograph(&camera, &posed(&pose, &rest.positions), &albedo, 9);
     let found = detect(&look, None, &SfmOptions::default());
     let (points, descriptors) = (&found.points[..], &found.descriptors[..]);
-    let view = FeatureView { camera: &camera, pose, valid: None, points, descriptors };
+    let view = FeatureView { posed: PosedFrame::new(&look, &camera, pose), points, descriptors };
     template.features = Some(anchor_features(&rest, &[view], &AnchorOptions::default()));
     let (mut frames, mut truth) = (Vec::new(), Vec::new());
     for k in 0..9 {

@@ -5,10 +5,11 @@ use super::text::text;
 use crate::draw::{error_colour, line};
 use crate::outputs::{prepare_folder, write_png};
 use anyhow::Context;
+use dsfms::camera::PosedFrame;
 use dsfms::geometry::{Point2, Vector2, barycentric};
 use dsfms::image::{Frame, Mask, viewport};
 use dsfms::template::bake::bake;
-use dsfms::template::texture::{Texture, TextureView};
+use dsfms::template::texture::Texture;
 use dsfms::template::{Flattening, SurfaceTexels, Template, View};
 use image::{Rgb, RgbImage};
 use std::path::{Path, PathBuf};
@@ -70,9 +71,9 @@ pub fn write_textures(
     let view = |v: &View| {
         let i = frames.iter().position(|f| f.name == v.name)?;
         let (pose, valid) = (v.camera_from_template, masks[i].as_ref());
-        Some(TextureView { frame: &frames[i], camera, pose, valid })
+        Some(PosedFrame { valid, ..PosedFrame::new(&frames[i], camera, pose) })
     };
-    let views: Vec<TextureView> = template.views.iter().filter_map(view).collect();
+    let views: Vec<PosedFrame> = template.views.iter().filter_map(view).collect();
     let texture = Texture::new(&template.mesh, &views);
     let draw = |name: &str, title: &str, colour: &dyn Fn(usize, [f64; 3]) -> Option<[u8; 3]>| {
         let mut canvas = Charts::canvas(map, 1);

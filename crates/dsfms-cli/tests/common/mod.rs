@@ -3,7 +3,7 @@
 #![allow(dead_code)]
 
 use assert_cmd::Command;
-use dsfms::camera::{CameraModel, Lens};
+use dsfms::camera::CameraModel;
 use dsfms::geometry::{Isometry, Point3, Vector3};
 use dsfms::io::camera::{CameraFile, write_camera};
 use dsfms::io::matches::write_matches;
@@ -101,12 +101,7 @@ impl Case {
 
 /// 160 x 120 px.
 pub fn camera() -> CameraModel {
-    CameraModel {
-        size: [160, 120],
-        focal: [200.0, 200.0],
-        centre: [79.5, 59.5],
-        lens: Lens::Pinhole,
-    }
+    CameraModel::pinhole([160, 120], [200.0, 200.0], [79.5, 59.5])
 }
 
 /// A smooth pattern with contrast.

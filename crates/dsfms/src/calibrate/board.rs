@@ -1,7 +1,7 @@
 //! The board in one image: coarse to fine until the whole grid is there, then sub-pixel corners.
 
 use super::Board;
-use super::grid::{Grid, largest_grid, plus, predict};
+use super::grid::{Lattice, largest_grid, plus, predict};
 use super::saddle::{Saddle, saddles};
 use super::subpixel::Gradients;
 use crate::geometry::{Point2, Vector2};
@@ -86,6 +86,9 @@ const MAX_MISSING: f64 = 0.1;
 const MIN_PART: usize = 4;
 
 /// Find the board in an image (encoded grey). With `partial`, a part of it is enough.
+///
+/// # Errors
+/// What of the board was found, or why none.
 pub fn find_board(
     image: &Plane,
     board: &Board,
@@ -142,7 +145,7 @@ impl Rejection {
 }
 
 /// Whether the grid is the whole board.
-fn judge(grid: &Grid, loose: usize, board: &Board) -> Result<(), Rejection> {
+fn judge(grid: &Lattice, loose: usize, board: &Board) -> Result<(), Rejection> {
     let Some((low, high)) = extent(grid) else {
         return Err(Rejection::NoGrid { corners: loose });
     };
@@ -163,7 +166,7 @@ fn judge(grid: &Grid, loose: usize, board: &Board) -> Result<(), Rejection> {
     }
 }
 
-fn extent(grid: &Grid) -> Option<([i32; 2], [i32; 2])> {
+fn extent(grid: &Lattice) -> Option<([i32; 2], [i32; 2])> {
     let mut places = grid.keys();
     let first = *places.next()?;
     Some(places.fold((first, first), |(low, high), p| {
@@ -173,7 +176,7 @@ fn extent(grid: &Grid) -> Option<([i32; 2], [i32; 2])> {
 
 /// The grid without border rows and columns of which less than half is there: chance corners
 /// beside the board.
-fn trimmed(mut grid: Grid) -> Grid {
+fn trimmed(mut grid: Lattice) -> Lattice {
     while let Some((low, high)) = extent(&grid) {
         let thin =
             (0..2).flat_map(|axis| [(axis, low[axis]), (axis, high[axis])]).find(|&(axis, at)| {
@@ -200,7 +203,7 @@ fn on_full_image(corners: &[Saddle], level: usize) -> Vec<Saddle> {
 fn refined(
     gradients: &Gradients,
     corners: &[Saddle],
-    grid: &Grid,
+    grid: &Lattice,
     board: &Board,
 ) -> Vec<BoardCorner> {
     let at = |p: [i32; 2]| grid.get(&p).map(|&i| corners[i].at);
@@ -237,7 +240,7 @@ struct Placement {
 impl Placement {
     /// Columns along the board's first side, rows to the right of them in the image, both as much
     /// towards right and down as that allows.
-    fn new(grid: &Grid, at: &dyn Fn([i32; 2]) -> Option<Point2>, board: &Board) -> Self {
+    fn new(grid: &Lattice, at: &dyn Fn([i32; 2]) -> Option<Point2>, board: &Board) -> Self {
         let (low, high) = extent(grid).unwrap_or_default();
         let mean = |side: [i32; 2]| -> Vector2 {
             let steps = grid.keys().filter_map(|&p| Some(at(plus(p, side, 1))? - at(p)?));

@@ -7,7 +7,7 @@ use crate::geometry::{Isometry, Point2, Point3, Vector2, Vector3};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SymmetricEigen, Translation3, UnitQuaternion};
 
 /// Where refinement starts.
-pub(super) struct Start {
+pub(super) struct StartingCamera {
     pub camera: CameraModel,
     /// `camera_from_board` per view.
     pub poses: Vec<Isometry>,
@@ -16,7 +16,11 @@ pub(super) struct Start {
 /// The better of two closed forms: Zhang's, and one with the principal point in the middle of the
 /// image and square pixels, which holds where few images or strong distortion upset the first.
 /// `None` where neither gives a camera.
-pub(super) fn start(size: [usize; 2], views: &[&[BoardCorner]], board: &Board) -> Option<Start> {
+pub(super) fn start(
+    size: [usize; 2],
+    views: &[&[BoardCorner]],
+    board: &Board,
+) -> Option<StartingCamera> {
     let scale = size[0].max(size[1]) as f64;
     let middle = size.map(|n| 0.5 * (n as f64 - 1.0));
     let unit = |p: &Point2| Point2::new((p.x - middle[0]) / scale, (p.y - middle[1]) / scale);
@@ -40,7 +44,7 @@ pub(super) fn start(size: [usize; 2], views: &[&[BoardCorner]], board: &Board) -
             lens: BrownConrady::default().into(),
         };
         camera.validate().ok()?;
-        let start = Start { camera, poses: poses? };
+        let start = StartingCamera { camera, poses: poses? };
         Some((cost(&start, views, board)?, start))
     });
     candidates.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, start)| start)
@@ -114,7 +118,7 @@ fn pose(k: &Matrix3<f64>, h: &Matrix3<f64>) -> Option<Isometry> {
 }
 
 /// Sum of squared residuals; `None` where a corner lies behind the camera.
-fn cost(start: &Start, views: &[&[BoardCorner]], board: &Board) -> Option<f64> {
+fn cost(start: &StartingCamera, views: &[&[BoardCorner]], board: &Board) -> Option<f64> {
     let mut sum = 0.0;
     for (pose, view) in start.poses.iter().zip(views) {
         for corner in *view {

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Grid place (column, row) to index of a corner.
-pub(super) type Grid = BTreeMap<[i32; 2], usize>;
+pub(super) type Lattice = BTreeMap<[i32; 2], usize>;
 
 /// The four directions, opposite ones two apart.
 const SIDES: [[i32; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
@@ -19,8 +19,8 @@ const TOLERANCE: f64 = 0.3;
 const MAX_TURN: f64 = 0.6;
 
 /// The largest grid of the corners; several seeds compete.
-pub(super) fn largest_grid(corners: &[Saddle]) -> Grid {
-    let mut best = Grid::new();
+pub(super) fn largest_grid(corners: &[Saddle]) -> Lattice {
+    let mut best = Lattice::new();
     let mut taken = vec![false; corners.len()];
     for seed in 0..corners.len().min(MAX_SEEDS) {
         if taken[seed] {
@@ -43,7 +43,7 @@ fn opposed(a: &Saddle, b: &Saddle) -> bool {
 }
 
 /// A corner with its nearest opposed corner in each of the four sectors between bright and dark.
-fn start(corners: &[Saddle], seed: usize) -> Option<Grid> {
+fn start(corners: &[Saddle], seed: usize) -> Option<Lattice> {
     let own = &corners[seed];
     let mut nearest: [Option<(f64, usize)>; 4] = [None; 4];
     for (i, other) in corners.iter().enumerate() {
@@ -58,7 +58,7 @@ fn start(corners: &[Saddle], seed: usize) -> Option<Grid> {
             nearest[sector] = Some((distance, i));
         }
     }
-    let mut grid = Grid::from([([0, 0], seed)]);
+    let mut grid = Lattice::from([([0, 0], seed)]);
     for (side, found) in SIDES.iter().zip(nearest) {
         grid.insert(*side, found?.1);
     }
@@ -70,7 +70,7 @@ fn start(corners: &[Saddle], seed: usize) -> Option<Grid> {
     (straight(0) && straight(1)).then_some(grid)
 }
 
-fn grow(corners: &[Saddle], grid: &mut Grid) {
+fn grow(corners: &[Saddle], grid: &mut Lattice) {
     let mut used = vec![false; corners.len()];
     grid.values().for_each(|&i| used[i] = true);
     loop {

@@ -137,6 +137,9 @@ pub const MIN_VIEWS: usize = 3;
 /// println!("{:?}, {:.2} px", found.camera.focal, found.rms_px());
 /// # Ok::<_, Box<dyn std::error::Error>>(())
 /// ```
+///
+/// # Errors
+/// A board or frames that cannot be used, or fewer than [`MIN_VIEWS`] frames that show it.
 #[doc(alias("camera calibration", "chessboard", "intrinsics", "Zhang"))]
 pub fn calibrate(
     frames: &[Frame],

@@ -3,7 +3,7 @@
 //! The poses are eliminated view by view (Schur complement); what is left is one small system in
 //! the intrinsics, whose inverse is their covariance.
 
-use super::closed_form::Start;
+use super::closed_form::StartingCamera;
 use super::{Board, BoardCorner, CalibrateError, CalibrateOptions, Estimate, on_board};
 use crate::camera::{BrownConrady, Camera, CameraModel};
 use crate::geometry::{Isometry, Point3, Vector2, Vector3};
@@ -15,7 +15,7 @@ use nalgebra::{DMatrix, DVector, Matrix2x3, Matrix6, SMatrix, UnitQuaternion, Ve
 const NAMES: [&str; 9] = ["fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"];
 
 /// What refinement returns, one entry a view where there are several.
-pub(super) struct Solved {
+pub(super) struct SolvedCamera {
     pub camera: CameraModel,
     pub estimates: Vec<Estimate>,
     pub covariance: Vec<Vec<f64>>,
@@ -30,15 +30,16 @@ pub(super) fn refine(
     views: &[&[BoardCorner]],
     board: &Board,
     options: &CalibrateOptions,
-    start: Start,
-) -> Result<Solved, CalibrateError> {
+    start: StartingCamera,
+) -> Result<SolvedCamera, CalibrateError> {
     let mut free = vec![0, 1, 2, 3, 4, 5];
     free.extend(options.tangential.then_some([6, 7]).into_iter().flatten());
     free.extend(options.third_radial.then_some(8));
     let [fx, fy] = start.camera.focal;
     let [cx, cy] = start.camera.centre;
-    let state = State { intrinsics: [fx, fy, cx, cy, 0.0, 0.0, 0.0, 0.0, 0.0], poses: start.poses };
-    let mut problem = Reprojection { size, views, board, free, system: None };
+    let state =
+        CameraState { intrinsics: [fx, fy, cx, cy, 0.0, 0.0, 0.0, 0.0, 0.0], poses: start.poses };
+    let mut problem = CornerReprojection { size, views, board, free, system: None };
     let limits = Options { max_steps: 200, cost_tolerance: 1e-12, ..Options::default() };
     let (state, summary) = minimize(&mut problem, state, &limits);
     problem.linearise(&state);
@@ -48,7 +49,7 @@ pub(super) fn refine(
     let deviation = |i: usize| covariance[i][i].max(0.0).sqrt();
     let estimate =
         |i: usize| Estimate { name: NAMES[i], value: state.intrinsics[i], deviation: deviation(i) };
-    Ok(Solved {
+    Ok(SolvedCamera {
         camera: problem.camera(&state),
         estimates: (0..NAMES.len()).map(estimate).collect(),
         covariance,
@@ -59,7 +60,7 @@ pub(super) fn refine(
 }
 
 #[derive(Clone)]
-struct State {
+struct CameraState {
     intrinsics: [f64; 9],
     poses: Vec<Isometry>,
 }
@@ -71,35 +72,35 @@ struct ViewBlock {
     right: Vector6<f64>,
 }
 
-struct System {
+struct CalibrationSystem {
     normal: DMatrix<f64>,
     right: DVector<f64>,
     views: Vec<ViewBlock>,
 }
 
-struct Reprojection<'a> {
+struct CornerReprojection<'a> {
     size: [usize; 2],
     views: &'a [&'a [BoardCorner]],
     board: &'a Board,
     /// Which of the nine intrinsics move.
     free: Vec<usize>,
-    system: Option<System>,
+    system: Option<CalibrationSystem>,
 }
 
-impl Reprojection<'_> {
-    fn camera(&self, state: &State) -> CameraModel {
+impl CornerReprojection<'_> {
+    fn camera(&self, state: &CameraState) -> CameraModel {
         let [fx, fy, cx, cy, k1, k2, p1, p2, k3] = state.intrinsics;
         let lens = BrownConrady { k: [k1, k2, k3], p: [p1, p2] }.into();
         CameraModel { size: self.size, focal: [fx, fy], centre: [cx, cy], lens }
     }
 
-    fn in_camera(&self, state: &State, view: usize, corner: &BoardCorner) -> Point3 {
+    fn in_camera(&self, state: &CameraState, view: usize, corner: &BoardCorner) -> Point3 {
         let p = on_board(corner, self.board);
         state.poses[view] * Point3::new(p.x, p.y, 0.0)
     }
 
     /// Corner minus projection; `None` where one has no projection.
-    fn residuals(&self, state: &State, view: usize) -> Option<Vec<Vector2>> {
+    fn residuals(&self, state: &CameraState, view: usize) -> Option<Vec<Vector2>> {
         let camera = self.camera(state);
         let residual = |corner: &BoardCorner| {
             let projected = camera.project(&self.in_camera(state, view, corner))?;
@@ -108,7 +109,12 @@ impl Reprojection<'_> {
         self.views[view].iter().map(residual).collect()
     }
 
-    fn view_block(&self, state: &State, view: usize, system: &mut System) -> Option<()> {
+    fn view_block(
+        &self,
+        state: &CameraState,
+        view: usize,
+        system: &mut CalibrationSystem,
+    ) -> Option<()> {
         let (camera, m) = (self.camera(state), self.free.len());
         let pose = &state.poses[view];
         let mut block = ViewBlock {
@@ -148,7 +154,7 @@ impl Reprojection<'_> {
     }
 
     /// Covariance of the nine intrinsics, `σ²` from the residuals.
-    fn covariance(&self, state: &State) -> Option<Vec<Vec<f64>>> {
+    fn covariance(&self, state: &CameraState) -> Option<Vec<Vec<f64>>> {
         let inverse = self.reduced(0.0)?.0.cholesky()?.inverse();
         let corners: usize = self.views.iter().map(|v| v.len()).sum();
         let unknowns = self.free.len() + 6 * self.views.len();
@@ -221,10 +227,10 @@ fn damped_pose(normal: &Matrix6<f64>, damping: f64) -> Matrix6<f64> {
     normal + Matrix6::from_diagonal(&(normal.diagonal() * damping))
 }
 
-impl Problem for Reprojection<'_> {
-    type State = State;
+impl Problem for CornerReprojection<'_> {
+    type State = CameraState;
 
-    fn costs(&self, state: &State) -> Option<Vec<f64>> {
+    fn costs(&self, state: &CameraState) -> Option<Vec<f64>> {
         if state.intrinsics[..2].iter().any(|&f| f <= 0.0) {
             return None;
         }
@@ -239,10 +245,13 @@ impl Problem for Reprojection<'_> {
         vec!["reprojection, px²"]
     }
 
-    fn linearise(&mut self, state: &State) -> f64 {
+    fn linearise(&mut self, state: &CameraState) -> f64 {
         let m = self.free.len();
-        let mut system =
-            System { normal: DMatrix::zeros(m, m), right: DVector::zeros(m), views: Vec::new() };
+        let mut system = CalibrationSystem {
+            normal: DMatrix::zeros(m, m),
+            right: DVector::zeros(m),
+            views: Vec::new(),
+        };
         let complete =
             (0..self.views.len()).try_for_each(|view| self.view_block(state, view, &mut system));
         let poses: f64 = system.views.iter().map(|v| v.right.norm_squared()).sum();
@@ -270,7 +279,7 @@ impl Problem for Reprojection<'_> {
         Some(Step { delta, predicted })
     }
 
-    fn retract(&self, state: &State, delta: &[f64]) -> State {
+    fn retract(&self, state: &CameraState, delta: &[f64]) -> CameraState {
         let mut next = state.clone();
         let (inner, outer) = delta.split_at(self.free.len());
         self.free.iter().zip(inner).for_each(|(&i, d)| next.intrinsics[i] += d);

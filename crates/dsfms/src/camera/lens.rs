@@ -1,35 +1,8 @@
 //! The table of the lenses that a camera file can name.
 
-use super::{Distorted, brown_conrady, kannala_brandt, pinhole, rational};
+use super::{Distorted, LensModel, brown_conrady, kannala_brandt, pinhole, rational};
 use crate::geometry::Vector2;
 use serde::{Deserialize, Serialize};
-
-/// What a lens model says of itself; everything else follows from it.
-///
-/// A new one is a struct with this trait in a file of its own, and its line in the table of `lens.rs`.
-pub(crate) trait LensModel: Sized {
-    /// As our files call it.
-    const NAME: &'static str;
-    /// Words by which others know it, small letters; the lens of a text is the last of the table with one of
-    /// its words.
-    const WORDS: &'static [&'static str];
-    /// Names of its coefficients in OpenCV's order.
-    const COEFFICIENTS: &'static [&'static str];
-    /// A list of numbers holds at least so many of them.
-    const LEAST: usize;
-    /// Whether all coefficients zero make a pinhole of it.
-    const PERSPECTIVE: bool;
-    /// Of all its coefficients.
-    fn of(coefficients: &[f64]) -> Self;
-    /// All its coefficients.
-    fn coefficients(&self) -> Vec<f64>;
-    /// Distorted normalised coordinates `(x/z, y/z)`; `None` outside the model's domain.
-    fn distort(&self, point: &Vector2) -> Option<Distorted>;
-    /// Inverse of [`Self::distort`]; `None` where there is none.
-    fn undistort(&self, point: &Vector2) -> Option<Vector2>;
-    /// `∂(x_d, y_d)/∂(k1, k2)` at `(x/z, y/z)`.
-    fn radial_derivatives(&self, point: &Vector2) -> [Vector2; 2];
-}
 
 /// A line of the table.
 #[derive(Debug)]

@@ -42,6 +42,33 @@ pub trait Camera: Send + Sync {
     fn unproject(&self, pixel: &Point2) -> Option<Vector3>;
 }
 
+/// What a lens model says of itself; everything else follows from it.
+///
+/// A new one is a struct with this trait in a file of its own, and its line in the table of `lens.rs`.
+pub(crate) trait LensModel: Sized {
+    /// As our files call it.
+    const NAME: &'static str;
+    /// Words by which others know it, small letters; the lens of a text is the last of the table with one of
+    /// its words.
+    const WORDS: &'static [&'static str];
+    /// Names of its coefficients in OpenCV's order.
+    const COEFFICIENTS: &'static [&'static str];
+    /// A list of numbers holds at least so many of them.
+    const LEAST: usize;
+    /// Whether all coefficients zero make a pinhole of it.
+    const PERSPECTIVE: bool;
+    /// Of all its coefficients.
+    fn of(coefficients: &[f64]) -> Self;
+    /// All its coefficients.
+    fn coefficients(&self) -> Vec<f64>;
+    /// Distorted normalised coordinates `(x/z, y/z)`; `None` outside the model's domain.
+    fn distort(&self, point: &Vector2) -> Option<Distorted>;
+    /// Inverse of [`Self::distort`]; `None` where there is none.
+    fn undistort(&self, point: &Vector2) -> Option<Vector2>;
+    /// `∂(x_d, y_d)/∂(k1, k2)` at `(x/z, y/z)`.
+    fn radial_derivatives(&self, point: &Vector2) -> [Vector2; 2];
+}
+
 mod brown_conrady;
 #[cfg(test)]
 mod check;
@@ -51,13 +78,14 @@ mod model;
 mod newton;
 mod pinhole;
 mod polynomial;
+mod posed;
 mod rational;
 pub mod resample;
 
 pub use brown_conrady::BrownConrady;
 pub use kannala_brandt::KannalaBrandt;
-pub(crate) use lens::LensModel;
 pub use lens::{Lens, LensKind};
 pub use model::{CameraError, CameraModel};
 pub use pinhole::Pinhole;
+pub use posed::PosedFrame;
 pub use rational::Rational;

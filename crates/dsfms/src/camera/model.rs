@@ -57,6 +57,11 @@ pub enum CameraError {
 }
 
 impl CameraModel {
+    /// A camera without distortion: size, focal lengths and principal point in px, pixel centres at integers.
+    pub fn pinhole(size: [usize; 2], focal: [f64; 2], centre: [f64; 2]) -> Self {
+        Self { size, focal, centre, lens: Lens::default() }
+    }
+
     /// The 3x3 matrix K of the pinhole part.
     pub fn matrix(&self) -> Matrix3<f64> {
         let ([fx, fy], [cx, cy]) = (self.focal, self.centre);
@@ -83,6 +88,9 @@ impl CameraModel {
 
     /// Check every number. The principal point may lie up to one image size outside the image
     /// (crops), no further.
+    ///
+    /// # Errors
+    /// The first number that makes no sense, by name.
     pub fn validate(&self) -> Result<(), CameraError> {
         if self.size.contains(&0) {
             return Err(CameraError::Size(self.size));
@@ -143,12 +151,7 @@ mod tests {
     use super::*;
 
     fn camera() -> CameraModel {
-        CameraModel {
-            size: [640, 480],
-            focal: [548.0, 549.0],
-            centre: [316.4, 243.2],
-            lens: Lens::Pinhole,
-        }
+        CameraModel::pinhole([640, 480], [548.0, 549.0], [316.4, 243.2])
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::labels::Seeds;
 use super::{DepthMap, PosedFrame, tolerance};
 use crate::camera::Camera;
 use crate::geometry::{Point2, Point3, Vector3};
-use crate::image::Mask;
+use crate::image::{Mask, nearest_pixel};
 
 /// Nodes of a frame, at most: enough to tell the sides of an outline apart, which the image then gives exactly.
 pub(super) const NODES: usize = 20_000;
@@ -52,7 +52,7 @@ impl Colours {
     /// Of one frame, on the pixels of its depth map.
     pub fn of(view: &PosedFrame, map: &DepthMap) -> Self {
         let sum = |place: usize| {
-            let at = pixel_of(view, map, place).and_then(|p| nearest(&p, view.frame.size));
+            let at = pixel_of(view, map, place).and_then(|p| nearest_pixel(&p, view.frame.size));
             at.map_or(BESIDE, |at| sum_of_nine(view, at))
         };
         Self((0..map.depth.len()).map(sum).collect())
@@ -212,7 +212,7 @@ impl Cell {
     fn new(view: &PosedFrame, map: &DepthMap, rgb: [f64; 3], axis: &Vector3, place: usize) -> Self {
         let point = (map.depth[place] > 0.0).then(|| map.point(place));
         let pixel = pixel_of(view, map, place);
-        let at = pixel.and_then(|p| nearest(&p, view.frame.size));
+        let at = pixel.and_then(|p| nearest_pixel(&p, view.frame.size));
         let log = rgb.map(|v| (v + DARK).ln());
         let height = point.map_or(f64::NAN, |p| (map.pose.inverse() * p).coords.dot(axis));
         let [w, h] = view.frame.size.map(|n| 0.5 * n as f64);
@@ -243,13 +243,6 @@ impl Cell {
         let squared = (0..3).map(|c| (self.rgb[c] - other.rgb[c]).powi(2)).sum::<f64>();
         if squared.is_finite() { squared } else { 0.0 }
     }
-}
-
-/// Column and row of the pixel that holds a point; `None` beside the image.
-fn nearest(p: &Point2, [w, h]: [usize; 2]) -> Option<[usize; 2]> {
-    let (x, y) = (p.x.round(), p.y.round());
-    let inside = x >= 0.0 && y >= 0.0 && x < w as f64 && y < h as f64;
-    inside.then_some([x as usize, y as usize])
 }
 
 /// Where the frame shows what a place of its depth map sees, px.

@@ -1,7 +1,8 @@
 //! A triangle soup into one clean manifold piece.
 
 use super::tetrahedra::Triangles;
-use crate::geometry::{DisjointSets, Point3, Vector3};
+use crate::geometry::{Point3, Vector3};
+use crate::mesh::faces::{boundary_edges, edge_list, pieces};
 use std::collections::BTreeMap;
 
 /// Weights of the two steps of Taubin's smoothing: shrink, then grow back a little more.
@@ -9,7 +10,7 @@ const TAUBIN: [f64; 2] = [0.5, -0.53];
 
 /// Keep the pieces (connected over edges) of the most faces only.
 pub(super) fn keep_largest(triangles: &mut Triangles) {
-    let labels = components(&triangles.faces);
+    let labels = pieces(&triangles.faces);
     let mut sizes = BTreeMap::<u32, usize>::new();
     labels.iter().for_each(|&l| *sizes.entry(l).or_default() += 1);
     // Of equal pieces the first.
@@ -20,7 +21,7 @@ pub(super) fn keep_largest(triangles: &mut Triangles) {
 
 /// Drop pieces of fewer than `faces` faces.
 pub(super) fn drop_small(triangles: &mut Triangles, faces: usize) {
-    let labels = components(&triangles.faces);
+    let labels = pieces(&triangles.faces);
     let mut sizes = BTreeMap::<u32, usize>::new();
     labels.iter().for_each(|&l| *sizes.entry(l).or_default() += 1);
     retain(triangles, |f| sizes[&labels[f]] >= faces);
@@ -32,62 +33,6 @@ fn retain(triangles: &mut Triangles, keep: impl Fn(usize) -> bool) {
         f += 1;
         keep(f - 1)
     });
-}
-
-/// Label of the piece of each face: the smallest face index in it.
-pub(super) fn components(faces: &[[u32; 3]]) -> Vec<u32> {
-    let mut pieces = DisjointSets::new(faces.len());
-    for pair in edge_list(faces).windows(2).filter(|pair| pair[0].0 == pair[1].0) {
-        pieces.join(pair[0].1, pair[1].1);
-    }
-    (0..faces.len() as u32).map(|f| pieces.root(f)).collect()
-}
-
-/// Undirected edges with their faces, sorted.
-pub(super) fn edge_list(faces: &[[u32; 3]]) -> Vec<([u32; 2], u32)> {
-    let sides = faces.iter().zip(0..).flat_map(|(&[a, b, c], f)| {
-        [(a, b), (b, c), (c, a)].map(|(p, q)| (p.min(q), (p.max(q), f)))
-    });
-    let (starts, mut ends) = by_first(sides.clone());
-    let mut edges = Vec::with_capacity(ends.len());
-    for (v, range) in starts.windows(2).enumerate() {
-        let around = &mut ends[range[0]..range[1]];
-        around.sort_unstable();
-        edges.extend(around.iter().map(|&(w, f)| ([v as u32, w], f)));
-    }
-    edges
-}
-
-/// Directed edges `[from, to]` with a face on one side only, sorted.
-pub(super) fn boundary_edges(faces: &[[u32; 3]]) -> Vec<[u32; 2]> {
-    let directed = faces.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
-    let (starts, ends) = by_first(directed.clone());
-    let from = |v: u32| match starts.get(v as usize..v as usize + 2) {
-        Some(range) => &ends[range[0]..range[1]],
-        None => &[],
-    };
-    let mut alone: Vec<[u32; 2]> =
-        directed.filter(|(a, b)| !from(*b).contains(a)).map(|(a, b)| [a, b]).collect();
-    alone.sort_unstable();
-    alone
-}
-
-/// Pairs gathered by their first (a counting sort): where those of each begin, and the seconds. A surface
-/// has few edges at a vertex, so that looking through them is faster than a sorted list of all.
-fn by_first<T: Copy + Default>(
-    pairs: impl Iterator<Item = (u32, T)> + Clone,
-) -> (Vec<usize>, Vec<T>) {
-    let count = pairs.clone().map(|(v, _)| v as usize + 1).max().unwrap_or(0);
-    let mut starts = vec![0; count + 1];
-    pairs.clone().for_each(|(v, _)| starts[v as usize + 1] += 1);
-    (0..count).for_each(|v| starts[v + 1] += starts[v]);
-    let mut next = starts.clone();
-    let mut seconds = vec![T::default(); starts[count]];
-    for (v, second) in pairs {
-        seconds[next[v as usize]] = second;
-        next[v as usize] += 1;
-    }
-    (starts, seconds)
 }
 
 /// Take away faces with two or more sides on the boundary until there are none: the teeth left by
@@ -126,7 +71,7 @@ pub(super) fn open(triangles: &mut Triangles, rings: usize) {
         return;
     }
     let own: Vec<[u32; 3]> = core.iter().map(|&f| triangles.faces[f]).collect();
-    let labels = components(&own);
+    let labels = pieces(&own);
     let mut sizes = BTreeMap::<u32, usize>::new();
     labels.iter().for_each(|&l| *sizes.entry(l).or_default() += 1);
     let most = sizes.values().copied().max().unwrap_or(0);
@@ -295,19 +240,5 @@ mod tests {
         let reach = sheet.faces.iter().flatten().map(|v| v % 35).max();
         assert!(reach.is_some_and(|x| (19..24).contains(&x)), "{reach:?}");
         assert!(sheet.faces.len() > 780, "{}", sheet.faces.len());
-    }
-
-    #[test]
-    fn edges_are_sorted_with_their_faces() {
-        let edges = edge_list(&[[2, 1, 3], [0, 1, 2]]);
-        let expected =
-            [([0, 1], 1), ([0, 2], 1), ([1, 2], 0), ([1, 2], 1), ([1, 3], 0), ([2, 3], 0)];
-        assert_eq!(edges, expected);
-        assert!(edge_list(&[]).is_empty() && boundary_edges(&[]).is_empty());
-    }
-
-    #[test]
-    fn boundary_of_two_triangles() {
-        assert_eq!(boundary_edges(&[[0, 1, 2], [2, 1, 3]]), vec![[0, 1], [1, 3], [2, 0], [3, 2]]);
     }
 }

@@ -3,7 +3,7 @@
 use super::neighbours::sees;
 use super::options::DenseOptions;
 use super::plane::Field;
-use super::view::Pyramid;
+use super::view::StereoPyramid;
 use crate::geometry::Point3;
 use rayon::prelude::*;
 
@@ -11,7 +11,11 @@ use rayon::prelude::*;
 const MIN_FACING: f32 = 0.25;
 
 /// How many other frames agree with each pixel of each frame.
-pub(super) fn check(views: &[Pyramid], fields: &[Field], options: &DenseOptions) -> Vec<Vec<u8>> {
+pub(super) fn check(
+    views: &[StereoPyramid],
+    fields: &[Field],
+    options: &DenseOptions,
+) -> Vec<Vec<u8>> {
     (0..views.len())
         .into_par_iter()
         .map(|i| {
@@ -27,7 +31,7 @@ pub(super) fn correlates(field: &Field, pixel: usize, options: &DenseOptions) ->
 }
 
 fn count(
-    views: &[Pyramid],
+    views: &[StereoPyramid],
     fields: &[Field],
     i: usize,
     [x, y]: [usize; 2],
@@ -49,22 +53,23 @@ fn count(
 /// Frames of `seeing` that must agree before it is no accident: wrong depths spread over the range
 /// agree with one in a few per cent of the frames, so one of thirty says nothing.
 fn chance(seeing: usize) -> usize {
+    /// Above the few per cent, below what sees a place at a usable angle.
     const SHARE: f64 = 0.1;
     (SHARE * seeing as f64).round() as usize
 }
 
 /// World point of a pixel of the depth grid.
-pub(super) fn lifted(view: &Pyramid, [u, v]: [f64; 2], w: f64) -> Point3 {
+pub(super) fn lifted(view: &StereoPyramid, [u, v]: [f64; 2], w: f64) -> Point3 {
     let [fx, fy, cx, cy] = view.levels[1].k;
     let point = Point3::new((u - cx) / fx, (v - cy) / fy, 1.0) / w;
-    view.pose.inverse_transform_point(&point)
+    view.posed.pose.inverse_transform_point(&point)
 }
 
 fn agrees(
-    from: &Pyramid,
+    from: &StereoPyramid,
     at: [f64; 2],
     world: &Point3,
-    other: &Pyramid,
+    other: &StereoPyramid,
     field: &Field,
     options: &DenseOptions,
 ) -> bool {
@@ -90,8 +95,8 @@ fn agrees(
 }
 
 /// Pixel on the depth grid and depth of a world point in front of the camera.
-fn projected(view: &Pyramid, world: &Point3) -> Option<([f64; 2], f64)> {
-    let p = view.pose * world;
+fn projected(view: &StereoPyramid, world: &Point3) -> Option<([f64; 2], f64)> {
+    let p = view.posed.pose * world;
     let [fx, fy, cx, cy] = view.levels[1].k;
     (p.z > 0.0).then(|| ([fx * p.x / p.z + cx, fy * p.y / p.z + cy], p.z))
 }

@@ -2,7 +2,7 @@
 //! with few pixels and little parallax to its neighbours, another may see from the front.
 
 use super::plane::{Field, InversePlane};
-use super::view::Pyramid;
+use super::view::StereoPyramid;
 use crate::geometry::{Isometry, Point3};
 use nalgebra::Vector3;
 
@@ -11,7 +11,7 @@ const OFFERED: f32 = 0.3;
 
 /// For every pixel of the grid of frame `to`, the plane of least cost that the other frames offer.
 pub(super) fn offers(
-    views: &[Pyramid],
+    views: &[StereoPyramid],
     fields: &[Field],
     to: usize,
     others: &[usize],
@@ -54,9 +54,9 @@ struct Landing {
 }
 
 impl Way {
-    fn new(from: &Pyramid, to: &Pyramid) -> Self {
-        let grid = |p: &Pyramid| p.levels[1].k.map(|v| v as f32);
-        let motion = to.pose * from.pose.inverse();
+    fn new(from: &StereoPyramid, to: &StereoPyramid) -> Self {
+        let grid = |p: &StereoPyramid| p.levels[1].k.map(|v| v as f32);
+        let motion = to.posed.pose * from.posed.pose.inverse();
         Self { motion, own: grid(from), target: grid(to), size: to.levels[1].size }
     }
 

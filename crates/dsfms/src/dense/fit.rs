@@ -7,8 +7,8 @@
 //! Solved from coarse to fine by conjugate gradients.
 
 use super::grid::{NONE, coarser, neighbours, prolonged};
-use super::observe::Evidence;
-use super::volume::Volume;
+use super::observe::DistanceEvidence;
+use super::volume::DistanceVolume;
 use crate::solver::conjugate_gradients::{Goal, System, conjugate_gradients};
 use rayon::prelude::*;
 
@@ -20,11 +20,16 @@ const ROUNDS: usize = 2;
 const STEPS: usize = 25;
 
 /// Replace the distances of `volume` by the smooth field.
-pub(super) fn run(volume: &mut Volume, smoothness: f32) {
+pub(super) fn run(volume: &mut DistanceVolume, smoothness: f32) {
     volume.distance = level(&volume.blocks, &volume.evidence, smoothness, LEVELS);
 }
 
-fn level(blocks: &[[i32; 3]], evidence: &[Evidence], smoothness: f32, levels: usize) -> Vec<f32> {
+fn level(
+    blocks: &[[i32; 3]],
+    evidence: &[DistanceEvidence],
+    smoothness: f32,
+    levels: usize,
+) -> Vec<f32> {
     let mut field: Vec<f32> = if levels > 1 {
         let (parents, data) = coarser(blocks, evidence);
         // A second difference is four times as large, and there are an eighth of the points.
@@ -33,7 +38,7 @@ fn level(blocks: &[[i32; 3]], evidence: &[Evidence], smoothness: f32, levels: us
     } else {
         evidence.iter().map(|e| e.distance).collect()
     };
-    let grid = Grid { around: neighbours(blocks), smoothness };
+    let grid = FieldGrid { around: neighbours(blocks), smoothness };
     for _ in 0..ROUNDS {
         let weight: Vec<f32> = evidence
             .par_iter()
@@ -45,18 +50,18 @@ fn level(blocks: &[[i32; 3]], evidence: &[Evidence], smoothness: f32, levels: us
     field
 }
 
-struct Grid {
+struct FieldGrid {
     around: Vec<[u32; 6]>,
     smoothness: f32,
 }
 
 /// `C + λ DᵀD`, `D` the second differences along the axes and, mixed, across the squares.
-struct Normal<'a> {
-    grid: &'a Grid,
+struct FieldSystem<'a> {
+    grid: &'a FieldGrid,
     weight: &'a [f32],
 }
 
-impl System<f32> for Normal<'_> {
+impl System<f32> for FieldSystem<'_> {
     fn apply(&mut self, f: &[f32], out: &mut [f32]) {
         let (grid, weight) = (self.grid, self.weight);
         let second: Vec<[f32; 6]> =
@@ -74,10 +79,16 @@ impl System<f32> for Normal<'_> {
     }
 }
 
-impl Grid {
+impl FieldGrid {
     /// `(C + λ DᵀD) f = C d`, nearly.
-    fn solve(&self, weight: &[f32], evidence: &[Evidence], field: &mut [f32], steps: usize) {
-        let mut normal = Normal { grid: self, weight };
+    fn solve(
+        &self,
+        weight: &[f32],
+        evidence: &[DistanceEvidence],
+        field: &mut [f32],
+        steps: usize,
+    ) {
+        let mut normal = FieldSystem { grid: self, weight };
         let mut residual = vec![0.0; field.len()];
         normal.apply(field, &mut residual);
         let right = weight.par_iter().zip(evidence).map(|(weight, e)| weight * e.distance);
@@ -141,7 +152,7 @@ impl Grid {
 /// Sum of products, in pieces of a fixed size and order.
 #[cfg(test)]
 mod tests {
-    use super::super::volume::{BLOCK, EDGE};
+    use super::super::grid::{BLOCK, EDGE};
     use super::*;
     use crate::solver::conjugate_gradients::Number;
 
@@ -163,10 +174,10 @@ mod tests {
 
     #[test]
     fn a_plane_goes_on_where_nothing_is_known() {
-        let evidence: Vec<Evidence> = (0..64 * BLOCK)
+        let evidence: Vec<DistanceEvidence> = (0..64 * BLOCK)
             .map(|i| {
                 let weight = if place(i)[0] < 0.0 && slope(i).abs() < 0.4 { 1.0 } else { 0.0 };
-                Evidence {
+                DistanceEvidence {
                     distance: if weight > 0.0 { slope(i) } else { 1.0 },
                     weight,
                     bound: false,
@@ -186,15 +197,15 @@ mod tests {
     #[test]
     fn a_bound_holds_from_one_side() {
         let with = |bound: f32| {
-            let evidence: Vec<Evidence> = (0..64 * BLOCK)
+            let evidence: Vec<DistanceEvidence> = (0..64 * BLOCK)
                 .map(|i| {
                     let [x, _, z] = place(i);
                     if x < 0.0 && z.abs() < 3.0 {
-                        Evidence { distance: 0.1 * z, weight: 1.0, bound: false }
+                        DistanceEvidence { distance: 0.1 * z, weight: 1.0, bound: false }
                     } else if x > 6.0 && z == 0.0 {
-                        Evidence { distance: bound, weight: 10.0, bound: true }
+                        DistanceEvidence { distance: bound, weight: 10.0, bound: true }
                     } else {
-                        Evidence { distance: 1.0, weight: 0.0, bound: false }
+                        DistanceEvidence { distance: 1.0, weight: 0.0, bound: false }
                     }
                 })
                 .collect();
@@ -209,14 +220,14 @@ mod tests {
     #[test]
     fn the_operator_is_symmetric() {
         let blocks = &blocks()[..9];
-        let grid = Grid { around: neighbours(blocks), smoothness: 0.7 };
+        let grid = FieldGrid { around: neighbours(blocks), smoothness: 0.7 };
         let n = grid.around.len();
         let a: Vec<f32> = (0..n).map(|i| (i as f32 * 0.37).sin()).collect();
         let b: Vec<f32> = (0..n).map(|i| (i as f32 * 0.53).cos()).collect();
         let weight = vec![0.3; n];
         let product = |a: &[f32], b: &[f32]| {
             let mut out = vec![0.0; n];
-            Normal { grid: &grid, weight: &weight }.apply(b, &mut out);
+            FieldSystem { grid: &grid, weight: &weight }.apply(b, &mut out);
             f32::dot(a, &out)
         };
         let (ab, ba) = (product(&a, &b), product(&b, &a));

@@ -1,10 +1,13 @@
 //! The blocks of the grid and those of the next coarser one: who lies beside whom, and what of a field
 //! comes from one to the other.
 
-use super::observe::Evidence;
-use super::volume::{BLOCK, EDGE};
+use super::observe::DistanceEvidence;
 use rayon::prelude::*;
 
+/// Grid points along the edge of a block.
+pub(super) const EDGE: usize = 8;
+/// Grid points in a block.
+pub(super) const BLOCK: usize = EDGE * EDGE * EDGE;
 /// No neighbour.
 pub(super) const NONE: u32 = u32::MAX;
 
@@ -38,8 +41,8 @@ pub(super) fn neighbours(blocks: &[[i32; 3]]) -> Vec<[u32; 6]> {
 /// Blocks and evidence of the grid of twice the edge; a point there stands for eight.
 pub(super) fn coarser(
     blocks: &[[i32; 3]],
-    evidence: &[Evidence],
-) -> (Vec<[i32; 3]>, Vec<Evidence>) {
+    evidence: &[DistanceEvidence],
+) -> (Vec<[i32; 3]>, Vec<DistanceEvidence>) {
     let mut parents: Vec<[i32; 3]> = blocks.iter().map(|b| b.map(|c| c.div_euclid(2))).collect();
     parents.sort_unstable();
     parents.dedup();
@@ -62,9 +65,13 @@ pub(super) fn coarser(
         }
     }
     let evidence = sums.iter().map(|s| match s {
-        [w, sum, ..] if *w > 0.0 => Evidence { distance: sum / w, weight: *w, bound: false },
-        [_, _, w, sum] if *w > 0.0 => Evidence { distance: sum / w, weight: *w, bound: true },
-        _ => Evidence { distance: 1.0, weight: 0.0, bound: false },
+        [w, sum, ..] if *w > 0.0 => {
+            DistanceEvidence { distance: sum / w, weight: *w, bound: false }
+        }
+        [_, _, w, sum] if *w > 0.0 => {
+            DistanceEvidence { distance: sum / w, weight: *w, bound: true }
+        }
+        _ => DistanceEvidence { distance: 1.0, weight: 0.0, bound: false },
     });
     (parents, evidence.collect())
 }
@@ -113,8 +120,8 @@ mod tests {
             [0, 1, 2].map(|k| (block[k] * EDGE as i32 + local[k] as i32) as f32)
         };
         let value = |i: usize| 0.3 * place(i)[0] - 0.2 * place(i)[1] + 0.1 * place(i)[2];
-        let known = |i: usize| Evidence { distance: value(i), weight: 1.0, bound: false };
-        let evidence: Vec<Evidence> = (0..27 * BLOCK).map(known).collect();
+        let known = |i: usize| DistanceEvidence { distance: value(i), weight: 1.0, bound: false };
+        let evidence: Vec<DistanceEvidence> = (0..27 * BLOCK).map(known).collect();
         let (parents, data) = coarser(&blocks, &evidence);
         let coarse: Vec<f32> = data.iter().map(|e| e.distance).collect();
         // Eight points of trust 1 each make one.

@@ -5,10 +5,9 @@
 //! nothing. They come from a tree of edges and a tree of faces that cross none of its edges (Erickson
 //! and Whittlesey 2005): each edge in neither closes one through the root.
 
-use super::clean::{components, edge_list};
-use super::holes::boundary_loops;
 use super::tetrahedra::Triangles;
 use crate::geometry::DisjointSets;
+use crate::mesh::faces::{edge_list, pieces, simple_loops};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
 
@@ -26,7 +25,7 @@ pub(super) fn handles(triangles: &Triangles) -> usize {
 
 /// Handles of every piece, by its label: `χ = 2 − 2 g − b`.
 fn by_piece(triangles: &Triangles) -> BTreeMap<u32, usize> {
-    let labels = components(&triangles.faces);
+    let labels = pieces(&triangles.faces);
     let mut of_vertex = vec![u32::MAX; triangles.positions.len()];
     let mut euler: BTreeMap<u32, i64> = BTreeMap::new();
     for (face, &label) in triangles.faces.iter().zip(&labels) {
@@ -42,7 +41,7 @@ fn by_piece(triangles: &Triangles) -> BTreeMap<u32, usize> {
     let edges = edge_list(&triangles.faces);
     edges.chunk_by(|a, b| a.0 == b.0).for_each(|sides| add(labels[sides[0].1 as usize], -1));
     // As if every boundary were closed.
-    boundary_loops(&triangles.faces).iter().for_each(|r| add(of_vertex[r[0] as usize], 1));
+    simple_loops(&triangles.faces).iter().for_each(|r| add(of_vertex[r[0] as usize], 1));
     euler.into_iter().map(|(label, euler)| (label, ((2 - euler) / 2).max(0) as usize)).collect()
 }
 
@@ -85,7 +84,7 @@ impl Closed {
     fn new(triangles: &Triangles) -> Self {
         let tips = triangles.positions.len();
         let mut faces = triangles.faces.clone();
-        let loops = boundary_loops(&faces);
+        let loops = simple_loops(&faces);
         for (tip, ring) in loops.iter().enumerate() {
             let next = ring.iter().cycle().skip(1);
             faces.extend(ring.iter().zip(next).map(|(&a, &b)| [b, a, (tips + tip) as u32]));
@@ -165,7 +164,7 @@ fn path(parent: &[u32], mut v: u32) -> Vec<u32> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::clean::{compact, components, split_bow_ties};
+    use super::super::clean::{compact, split_bow_ties};
     use super::super::holes::close_small;
     use super::*;
     use crate::geometry::Point3;
@@ -200,6 +199,6 @@ mod tests {
         compact(&mut torus);
         close_small(&mut torus, 20);
         assert_eq!(handles(&torus), 0);
-        assert!(components(&torus.faces).iter().all(|&label| label == 0));
+        assert!(pieces(&torus.faces).iter().all(|&label| label == 0));
     }
 }

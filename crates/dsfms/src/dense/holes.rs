@@ -1,20 +1,20 @@
 //! Small holes closed by a film that meets the surface around them.
 
-use super::clean::{boundary_edges, components};
 use super::tetrahedra::Triangles;
 use crate::geometry::{Point3, Vector3};
+use crate::mesh::faces::{pieces, simple_loops};
 use std::collections::BTreeMap;
 
 /// Close every boundary loop of at most `max_edges` edges but the longest of each piece, which is the
 /// rim of that open surface. Expects one fan a vertex.
 pub(super) fn close_small(triangles: &mut Triangles, max_edges: usize) {
-    let loops = boundary_loops(&triangles.faces);
+    let loops = simple_loops(&triangles.faces);
     let length = |ring: &Vec<u32>| -> f64 {
         let place = |i: usize| triangles.positions[ring[i % ring.len()] as usize];
         (0..ring.len()).map(|i| (place(i + 1) - place(i)).norm()).sum()
     };
     let mut piece = vec![0; triangles.positions.len()];
-    for (face, label) in triangles.faces.iter().zip(components(&triangles.faces)) {
+    for (face, label) in triangles.faces.iter().zip(pieces(&triangles.faces)) {
         face.iter().for_each(|&v| piece[v as usize] = label);
     }
     let mut rims: BTreeMap<u32, (f64, usize)> = BTreeMap::new();
@@ -129,22 +129,6 @@ fn fair(triangles: &mut Triangles, first: usize, ring: &[u32]) {
     }
 }
 
-/// Boundary loops in the direction of their faces, each begun at its smallest vertex.
-pub(super) fn boundary_loops(faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
-    let mut next: BTreeMap<u32, u32> = boundary_edges(faces).iter().map(|e| (e[0], e[1])).collect();
-    let mut loops = Vec::new();
-    while let Some((&start, _)) = next.first_key_value() {
-        let mut ring = Vec::new();
-        let mut at = start;
-        while let Some(to) = next.remove(&at) {
-            ring.push(at);
-            at = to;
-        }
-        loops.push(ring);
-    }
-    loops
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -163,9 +147,9 @@ mod tests {
             faces.push([j, 4 + j, 4 + i]);
         }
         let mut square = Triangles { positions: [outer, inner].concat(), faces };
-        assert_eq!(boundary_loops(&square.faces).len(), 2);
+        assert_eq!(simple_loops(&square.faces).len(), 2);
         close_small(&mut square, 10);
-        assert_eq!(boundary_loops(&square.faces), vec![vec![0, 1, 2, 3]]);
+        assert_eq!(simple_loops(&square.faces), vec![vec![0, 1, 2, 3]]);
         let topology = Topology::new(square.positions.len(), square.faces).unwrap();
         assert_eq!(topology.euler_characteristic(), 1);
         assert!((square.positions[8] - at(1.5, 1.5)).norm() < 1e-12);
@@ -198,7 +182,7 @@ mod tests {
         let mut dome = Triangles { positions, faces };
         let first = dome.positions.len();
         close_small(&mut dome, 40);
-        assert_eq!(boundary_loops(&dome.faces).len(), 1);
+        assert_eq!(simple_loops(&dome.faces).len(), 1);
         // A flat lid would be off by 0.4 in the middle.
         let off = |p: &Point3| (p.z - p.coords.xy().norm_squared() / 40.0).abs();
         let worst = dome.positions[first..].iter().map(off).fold(0.0, f64::max);

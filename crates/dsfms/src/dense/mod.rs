@@ -53,35 +53,14 @@ pub use options::DenseOptions;
 pub use others::overlap;
 pub use surface::{DenseSurface, VertexSupport, surface};
 
-use crate::camera::{Camera, CameraModel};
+pub use crate::camera::PosedFrame;
+
+use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point2, Point3, Vector3};
-use crate::image::{Frame, Mask};
+use crate::image::{Mask, nearest_pixel};
 use plane::Field;
 use rayon::prelude::*;
-use view::Pyramid;
-
-/// A frame whose camera and pose are known.
-#[derive(Clone, Copy, Debug)]
-pub struct PosedFrame<'a> {
-    /// The image, encoded as in the file.
-    pub frame: &'a Frame,
-    /// Its camera.
-    pub camera: &'a CameraModel,
-    /// `camera_from_world`.
-    pub pose: Isometry,
-    /// `true` where pixels may be used (inside the viewport, not an instrument); `None` = all.
-    pub valid: Option<&'a Mask>,
-    /// `true` where the organ is the first surface hit; `None` = reconstruct whatever is seen.
-    /// Points that project outside it are not organ.
-    pub organ: Option<&'a Mask>,
-}
-
-impl PosedFrame<'_> {
-    /// Where it shows a point (world axes), px; `None` where the camera cannot.
-    pub(crate) fn pixel_of(&self, point: &Point3) -> Option<Point2> {
-        Some(self.camera.project(&(self.pose * point))?.pixel)
-    }
-}
+use view::StereoPyramid;
 
 /// Depth of one frame on a pinhole grid of its own (undistorted, usually coarser than the frame).
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
@@ -105,11 +84,23 @@ pub struct DepthMap {
 impl DepthMap {
     /// Place in the grid of a point in camera axes; `None` behind the camera or beside the grid.
     fn pixel(&self, p: &Point3) -> Option<usize> {
-        let u = (self.camera.focal[0] * p.x / p.z + self.camera.centre[0]).round();
-        let v = (self.camera.focal[1] * p.y / p.z + self.camera.centre[1]).round();
-        let [w, h] = self.camera.size;
-        let inside = p.z > 0.0 && u >= 0.0 && v >= 0.0 && u < w as f64 && v < h as f64;
-        inside.then(|| v as usize * w + u as usize)
+        let ([fx, fy], [cx, cy]) = (self.camera.focal, self.camera.centre);
+        let pixel = Point2::new(fx * p.x / p.z + cx, fy * p.y / p.z + cy);
+        let [u, v] = nearest_pixel(&pixel, self.camera.size).filter(|_| p.z > 0.0)?;
+        Some(v * self.camera.size[0] + u)
+    }
+
+    /// What it says of a point in camera axes; `None` behind the camera or beside the grid.
+    fn compare(&self, p: &Point3) -> Option<(usize, Said)> {
+        let place = self.pixel(p)?;
+        let (z, facing) = self.seen(place);
+        let said = match z - p.z {
+            _ if z <= 0.0 => Said::Nothing,
+            step if step.abs() <= tolerance(p.z, facing) => Said::Agrees,
+            step if step > 0.0 => Said::Before,
+            _ => Said::Behind,
+        };
+        Some((place, said))
     }
 
     /// Every point it holds, world axes.
@@ -148,6 +139,19 @@ impl DepthMap {
     }
 }
 
+/// What a depth map says of a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Said {
+    /// Its surface is there.
+    Agrees,
+    /// The point lies before its surface.
+    Before,
+    /// The point lies behind its surface.
+    Behind,
+    /// It has no depth there.
+    Nothing,
+}
+
 /// Depths that differ by less than this fraction, times one over the cosine to the sightline, are of
 /// the same surface.
 const SAME_SURFACE: f64 = 0.01;
@@ -175,6 +179,9 @@ pub fn worthwhile<'a>(
 /// `sparse` are points of the scene in the world frame, as triangulated by structure from motion;
 /// they bound the depth and help to choose which frames are compared. Without them a wide range is
 /// searched, which is slower to converge and less robust. `progress` is told `(done, total)`.
+///
+/// # Errors
+/// An option out of range, fewer than two frames, images or masks of another size than their camera, or no depth.
 pub fn depth_maps(
     views: &[PosedFrame],
     sparse: &[Point3],
@@ -187,7 +194,7 @@ pub fn depth_maps(
     }
     let scale = view::working_scale(views, options.max_pixels);
     let pyramids =
-        views.par_iter().map(|v| Pyramid::new(v, scale)).collect::<Result<Vec<_>, _>>()?;
+        views.par_iter().map(|v| StereoPyramid::new(v, scale)).collect::<Result<Vec<_>, _>>()?;
     let sources = neighbours::select(&pyramids, sparse, options);
     let total = views.len();
     let ranges: Vec<[f64; 2]> = sources
@@ -225,7 +232,7 @@ pub fn depth_maps(
 
 /// PatchMatch from the coarsest level to the grid.
 fn search(
-    pyramids: &[Pyramid],
+    pyramids: &[StereoPyramid],
     reference: usize,
     sources: &[usize],
     range: [f64; 2],

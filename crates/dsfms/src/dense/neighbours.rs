@@ -1,7 +1,7 @@
 //! Which frames are compared with which, and between which depths.
 
 use super::options::DenseOptions;
-use super::view::Pyramid;
+use super::view::StereoPyramid;
 use crate::geometry::{Isometry, Point3, median};
 
 /// Sparse points looked at, at most.
@@ -13,7 +13,7 @@ const MAX_POINTS: usize = 2000;
 /// to the angle at which baseline and similarity of the images balance (about 15 degrees). Pairs
 /// without any follow by their places alone: tissue may be seen where no point was found.
 pub(super) fn select(
-    views: &[Pyramid],
+    views: &[StereoPyramid],
     sparse: &[Point3],
     options: &DenseOptions,
 ) -> Vec<Vec<usize>> {
@@ -75,11 +75,16 @@ fn thinned(sparse: &[Point3]) -> Vec<Point3> {
     sparse.iter().step_by(step).copied().collect()
 }
 
-fn pair_score(a: &Pyramid, b: &Pyramid, points: &[Point3], options: &DenseOptions) -> [f64; 2] {
-    let (ca, cb) = (a.centre(), b.centre());
+fn pair_score(
+    a: &StereoPyramid,
+    b: &StereoPyramid,
+    points: &[Point3],
+    options: &DenseOptions,
+) -> [f64; 2] {
+    let (ca, cb) = (a.posed.centre(), b.posed.centre());
     // Nothing known of the scene: the nearest frames that did move.
     let baseline = (cb - ca).norm();
-    let turn = (a.pose.rotation.inverse() * b.pose.rotation).angle();
+    let turn = (a.posed.pose.rotation.inverse() * b.posed.pose.rotation).angle();
     let overlap = (1.0 - turn / 1.2).max(0.0);
     let place = if baseline > 0.0 { overlap / (1.0 + baseline) } else { 0.0 };
     let weight = |p: &Point3| {
@@ -97,26 +102,21 @@ fn pair_score(a: &Pyramid, b: &Pyramid, points: &[Point3], options: &DenseOption
 }
 
 /// Whether the point projects on usable pixels (which does not exclude occlusion).
-pub(super) fn sees(view: &Pyramid, point: &Point3) -> bool {
-    use crate::camera::Camera;
-    let Some(hit) = view.camera.project(&(view.pose * point)) else { return false };
-    let [w, h] = view.camera.size.map(|s| s as f64);
-    let p = hit.pixel;
-    let inside = p.x >= 0.0 && p.y >= 0.0 && p.x <= w - 1.0 && p.y <= h - 1.0;
-    inside && [view.valid, view.organ].into_iter().flatten().all(|m| m.at_pixel(&p))
+pub(super) fn sees(view: &StereoPyramid, point: &Point3) -> bool {
+    view.posed.usable_pixel(&(view.posed.pose * point)).is_some()
 }
 
 /// Nearest and farthest depth searched in a frame: the sparse points it may see, with a margin; or,
 /// without points, 1 to 40 times the median distance to the frames it is compared with.
 pub(super) fn depth_range(
-    views: &[Pyramid],
+    views: &[StereoPyramid],
     frame: usize,
     sources: &[usize],
     sparse: &[Point3],
 ) -> [f64; 2] {
     let view = &views[frame];
     let mut depths: Vec<f64> =
-        thinned(sparse).iter().filter(|p| sees(view, p)).map(|p| (view.pose * p).z).collect();
+        thinned(sparse).iter().filter(|p| sees(view, p)).map(|p| (view.posed.pose * p).z).collect();
     depths.sort_by(f64::total_cmp);
     if depths.len() >= 8 {
         let at = |q: f64| depths[((depths.len() - 1) as f64 * q).round() as usize];
@@ -124,9 +124,9 @@ pub(super) fn depth_range(
         let margin = 0.6 * (far - near) + 0.1 * near;
         return [(near - margin).max(0.3 * near), far + margin];
     }
-    let centre = view.centre();
+    let centre = view.posed.centre();
     let mut baselines: Vec<f64> =
-        sources.iter().map(|&j| (views[j].centre() - centre).norm()).collect();
+        sources.iter().map(|&j| (views[j].posed.centre() - centre).norm()).collect();
     let baseline = median(&mut baselines).unwrap_or(1.0);
     [baseline, 40.0 * baseline]
 }

@@ -3,7 +3,7 @@
 use super::{DepthMap, PosedFrame};
 use crate::camera::Camera;
 use crate::geometry::Point3;
-use crate::image::{Plane, distance::distance_to};
+use crate::image::{Plane, distance::distance_to, within_centres};
 
 /// Weight of free space against that of the surface itself.
 const FREE_SPACE: f64 = 0.2;
@@ -21,7 +21,7 @@ const OUTLINE_TRUST: f64 = 1.0;
 
 /// A signed distance (in truncation distances) and the trust in it.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Evidence {
+pub(super) struct DistanceEvidence {
     pub distance: f32,
     pub weight: f32,
     /// The distance is known to be at least this.
@@ -29,14 +29,14 @@ pub(super) struct Evidence {
 }
 
 /// A depth map, and the outline that bounds the organ.
-pub(super) struct View<'a> {
+pub(super) struct ObservedView<'a> {
     map: &'a DepthMap,
     posed: &'a PosedFrame<'a>,
     /// Distance of every pixel from the organ, px.
     organ: Option<Plane>,
 }
 
-impl<'a> View<'a> {
+impl<'a> ObservedView<'a> {
     pub fn new(posed: &'a PosedFrame<'a>, map: &'a DepthMap) -> Self {
         Self { map, posed, organ: posed.organ.map(distance_to) }
     }
@@ -47,8 +47,7 @@ impl<'a> View<'a> {
         let organ = self.organ.as_ref()?;
         let p = self.posed.pose * point;
         let pixel = self.posed.camera.project(&p)?.pixel;
-        let [w, h] = self.posed.camera.size.map(|s| s as f64 - 1.0);
-        let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x <= w && pixel.y <= h;
+        let inside = within_centres(&pixel, self.posed.camera.size);
         if !inside || self.posed.valid.is_some_and(|m| !m.at_pixel(&pixel)) {
             return None;
         }
@@ -58,7 +57,7 @@ impl<'a> View<'a> {
     }
 
     /// What the frame says of a point; `None` where it sees no depth or something in front of it.
-    fn observe(&self, point: &Point3, truncation: f64) -> Option<Observation> {
+    fn observe(&self, point: &Point3, truncation: f64) -> Option<PlaneDistance> {
         let m = self.map;
         let p = m.pose * point;
         if p.z <= 0.0 {
@@ -70,7 +69,7 @@ impl<'a> View<'a> {
         if !(u >= -0.5 && v >= -0.5 && u < w as f64 - 0.5 && v < h as f64 - 0.5) {
             return None;
         }
-        let mut sum = Observation::default();
+        let mut sum = PlaneDistance::default();
         let mut share = 0.0;
         for (i, j) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
             let (x, y) = (u.floor() + i, v.floor() + j);
@@ -91,7 +90,7 @@ impl<'a> View<'a> {
 /// Signed distance from the plane of a pixel, its weight in the mean, and trust that a surface is
 /// there.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Observation {
+pub(super) struct PlaneDistance {
     distance: f64,
     weight: f64,
     support: f64,
@@ -99,7 +98,7 @@ pub(super) struct Observation {
     behind: f64,
 }
 
-impl Observation {
+impl PlaneDistance {
     fn add(&mut self, share: f64, other: Self) {
         self.distance += share * other.distance;
         self.weight += share * other.weight;
@@ -123,7 +122,7 @@ impl Observation {
 }
 
 /// A point (camera axes) against the plane of pixel `i`: what is seen at a grazing angle weighs less.
-fn tangent_plane(m: &DepthMap, i: usize, [x, y]: [f64; 2], p: &Point3) -> Observation {
+fn tangent_plane(m: &DepthMap, i: usize, [x, y]: [f64; 2], p: &Point3) -> PlaneDistance {
     let z = m.depth[i] as f64;
     let on = [
         (x - m.camera.centre[0]) / m.camera.focal[0] * z,
@@ -135,16 +134,16 @@ fn tangent_plane(m: &DepthMap, i: usize, [x, y]: [f64; 2], p: &Point3) -> Observ
     let length = (on[0] * on[0] + on[1] * on[1] + on[2] * on[2]).sqrt();
     let facing = -(n[0] * on[0] + n[1] * on[1] + n[2] * on[2]) / length;
     let support = m.confidence[i] as f64;
-    Observation { distance, weight: support * facing * facing, support, behind: p.z - z }
+    PlaneDistance { distance, weight: support * facing * facing, support, behind: p.z - z }
 }
 
 /// What the frames say of a point, and their support. `seen` is room for it.
 pub(super) fn average(
-    views: &[View],
+    views: &[ObservedView],
     point: &Point3,
     truncation: f64,
-    seen: &mut Vec<Observation>,
-) -> (Evidence, f32) {
+    seen: &mut Vec<PlaneDistance>,
+) -> (DistanceEvidence, f32) {
     seen.clear();
     seen.extend(views.iter().filter_map(|v| v.observe(point, truncation)));
     let support: f64 = seen.iter().map(|s| s.support).sum();
@@ -156,15 +155,15 @@ pub(super) fn average(
         let sum = weight + OUTLINE_TRUST;
         let blend = (weight * distance + OUTLINE_TRUST * outside.min(1.0)) / sum;
         let bound = weight < OUTLINE_TRUST;
-        return (Evidence { distance: blend as f32, weight: sum as f32, bound }, 0.0);
+        return (DistanceEvidence { distance: blend as f32, weight: sum as f32, bound }, 0.0);
     }
     let bound = distance > FREE;
-    (Evidence { distance: distance as f32, weight: weight as f32, bound }, support as f32)
+    (DistanceEvidence { distance: distance as f32, weight: weight as f32, bound }, support as f32)
 }
 
 /// How far the point lies outside the organ's outline: the second largest distance from the cones of
 /// the outlines, as one outline may be wrong; of few frames each counts.
-fn outside(views: &[View], point: &Point3) -> f64 {
+fn outside(views: &[ObservedView], point: &Point3) -> f64 {
     let mut largest = [0.0f64; 2];
     for distance in views.iter().filter_map(|v| v.outside(point)) {
         if distance > largest[0] {
@@ -178,7 +177,7 @@ fn outside(views: &[View], point: &Point3) -> f64 {
 
 /// Weighted mean of the distances within [`SAME_LAYER`] of their weighted median, and their weight: a
 /// depth map that is wrong here must not shift the others. Sorts the observations.
-fn robust_distance(seen: &mut Vec<Observation>) -> Option<(f64, f64)> {
+fn robust_distance(seen: &mut Vec<PlaneDistance>) -> Option<(f64, f64)> {
     seen.retain(|s| s.weight > 0.0);
     seen.sort_unstable_by(|a, b| {
         a.distance.total_cmp(&b.distance).then(a.weight.total_cmp(&b.weight))
@@ -199,7 +198,7 @@ fn robust_distance(seen: &mut Vec<Observation>) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{CameraModel, Lens};
+    use crate::camera::CameraModel;
     use crate::geometry::Isometry;
     use crate::image::{Frame, Mask};
 
@@ -208,7 +207,7 @@ mod tests {
     const T: f64 = 2.0;
 
     fn camera() -> CameraModel {
-        CameraModel { size: SIZE, focal: [50.0; 2], centre: [19.5, 14.5], lens: Lens::Pinhole }
+        CameraModel::pinhole(SIZE, [50.0; 2], [19.5, 14.5])
     }
 
     fn frame() -> Frame {
@@ -229,7 +228,7 @@ mod tests {
     }
 
     /// What walls at these depths say of a point, inside an outline if there is one.
-    fn said(depths: &[f32], organ: Option<&Mask>, point: Point3) -> (Evidence, f32) {
+    fn said(depths: &[f32], organ: Option<&Mask>, point: Point3) -> (DistanceEvidence, f32) {
         let (frame, camera) = (frame(), camera());
         let posed = PosedFrame {
             frame: &frame,
@@ -239,7 +238,8 @@ mod tests {
             organ,
         };
         let maps: Vec<DepthMap> = depths.iter().map(|&d| wall(d)).collect();
-        let views: Vec<View> = maps.iter().map(|map| View::new(&posed, map)).collect();
+        let views: Vec<ObservedView> =
+            maps.iter().map(|map| ObservedView::new(&posed, map)).collect();
         average(&views, &point, T, &mut Vec::new())
     }
 
@@ -296,7 +296,8 @@ mod tests {
             organ: Some(organ),
         };
         let (one, map) = ([posed(&organ), posed(&whole)], wall(0.0));
-        let views: Vec<View> = (0..5).map(|i| View::new(&one[usize::from(i > 0)], &map)).collect();
+        let views: Vec<ObservedView> =
+            (0..5).map(|i| ObservedView::new(&one[usize::from(i > 0)], &map)).collect();
         assert_eq!(outside(&views, &near), 0.0);
         assert!((outside(&views[..4], &near) - 1.2).abs() < 1e-4);
     }

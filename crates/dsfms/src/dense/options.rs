@@ -104,6 +104,9 @@ impl Default for DenseOptions {
 
 impl DenseOptions {
     /// Check every field against its bounds.
+    ///
+    /// # Errors
+    /// The first option out of range, by name.
     pub fn validate(&self) -> Result<(), DenseError> {
         let checks: [(&'static str, &'static str, f64, bool); 14] = [
             ("max_frames", "at least 2", self.max_frames as f64, self.max_frames >= 2),

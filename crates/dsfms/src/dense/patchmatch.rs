@@ -4,8 +4,8 @@
 //! colour (the best of each, as in ACMH), then tries random changes of the winner.
 
 use super::options::DenseOptions;
-use super::plane::{Field, InversePlane, Noise};
-use super::score::{ALL, NONE, Pairs, Patch};
+use super::plane::{ALL, Field, InversePlane, NONE, Noise};
+use super::score::{Pairs, WindowPatch};
 use rayon::prelude::*;
 
 /// The eight neighbourhoods: four near (straight) and four far (both parities reach the other
@@ -52,7 +52,7 @@ pub(super) fn run(
     seed: u64,
     options: &DenseOptions,
 ) -> Field {
-    let search = Search { pairs, range: range.map(|d| 1.0 / d as f32), seed, options };
+    let search = PlaneSearch { pairs, range: range.map(|d| 1.0 / d as f32), seed, options };
     search.rescore(&mut field);
     for iteration in 0..iterations {
         for colour in 0..2 {
@@ -71,24 +71,25 @@ pub(super) fn accept(
     range: [f64; 2],
     options: &DenseOptions,
 ) {
-    let search = Search { pairs, range: range.map(|d| 1.0 / d as f32), seed: 0, options };
+    let search = PlaneSearch { pairs, range: range.map(|d| 1.0 / d as f32), seed: 0, options };
     let w = field.size[0];
     let keep = options.best_sources + SPARE_SOURCES;
     let pixels = field.planes.par_iter_mut().zip(&mut field.cost).zip(&mut field.sources);
     pixels.zip(offers).enumerate().for_each(|(i, (((plane, cost), sources), offer))| {
-        let (Some(offer), Some(patch)) = (offer, Patch::new(pairs.reference, i % w, i / w)) else {
+        let (Some(offer), Some(patch)) = (offer, WindowPatch::new(pairs.reference, i % w, i / w))
+        else {
             return;
         };
         let at = [(i % w) as f32, (i / w) as f32];
         let before = *cost;
-        search.attempt(&Window { patch: &patch, at, sources: ALL }, *offer, plane, cost);
+        search.attempt(&PatchWindow { patch: &patch, at, sources: ALL }, *offer, plane, cost);
         if *cost < before {
             *sources = patch.speaking(pairs, plane, ALL, keep, options);
         }
     });
 }
 
-struct Search<'a> {
+struct PlaneSearch<'a> {
     pairs: &'a Pairs<'a>,
     /// Largest and smallest inverse depth.
     range: [f32; 2],
@@ -97,18 +98,18 @@ struct Search<'a> {
 }
 
 /// A pixel with its window and the sources it is compared with.
-struct Window<'a> {
-    patch: &'a Patch,
+struct PatchWindow<'a> {
+    patch: &'a WindowPatch,
     at: [f32; 2],
     sources: u16,
 }
 
-impl Search<'_> {
+impl PlaneSearch<'_> {
     fn rescore(&self, field: &mut Field) {
         let w = field.size[0];
         let (planes, sources) = (&field.planes, &field.sources);
         field.cost.par_iter_mut().enumerate().for_each(|(i, cost)| {
-            *cost = Patch::new(self.pairs.reference, i % w, i / w)
+            *cost = WindowPatch::new(self.pairs.reference, i % w, i / w)
                 .map_or(NONE, |p| p.score(self.pairs, &planes[i], sources[i], self.options, NONE));
         });
     }
@@ -119,7 +120,7 @@ impl Search<'_> {
         let keep = self.options.best_sources + SPARE_SOURCES;
         let planes = &field.planes;
         field.sources.par_iter_mut().enumerate().for_each(|(i, sources)| {
-            if let Some(patch) = Patch::new(self.pairs.reference, i % w, i / w) {
+            if let Some(patch) = WindowPatch::new(self.pairs.reference, i % w, i / w) {
                 *sources = patch.speaking(self.pairs, &planes[i], *sources, keep, self.options);
             }
         });
@@ -146,9 +147,9 @@ impl Search<'_> {
         plane: &mut InversePlane,
         cost: &mut f32,
     ) {
-        let Some(patch) = Patch::new(self.pairs.reference, x, y) else { return };
+        let Some(patch) = WindowPatch::new(self.pairs.reference, x, y) else { return };
         let at = [x as f32, y as f32];
-        let window = Window { patch: &patch, at, sources: old.sources[y * old.size[0] + x] };
+        let window = PatchWindow { patch: &patch, at, sources: old.sources[y * old.size[0] + x] };
         let mut tried = [*plane; NEIGHBOURHOODS.len() + 1];
         let mut count = 1;
         for neighbourhood in NEIGHBOURHOODS {
@@ -172,7 +173,7 @@ impl Search<'_> {
     /// Take the candidate where it explains the other views better.
     fn attempt(
         &self,
-        window: &Window,
+        window: &PatchWindow,
         candidate: InversePlane,
         plane: &mut InversePlane,
         cost: &mut f32,

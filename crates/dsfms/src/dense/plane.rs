@@ -3,7 +3,10 @@
 //! A plane `n·X = d` seen through a pinhole has inverse depth affine in the pixel:
 //! `1/z(u + δu, v + δv) = w + a δu + b δv`. Handing a plane to a neighbour is one addition.
 
-use super::score::{ALL, NONE};
+/// Correlation cost of a view that cannot be compared.
+pub(super) const NONE: f32 = 2.0;
+/// Every source.
+pub(super) const ALL: u16 = u16::MAX;
 
 /// Inverse depth and its slope per pixel of the grid it lives on.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -64,7 +67,7 @@ pub(super) struct Field {
     pub cost: Vec<f32>,
     /// Standard deviation of `w`; infinity = unknown.
     pub sigma: Vec<f32>,
-    /// Sources worth comparing at each pixel, one bit each; see [`super::score::ALL`].
+    /// Sources worth comparing at each pixel, one bit each; see [`ALL`].
     pub sources: Vec<u16>,
 }
 

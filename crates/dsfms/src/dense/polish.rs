@@ -12,8 +12,8 @@
 
 use super::lanes::{LANES, Lanes, Samples, Warp, meets, total};
 use super::options::DenseOptions;
-use super::plane::{Field, InversePlane};
-use super::score::{NONE, PairView, Pairs};
+use super::plane::{Field, InversePlane, NONE};
+use super::score::{PairView, Pairs};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -68,7 +68,7 @@ struct Polisher<'a> {
 
 /// Usable samples of the reference window: offset from the grid point, weight (0 for the unused places
 /// at the end), value less the weighted mean.
-struct Window {
+struct PolishWindow {
     centre: [f32; 2],
     x: [Lanes; GROUPS],
     y: [Lanes; GROUPS],
@@ -97,7 +97,7 @@ impl Polisher<'_> {
         sources: u16,
     ) -> (InversePlane, f32, f32) {
         let failed = (start, NONE, f32::INFINITY);
-        let Some(window) = Window::new(self.pairs, x, y) else { return failed };
+        let Some(window) = PolishWindow::new(self.pairs, x, y) else { return failed };
         let views = self.best_views(&window, &start, sources);
         if views.is_empty() {
             return failed;
@@ -135,7 +135,7 @@ impl Polisher<'_> {
     }
 
     /// The views that agree best with the first guess.
-    fn best_views(&self, window: &Window, plane: &InversePlane, sources: u16) -> Vec<usize> {
+    fn best_views(&self, window: &PolishWindow, plane: &InversePlane, sources: u16) -> Vec<usize> {
         let mut scored: Vec<(f32, usize)> = (0..self.pairs.views.len())
             .filter(|j| sources >> j & 1 == 1)
             .filter_map(|j| {
@@ -151,7 +151,7 @@ impl Polisher<'_> {
     /// holds the slopes where there is no texture.
     fn system(
         &self,
-        window: &Window,
+        window: &PolishWindow,
         views: &[usize],
         plane: &InversePlane,
     ) -> Option<(f32, Matrix3<f64>, Vector3<f64>)> {
@@ -176,7 +176,7 @@ impl Polisher<'_> {
     }
 }
 
-impl Window {
+impl PolishWindow {
     fn new(pairs: &Pairs, x: usize, y: usize) -> Option<Self> {
         let image = pairs.reference;
         let [w, h] = image.size.map(|s| s as i32);

@@ -1,12 +1,13 @@
 //! A rim that can be trusted: what few of the frames that look there confirm, or none sees but at a
 //! grazing angle, is peeled off the surface from outside, along a smooth line.
 
-use super::clean::{boundary_edges, edge_list, grown};
+use super::clean::grown;
 use super::tetrahedra::Triangles;
-use super::{DepthMap, GRAZING, PosedFrame, SAME_SURFACE, tolerance};
-use crate::camera::Camera;
+use super::{DepthMap, GRAZING, PosedFrame, SAME_SURFACE, Said};
 use crate::geometry::{Point3, Vector3};
 use crate::mesh::Topology;
+use crate::mesh::faces::{boundary_edges, edge_list};
+use crate::mesh::normals::normals_of;
 use crate::raster::{rasterize, visible_vertices};
 use rayon::prelude::*;
 
@@ -36,7 +37,7 @@ pub(super) fn peel(
     maps: &[DepthMap],
     hides: bool,
 ) {
-    let normals = normals(triangles);
+    let normals = normals_of(&triangles.faces, &triangles.positions);
     let open = hides.then(|| unhidden(triangles, &normals, maps));
     let (trust, seen): (Vec<f64>, Vec<f64>) = (0..normals.len())
         .into_par_iter()
@@ -82,8 +83,7 @@ fn trust<'a>(
     let (mut looking, mut agreeing, mut facing, mut seen) = (0, 0, 0.0f64, false);
     for (view, map) in frames {
         let Some(agrees) = says(view, map, point) else { continue };
-        let centre = view.pose.inverse_transform_point(&Point3::origin());
-        let cosine = normal.dot(&(centre - point).normalize());
+        let cosine = normal.dot(&(view.centre() - point).normalize());
         looking += 1;
         seen |= cosine > 0.0;
         if agrees {
@@ -100,27 +100,12 @@ fn trust<'a>(
 /// before it.
 fn says(view: &PosedFrame, map: &DepthMap, point: &Point3) -> Option<bool> {
     let p = map.pose * point;
-    let pixel = view.camera.project(&p)?.pixel;
-    let [w, h] = view.camera.size.map(|n| n as f64 - 1.0);
-    let inside = (0.0..=w).contains(&pixel.x) && (0.0..=h).contains(&pixel.y);
-    if !inside || ![view.valid, view.organ].into_iter().flatten().all(|m| m.at_pixel(&pixel)) {
-        return None;
+    view.usable_pixel(&p)?;
+    match map.compare(&p)?.1 {
+        Said::Agrees => Some(true),
+        Said::Before | Said::Nothing => Some(false),
+        Said::Behind => None,
     }
-    let (z, facing) = map.seen(map.pixel(&p)?);
-    let agrees = z > 0.0 && (z - p.z).abs() < tolerance(p.z, facing);
-    let hidden = z > 0.0 && z < p.z;
-    (agrees || !hidden).then_some(agrees)
-}
-
-/// Unit normals of the vertices, by area; zero where there is none.
-pub(super) fn normals(triangles: &Triangles) -> Vec<Vector3> {
-    let mut normals = vec![Vector3::zeros(); triangles.positions.len()];
-    for face in &triangles.faces {
-        let [a, b, c] = face.map(|v| triangles.positions[v as usize]);
-        let normal = (b - a).cross(&(c - a));
-        face.iter().for_each(|&v| normals[v as usize] += normal);
-    }
-    normals.iter().map(|n| n.try_normalize(0.0).unwrap_or_default()).collect()
 }
 
 /// Values averaged over the neighbourhood, with zero held on the rim: low at the rim and in what
@@ -190,7 +175,7 @@ fn without_bays(faces: &[[u32; 3]], kept: Vec<bool>, rim: &[[u32; 2]]) -> Vec<bo
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{CameraModel, Lens};
+    use crate::camera::CameraModel;
     use crate::geometry::Isometry;
     use crate::image::Frame;
 
@@ -225,12 +210,7 @@ mod tests {
     /// Depth maps across the view at these depths, all from the origin along z; a pixel is one unit
     /// at 50.
     fn walls(depths: &[f32]) -> Vec<DepthMap> {
-        let camera = CameraModel {
-            size: [90, 70],
-            focal: [50.0; 2],
-            centre: [44.5, 34.5],
-            lens: Lens::Pinhole,
-        };
+        let camera = CameraModel::pinhole([90, 70], [50.0; 2], [44.5, 34.5]);
         let wall = |&depth: &f32| DepthMap {
             camera: camera.clone(),
             pose: Isometry::identity(),
@@ -268,13 +248,7 @@ mod tests {
     fn a_fold_that_the_surface_hides_goes_and_an_open_sheet_stays() {
         let maps = walls(&[50.0, 58.0]);
         let frame = Frame { name: "f".into(), size: [90, 70], rgb: vec![[90; 3]; 90 * 70] };
-        let view = PosedFrame {
-            frame: &frame,
-            camera: &maps[0].camera,
-            pose: Isometry::identity(),
-            valid: None,
-            organ: None,
-        };
+        let view = PosedFrame::new(&frame, &maps[0].camera, Isometry::identity());
         let left = |mut triangles: Triangles, hides: bool| {
             peel(&mut triangles, &[view, view], &maps, hides);
             let z = |f: &[u32; 3]| triangles.positions[f[0] as usize].z;

@@ -2,19 +2,15 @@
 
 use super::lanes::{LANES, Lanes, Samples, Warp, meets, total};
 use super::options::DenseOptions;
-use super::plane::InversePlane;
-use super::view::{Image, Pyramid};
+use super::plane::{ALL, InversePlane, NONE};
+use super::view::{Image, StereoPyramid};
 
 /// Half the side of the window, px of the level.
 const RADIUS: i32 = 3;
 /// Every second pixel of the window, like the black squares of a chessboard, less the centre.
 const TAPS: usize = 24;
-/// Correlation cost of a view that cannot be compared.
-pub(super) const NONE: f32 = 2.0;
 /// Views scored at once, at most (the bound of `max_sources`).
 const MAX_VIEWS: usize = 16;
-/// Every source.
-pub(super) const ALL: u16 = u16::MAX;
 /// What each view short of `best_sources` adds to the cost, over `best_sources`: enough that a plane
 /// does not win by leaving the views in which it would be found wrong, little enough that what only
 /// two frames see can be found.
@@ -38,7 +34,12 @@ pub(super) struct PairView<'a> {
 }
 
 impl<'a> Pairs<'a> {
-    pub fn new(views: &'a [Pyramid], reference: usize, sources: &[usize], level: usize) -> Self {
+    pub fn new(
+        views: &'a [StereoPyramid],
+        reference: usize,
+        sources: &[usize],
+        level: usize,
+    ) -> Self {
         let image = &views[reference].levels[level];
         let pairs = sources.iter().map(|&j| PairView::new(views, reference, j, level)).collect();
         Self { reference: image, k: image.k.map(|v| v as f32), views: pairs }
@@ -46,10 +47,10 @@ impl<'a> Pairs<'a> {
 }
 
 impl<'a> PairView<'a> {
-    fn new(views: &'a [Pyramid], reference: usize, source: usize, level: usize) -> Self {
+    fn new(views: &'a [StereoPyramid], reference: usize, source: usize, level: usize) -> Self {
         use nalgebra::Matrix3;
         let matrix = |k: [f64; 4]| Matrix3::new(k[0], 0.0, k[2], 0.0, k[1], k[3], 0.0, 0.0, 1.0);
-        let motion = views[source].pose * views[reference].pose.inverse();
+        let motion = views[source].posed.pose * views[reference].posed.pose.inverse();
         let (kr, image) = (matrix(views[reference].levels[level].k), &views[source].levels[level]);
         let ks = matrix(image.k);
         // A pinhole matrix has positive focal lengths; the identity stands in if it has not.
@@ -77,7 +78,7 @@ impl<'a> PairView<'a> {
 const GROUPS: usize = TAPS / LANES;
 
 /// The usable samples of the window around one pixel of the reference.
-pub(super) struct Patch {
+pub(super) struct WindowPatch {
     u: f32,
     v: f32,
     /// Offsets, weights (1, or 0 for the unused places at the end) and values less the centre's.
@@ -88,7 +89,7 @@ pub(super) struct Patch {
     count: usize,
 }
 
-impl Patch {
+impl WindowPatch {
     /// `None` where the centre is masked or too little of the window is usable.
     pub fn new(image: &Image, x: usize, y: usize) -> Option<Self> {
         let [w, h] = image.size.map(|s| s as i32);

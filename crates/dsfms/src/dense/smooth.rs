@@ -4,7 +4,7 @@ use super::DepthMap;
 use super::consistency::correlates;
 use super::options::DenseOptions;
 use super::plane::{Field, InversePlane};
-use super::view::Pyramid;
+use super::view::StereoPyramid;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -24,16 +24,16 @@ const ALONE_COST: f32 = 0.4;
 
 /// Depth map of one frame from its planes and the number of frames that agree with each.
 pub(super) fn depth_map(
-    view: &Pyramid,
+    view: &StereoPyramid,
     field: &Field,
     agreement: &[u8],
     options: &DenseOptions,
 ) -> DepthMap {
     let k = view.levels[1].k.map(|v| v as f32);
     let trust = trust(field, agreement, k, options);
-    let grid = Grid { field, trust: &trust, k };
+    let grid = TrustedGrid { field, trust: &trust, k };
     let w = field.size[0];
-    let rows: Vec<Option<Estimate>> = (0..field.planes.len())
+    let rows: Vec<Option<DepthEstimate>> = (0..field.planes.len())
         .into_par_iter()
         .map(|i| {
             let at = [(i % w) as i32, (i / w) as i32];
@@ -48,7 +48,7 @@ pub(super) fn depth_map(
         .collect();
     let mut map = DepthMap {
         camera: view.camera_of(1),
-        pose: view.pose,
+        pose: view.posed.pose,
         depth: vec![0.0; rows.len()],
         normal: vec![[0.0; 3]; rows.len()],
         sigma: vec![f32::INFINITY; rows.len()],
@@ -133,14 +133,14 @@ fn continued(
     queue.split_off(confirmed)
 }
 
-struct Estimate {
+struct DepthEstimate {
     plane: InversePlane,
     /// Standard deviation of inverse depth.
     sigma: f32,
     confidence: f32,
 }
 
-struct Grid<'a> {
+struct TrustedGrid<'a> {
     field: &'a Field,
     trust: &'a [f32],
     k: [f32; 4],
@@ -148,7 +148,7 @@ struct Grid<'a> {
 
 /// Weighted least squares of a plane in inverse depth, about a centre.
 #[derive(Default)]
-struct Fit {
+struct PlaneFit {
     normal: Matrix3<f64>,
     right: Vector3<f64>,
     weight: f64,
@@ -157,7 +157,7 @@ struct Fit {
     count: usize,
 }
 
-impl Fit {
+impl PlaneFit {
     fn add(&mut self, [du, dv]: [i32; 2], w: f32, weight: f64, trust: f32) {
         let row = Vector3::new(1.0, du as f64, dv as f64);
         self.normal += weight * row * row.transpose();
@@ -177,7 +177,7 @@ impl Fit {
     }
 }
 
-impl Grid<'_> {
+impl TrustedGrid<'_> {
     /// Trusted pixels within `radius`, as `(offset, index)`.
     fn around(&self, [x, y]: [i32; 2], radius: i32) -> impl Iterator<Item = ([i32; 2], usize)> {
         let [w, h] = self.field.size.map(|s| s as i32);
@@ -197,11 +197,11 @@ impl Grid<'_> {
     }
 
     /// The neighbours' observations and this one's, each by its variance.
-    fn smoothed(&self, at: [i32; 2], centre: usize) -> Option<Estimate> {
+    fn smoothed(&self, at: [i32; 2], centre: usize) -> Option<DepthEstimate> {
         let own = self.field.planes[centre];
         let [u, v] = at.map(|c| c as f32);
         let tolerance = SAME_SURFACE * own.w / own.facing(self.k, u, v).max(0.25);
-        let mut fit = Fit::default();
+        let mut fit = PlaneFit::default();
         for (offset, i) in self.around(at, RADIUS) {
             let plane = self.field.planes[i];
             let here = plane.at(-offset[0] as f32, -offset[1] as f32);
@@ -215,14 +215,18 @@ impl Grid<'_> {
             }
         }
         let plane = if fit.count >= 6 { fit.solve().unwrap_or(own) } else { own };
-        Some(Estimate { plane, sigma: self.field.sigma[centre], confidence: self.trust[centre] })
+        Some(DepthEstimate {
+            plane,
+            sigma: self.field.sigma[centre],
+            confidence: self.trust[centre],
+        })
     }
 
     /// A plane through the trusted pixels around a gap; `None` where they lie on one side only.
-    fn filled(&self, at: [i32; 2], reach: i32) -> Option<Estimate> {
+    fn filled(&self, at: [i32; 2], reach: i32) -> Option<DepthEstimate> {
         let mut radius = 3;
         while radius <= reach {
-            let mut fit = Fit::default();
+            let mut fit = PlaneFit::default();
             for (offset, i) in self.around(at, radius) {
                 let weight = self.weight(offset, i, radius as f64 / 2.0);
                 fit.add(offset, self.field.planes[i].w, weight, self.trust[i]);
@@ -238,7 +242,7 @@ impl Grid<'_> {
         None
     }
 
-    fn gap(&self, fit: &Fit, at: [i32; 2], radius: i32) -> Option<Estimate> {
+    fn gap(&self, fit: &PlaneFit, at: [i32; 2], radius: i32) -> Option<DepthEstimate> {
         let plane = fit.solve()?;
         let mut squares = 0.0;
         for (offset, i) in self.around(at, radius) {
@@ -250,6 +254,6 @@ impl Grid<'_> {
             return None;
         }
         let trust = (fit.trust / fit.weight) as f32;
-        Some(Estimate { plane, sigma, confidence: FILLED * trust * 3.0 / radius as f32 })
+        Some(DepthEstimate { plane, sigma, confidence: FILLED * trust * 3.0 / radius as f32 })
     }
 }

@@ -1,14 +1,13 @@
 //! From depth maps to the mesh of what was seen.
 
 use super::tetrahedra::{Triangles, extract};
-use super::volume::Volume;
+use super::volume::DistanceVolume;
 use super::{
-    DenseError, DenseOptions, DepthMap, PosedFrame, clean, fit, handles, holes, rim, tolerance,
+    DenseError, DenseOptions, DepthMap, PosedFrame, Said, clean, fit, handles, holes, rim,
 };
 use crate::geometry::Point3;
-use crate::mesh::{Mesh, Topology};
+use crate::mesh::Mesh;
 use rayon::prelude::*;
-use std::sync::Arc;
 
 /// Half the width, in edges, of the necks at which the surface is cut.
 const OPENING: usize = 5;
@@ -37,6 +36,9 @@ pub struct VertexSupport {
 /// Fuse depth maps into signed distances and take their zero level where the frames support it.
 ///
 /// `maps` are those of [`super::depth_maps`] for the same `views`, in the same order.
+///
+/// # Errors
+/// An option out of range, or no surface that is manifold.
 pub fn surface(
     views: &[PosedFrame],
     maps: &[DepthMap],
@@ -45,10 +47,9 @@ pub fn surface(
     options.validate()?;
     let triangles = without_handles(views, maps, options);
     let none = |_| DenseError::NoSurface { frames: maps.len() };
-    let topology = Topology::new(triangles.positions.len(), triangles.faces).map_err(none)?;
-    let positions = triangles.positions;
-    let support = positions.par_iter().map(|p| support(maps, p)).collect();
-    Ok(DenseSurface { mesh: Mesh { topology: Arc::new(topology), positions }, support })
+    let mesh = Mesh::new(triangles.positions, triangles.faces).map_err(none)?;
+    let support = mesh.positions.par_iter().map(|p| support(maps, p)).collect();
+    Ok(DenseSurface { mesh, support })
 }
 
 /// The surface on the finest grid on which it has no handles. Tissue seen from one side has none;
@@ -61,7 +62,7 @@ fn without_handles(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptio
     let mut options = options.clone();
     let mut best: Option<(usize, Triangles)> = None;
     for _ in 0..COARSER {
-        let mut volume = Volume::fuse(views, maps, &options);
+        let mut volume = DistanceVolume::fuse(views, maps, &options);
         fit::run(&mut volume, options.smoothness as f32);
         volume.spread_support(least, BEYOND);
         let mut triangles = extract(&volume, least);
@@ -133,11 +134,8 @@ fn support(maps: &[DepthMap], point: &Point3) -> VertexSupport {
     let (mut frames, mut information, mut squares, mut weights) = (0, 0.0f64, 0.0f64, 0.0f64);
     for m in maps {
         let p = m.pose * point;
-        let Some(i) = m.pixel(&p) else { continue };
+        let Some((i, Said::Agrees)) = m.compare(&p) else { continue };
         let (z, facing) = m.seen(i);
-        if z <= 0.0 || (z - p.z).abs() > tolerance(p.z, facing) {
-            continue;
-        }
         // Across the surface, not along the sightline.
         let sigma = (m.sigma[i] as f64).max(1e-4 * z) * facing;
         frames += 1;
@@ -156,7 +154,7 @@ fn support(maps: &[DepthMap], point: &Point3) -> VertexSupport {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{CameraModel, Lens};
+    use crate::camera::CameraModel;
     use crate::geometry::Isometry;
     use crate::image::Frame;
 
@@ -181,12 +179,7 @@ mod tests {
                 (50.0 + error(u, v, i)) as f32
             });
             DepthMap {
-                camera: CameraModel {
-                    size: SIZE,
-                    focal: [60.0; 2],
-                    centre: [39.5, 29.5],
-                    lens: Lens::Pinhole,
-                },
+                camera: CameraModel::pinhole(SIZE, [60.0; 2], [39.5, 29.5]),
                 pose: Isometry::translation(2.0 * i as f64 - 5.0, 0.0, 0.0),
                 depth: depth.collect(),
                 normal: vec![[0.0, 0.0, -1.0]; SIZE[0] * SIZE[1]],
@@ -201,16 +194,8 @@ mod tests {
     fn expected_errors_are_those_of_known_noise() {
         let maps = maps();
         let frame = Frame { name: "f".into(), size: SIZE, rgb: vec![[90; 3]; SIZE[0] * SIZE[1]] };
-        let views: Vec<PosedFrame> = maps
-            .iter()
-            .map(|map| PosedFrame {
-                frame: &frame,
-                camera: &map.camera,
-                pose: map.pose,
-                valid: None,
-                organ: None,
-            })
-            .collect();
+        let views: Vec<PosedFrame> =
+            maps.iter().map(|map| PosedFrame::new(&frame, &map.camera, map.pose)).collect();
         let options = DenseOptions { target_vertices: Some(3000), ..Default::default() };
         let found = surface(&views, &maps, &options).unwrap();
         let of_all = found.support.iter().zip(&found.mesh.positions).filter(|(s, _)| s.frames == 6);

@@ -1,13 +1,13 @@
 //! One small scene through the whole stage: a textured bump seen by five cameras.
 
 use super::*;
-use crate::camera::Lens;
 use crate::geometry::Vector3;
+use crate::image::Frame;
 
 const SIZE: [usize; 2] = [96, 72];
 
 fn camera() -> CameraModel {
-    CameraModel { size: SIZE, focal: [90.0, 91.0], centre: [47.0, 36.0], lens: Lens::Pinhole }
+    CameraModel::pinhole(SIZE, [90.0, 91.0], [47.0, 36.0])
 }
 
 /// Height of the surface `z = height(x, y)`: a bump of 4 mm towards the cameras at z = 50.

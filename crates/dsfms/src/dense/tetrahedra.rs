@@ -4,7 +4,8 @@
 //! everywhere, so neighbouring cubes meet face to face and the surface has at most two triangles at
 //! an edge, whatever the values are.
 
-use super::volume::{BLOCK, EDGE, Volume};
+use super::grid::{BLOCK, EDGE};
+use super::volume::DistanceVolume;
 use crate::geometry::Point3;
 use rayon::prelude::*;
 
@@ -24,7 +25,7 @@ pub(super) struct Triangles {
 type Key = (u64, u64);
 
 /// The surface through all cubes whose eight corners have at least `min_support`.
-pub(super) fn extract(volume: &Volume, min_support: f32) -> Triangles {
+pub(super) fn extract(volume: &DistanceVolume, min_support: f32) -> Triangles {
     let faces: Vec<[Key; 3]> = (0..volume.blocks.len())
         .into_par_iter()
         .flat_map_iter(|b| block_faces(volume, b, min_support))
@@ -40,14 +41,14 @@ pub(super) fn extract(volume: &Volume, min_support: f32) -> Triangles {
 }
 
 /// Where the distance is zero on a grid edge, kept off its ends so that no triangle collapses.
-fn crossing(volume: &Volume, &(a, b): &Key) -> Point3 {
+fn crossing(volume: &DistanceVolume, &(a, b): &Key) -> Point3 {
     let (da, db) = (volume.distance[a as usize], volume.distance[b as usize]);
     let t = ((da / (da - db)) as f64).clamp(0.02, 0.98);
     let place = |c: u64| volume.position(c as usize / BLOCK, c as usize % BLOCK);
     place(a) + t * (place(b) - place(a))
 }
 
-fn block_faces(volume: &Volume, b: usize, min_support: f32) -> Vec<[Key; 3]> {
+fn block_faces(volume: &DistanceVolume, b: usize, min_support: f32) -> Vec<[Key; 3]> {
     let neighbours: [Option<usize>; 8] = std::array::from_fn(|n| {
         let at = volume.blocks[b];
         volume.find([0, 1, 2].map(|k| at[k] + (n >> k & 1) as i32))
@@ -118,14 +119,13 @@ fn cut(t: [(u64, f32); 4], faces: &mut Vec<[Key; 3]>) {
 mod tests {
     use super::*;
     use crate::mesh::{Mesh, Topology};
-    use std::sync::Arc;
 
     /// A ball of radius `r` about the centre of 4x4x4 blocks, grid edge 1.
-    fn ball(r: f64) -> Volume {
+    fn ball(r: f64) -> DistanceVolume {
         let blocks: Vec<[i32; 3]> =
             (0..64).map(|i| [i / 16 - 2, i / 4 % 4 - 2, i % 4 - 2]).collect();
         let n = blocks.len() * BLOCK;
-        let mut volume = Volume {
+        let mut volume = DistanceVolume {
             voxel: 1.0,
             blocks,
             distance: vec![0.0; n],
@@ -145,7 +145,7 @@ mod tests {
         let topology = Topology::new(surface.positions.len(), surface.faces).unwrap();
         assert_eq!(topology.euler_characteristic(), 2);
         assert!(topology.boundary.iter().all(|&b| !b));
-        let mesh = Mesh { topology: Arc::new(topology), positions: surface.positions };
+        let mesh = Mesh { topology: topology.into(), positions: surface.positions };
         let volume: f64 = (0..mesh.topology.faces.len())
             .map(|f| {
                 let [a, b, c] = mesh.corners(f);

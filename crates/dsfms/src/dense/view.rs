@@ -2,7 +2,7 @@
 
 use super::{DenseError, PosedFrame};
 use crate::camera::{Camera, CameraModel, Lens};
-use crate::geometry::{Isometry, Point2, Point3};
+use crate::geometry::{Point2, Point3};
 use crate::image::exposure::SATURATED;
 use crate::image::{Frame, Mask};
 use rayon::prelude::*;
@@ -23,12 +23,9 @@ pub(super) struct Image {
 
 /// A frame at all levels, with its pose and outlines.
 #[derive(Clone, Debug)]
-pub(super) struct Pyramid<'a> {
+pub(super) struct StereoPyramid<'a> {
     pub levels: Vec<Image>,
-    pub pose: Isometry,
-    pub camera: &'a CameraModel,
-    pub valid: Option<&'a Mask>,
-    pub organ: Option<&'a Mask>,
+    pub posed: PosedFrame<'a>,
 }
 
 /// Scale from frame to working resolution that keeps the depth grids of all frames within
@@ -42,7 +39,7 @@ pub(super) fn working_scale(views: &[PosedFrame], max_pixels: usize) -> f64 {
     (max_pixels as f64 / total.max(1.0)).sqrt().min(1.0)
 }
 
-impl<'a> Pyramid<'a> {
+impl<'a> StereoPyramid<'a> {
     /// Undistort, scale and halve; sizes are checked.
     pub fn new(view: &PosedFrame<'a>, scale: f64) -> Result<Self, DenseError> {
         check_sizes(view)?;
@@ -52,8 +49,7 @@ impl<'a> Pyramid<'a> {
             let half = halved(&levels[level - 1]);
             levels.push(half);
         }
-        let (camera, valid, organ) = (view.camera, view.valid, view.organ);
-        Ok(Self { levels, pose: view.pose, camera, valid, organ })
+        Ok(Self { levels, posed: *view })
     }
 
     /// Camera of a level as a [`CameraModel`].
@@ -72,16 +68,7 @@ impl<'a> Pyramid<'a> {
         let Image { size, k, .. } = &self.levels[1];
         let (u, v) = ((pixel % size[0]) as f64, (pixel / size[0]) as f64);
         let ray = Point3::new((u - k[2]) / k[0], (v - k[3]) / k[1], 1.0);
-        let Some(hit) = self.camera.project(&ray) else { return false };
-        let [w, h] = self.camera.size.map(|s| s as f64 - 1.0);
-        let p = hit.pixel;
-        let within = p.x >= 0.0 && p.y >= 0.0 && p.x <= w && p.y <= h;
-        within && [self.valid, self.organ].into_iter().flatten().all(|m| m.at_pixel(&p))
-    }
-
-    /// Centre of projection in the world.
-    pub fn centre(&self) -> Point3 {
-        self.pose.inverse_transform_point(&Point3::origin())
+        self.posed.usable_pixel(&ray).is_some()
     }
 }
 
@@ -238,7 +225,7 @@ pub(super) fn bilinear(data: &[f32], size: [usize; 2], x: f32, y: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Vector3;
+    use crate::geometry::{Isometry, Vector3};
 
     fn camera(lens: Lens) -> CameraModel {
         CameraModel { size: [64, 48], focal: [60.0, 61.0], centre: [30.0, 25.0], lens }
@@ -255,12 +242,12 @@ mod tests {
             valid: None,
             organ: None,
         };
-        let pyramid = Pyramid::new(&view, 1.0).unwrap();
+        let pyramid = StereoPyramid::new(&view, 1.0).unwrap();
         assert_eq!(pyramid.levels[0].size, [64, 48]);
         assert_eq!(pyramid.levels[1].size, [32, 24]);
         // Two pixels at centres 30 and 31 become one at 15.
         assert!((pyramid.levels[1].k[2] - 14.75).abs() < 1e-12);
-        assert!((pyramid.centre().coords - Vector3::new(0.0, 0.0, -1.0)).norm() < 1e-12);
+        assert!((pyramid.posed.centre().coords - Vector3::new(0.0, 0.0, -1.0)).norm() < 1e-12);
         assert!((pyramid.levels[2].grey[5] - 100.0 / 255.0).abs() < 1e-5);
     }
 
@@ -284,7 +271,7 @@ mod tests {
         let pose = Isometry::identity();
         let view =
             PosedFrame { frame: &frame, camera: &camera, pose, valid: None, organ: Some(&mask) };
-        let error = Pyramid::new(&view, 1.0).unwrap_err().to_string();
+        let error = StereoPyramid::new(&view, 1.0).unwrap_err().to_string();
         assert!(error.contains("f7") && error.contains("organ mask"), "{error}");
     }
 }

@@ -4,23 +4,20 @@
 //! within the truncation distance of its plane, and, with less weight, about the free space before
 //! it; never about what lies behind.
 
-use super::observe::{Evidence, View, average};
+use super::grid::{self, BLOCK, EDGE};
+use super::observe::{DistanceEvidence, ObservedView, average};
 use super::options::MOST_VERTICES;
-use super::{DenseOptions, DepthMap, PosedFrame, grid};
+use super::{DenseOptions, DepthMap, PosedFrame};
 use crate::geometry::{Point3, median};
 use rayon::prelude::*;
 
-/// Grid points along the edge of a block.
-pub(super) const EDGE: usize = 8;
-/// Grid points in a block.
-pub(super) const BLOCK: usize = EDGE * EDGE * EDGE;
 /// Truncation distance in grid edges.
 const TRUNCATION: f64 = 3.0;
 /// Depth pixels (every second along rows and columns) of a cell that counts as surface.
 const FILLED_CELL: usize = 9;
 
 /// The grid: world position of grid point `g` of block `b` is `voxel * (8 b + g)`.
-pub(super) struct Volume {
+pub(super) struct DistanceVolume {
     pub voxel: f64,
     /// Block coordinates, ascending.
     pub blocks: Vec<[i32; 3]>,
@@ -29,22 +26,23 @@ pub(super) struct Volume {
     /// Trust of the frames that see a surface here, summed.
     pub support: Vec<f32>,
     /// What the frames say of the distance.
-    pub evidence: Vec<Evidence>,
+    pub evidence: Vec<DistanceEvidence>,
 }
 
-impl Volume {
+impl DistanceVolume {
     /// Allocate around the depth maps and average them; the distances are those of the evidence.
     pub fn fuse(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptions) -> Self {
         let voxel = options
             .voxel
             .unwrap_or_else(|| voxel_edge(maps, options.target_vertices.unwrap_or(MOST_VERTICES)));
         let blocks = widened(&allocate(maps, voxel));
-        let lenses: Vec<View> = views.iter().zip(maps).map(|(v, m)| View::new(v, m)).collect();
+        let lenses: Vec<ObservedView> =
+            views.iter().zip(maps).map(|(v, m)| ObservedView::new(v, m)).collect();
         let mut volume = Self {
             voxel,
             distance: vec![0.0; blocks.len() * BLOCK],
             support: vec![0.0; blocks.len() * BLOCK],
-            evidence: vec![Evidence::default(); blocks.len() * BLOCK],
+            evidence: vec![DistanceEvidence::default(); blocks.len() * BLOCK],
             blocks,
         };
         let blocks = &volume.blocks;

@@ -32,7 +32,7 @@ struct Ring {
 }
 
 /// The rotation of a ring and what its derivative needs.
-struct Fit {
+struct RingFit {
     rotation: Matrix3<f64>,
     /// `R (tr S · I − S)⁻¹ Rᵀ` for `M = R S`: from the moment of a change of `M` to the turn of `R`.
     compliance: Matrix3<f64>,
@@ -58,7 +58,7 @@ impl Arap {
 
 impl Ring {
     /// The best rotation; infeasible where the ring has collapsed to a line and no rotation is best.
-    fn fit(&self, v: &[Point3]) -> Result<Fit, Infeasible> {
+    fn fit(&self, v: &[Point3]) -> Result<RingFit, Infeasible> {
         let terms = self.edges.iter().zip(&v[1..]).zip(&self.weights);
         let moment: Matrix3<f64> = terms.map(|((e, x), &w)| (x - v[0]) * e.transpose() * w).sum();
         let svd = moment.try_svd(true, true, f64::EPSILON, 100).ok_or(Infeasible)?;
@@ -75,7 +75,7 @@ impl Ring {
         }
         let rotation = u * Matrix3::from_diagonal(&sign) * v_t;
         let compliance = u * Matrix3::from_diagonal(&stiffness.map(|k| 1.0 / k)) * u.transpose();
-        Ok(Fit { rotation, compliance })
+        Ok(RingFit { rotation, compliance })
     }
 }
 

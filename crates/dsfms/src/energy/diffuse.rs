@@ -107,19 +107,14 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Diffuse<'_, C, L> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{CameraModel, Lens};
+    use crate::camera::CameraModel;
     use crate::energy::check::{assert_jacobian, bent_patch};
     use crate::light::LightModel;
 
     #[test]
     fn derivative() {
         let mesh = bent_patch();
-        let camera = CameraModel {
-            size: [64, 48],
-            focal: [100.0, 110.0],
-            centre: [31.2, 23.3],
-            lens: Lens::Pinhole,
-        };
+        let camera = CameraModel::pinhole([64, 48], [100.0, 110.0], [31.2, 23.3]);
         // A slanted image: bilinear sampling is then smooth everywhere.
         let data = (0..64 * 48).map(|i| 0.001 * (i % 64) as f32 + 0.004 * (i / 64) as f32);
         let data = data.map(|v| [v, 0.5 * v, 1.0 - v]).collect();

@@ -3,10 +3,10 @@
 //! `F = [x₁−x₀, x₂−x₀] D⁻¹` maps the rest face's own plane to the deformed face and `C = FᵀF` is its
 //! metric: anisotropy, shearing and stretch are functions of `C` alone, so they ignore rigid motion.
 
-use super::Infeasible;
+use super::{EnergyTerm, Infeasible, Jacobian};
 use crate::geometry::{Point3, Vector3};
 use crate::mesh::Mesh;
-use nalgebra::Matrix2;
+use nalgebra::{Matrix2, SVector};
 
 /// Rest faces: their inverse edge matrices and weights.
 #[derive(Clone, Debug)]
@@ -38,7 +38,10 @@ impl RestFaces {
     }
 
     /// The metric of face `f` at the given corners; infeasible where the face has collapsed.
-    pub fn metric(&self, f: usize, corners: &[Point3]) -> Result<Metric, Infeasible> {
+    ///
+    /// # Errors
+    /// [`Infeasible`].
+    pub fn metric(&self, f: usize, corners: &[Point3]) -> Result<FaceMetric, Infeasible> {
         let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
         let d = &self.inverse[f];
         let f1 = e1 * d[(0, 0)] + e2 * d[(1, 0)];
@@ -48,13 +51,13 @@ impl RestFaces {
         if determinant.is_nan() || determinant <= 1e-12 {
             return Err(Infeasible);
         }
-        Ok(Metric { f1, f2, c11, c12, c22, root: determinant.sqrt(), inverse: *d })
+        Ok(FaceMetric { f1, f2, c11, c12, c22, root: determinant.sqrt(), inverse: *d })
     }
 }
 
 /// `C` of one face and what its derivatives need.
 #[derive(Clone, Copy, Debug)]
-pub struct Metric {
+pub struct FaceMetric {
     f1: Vector3,
     f2: Vector3,
     /// `C₁₁`.
@@ -68,7 +71,7 @@ pub struct Metric {
     inverse: Matrix2<f64>,
 }
 
-impl Metric {
+impl FaceMetric {
     /// Gradient with respect to the three corners of a function of `C`, given its partial
     /// derivatives `[∂C₁₁, ∂C₁₂, ∂C₂₂]`.
     pub fn pull_back(&self, d: [f64; 3]) -> [Vector3; 3] {
@@ -78,6 +81,66 @@ impl Metric {
         let third = g1 * self.inverse[(1, 0)] + g2 * self.inverse[(1, 1)];
         [-(second + third), second, third]
     }
+}
+
+/// A term of the metric of every face, weighted by `w_f²`: its formula, and nothing else.
+pub trait FaceTerm<const R: usize>: Send + Sync {
+    /// Rest metric and weights.
+    fn rest(&self) -> &RestFaces;
+
+    /// Every row of the residual of a face with its partial derivatives `[∂C₁₁, ∂C₁₂, ∂C₂₂]`.
+    fn rows(m: &FaceMetric) -> [(f64, [f64; 3]); R];
+}
+
+impl<const R: usize, T: FaceTerm<R>> EnergyTerm<R> for T {
+    fn count(&self) -> usize {
+        self.rest().faces.len()
+    }
+
+    fn stencil(&self, i: usize) -> &[u32] {
+        &self.rest().faces[i]
+    }
+
+    fn weight(&self, i: usize) -> f64 {
+        self.rest().weight[i]
+    }
+
+    fn residual(
+        &self,
+        i: usize,
+        v: &[Point3],
+        _: &[f64],
+        jacobian: Option<Jacobian<'_, R>>,
+    ) -> Result<SVector<f64, R>, Infeasible> {
+        let metric = self.rest().metric(i, v)?;
+        let rows = T::rows(&metric);
+        if let Some(j) = jacobian {
+            for (row, (_, partial)) in rows.iter().enumerate() {
+                for (to, g) in j.vertices.iter_mut().zip(metric.pull_back(*partial)) {
+                    to.set_row(row, &g.transpose());
+                }
+            }
+        }
+        Ok(SVector::from(rows.map(|(value, _)| value)))
+    }
+}
+
+/// A face with a right angle between edges of length one.
+#[cfg(test)]
+pub(super) fn right_angle() -> RestFaces {
+    let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(Point3::from);
+    let mesh = Mesh::new(corners.to_vec(), vec![[0, 1, 2]]).expect("one face");
+    RestFaces::new(&mesh, 0.5)
+}
+
+/// Value of a term on [`right_angle`] with its second and third corner moved here.
+#[cfg(test)]
+pub(super) fn moved<const R: usize>(
+    term: &impl EnergyTerm<R>,
+    [b, c]: [[f64; 2]; 2],
+) -> SVector<f64, R> {
+    let corners = [[0.0; 2], b, c].map(|[x, y]| Point3::new(x, y, 0.0));
+    term.residual(0, &corners, &[], None).expect("no collapse")
 }
 
 #[cfg(test)]

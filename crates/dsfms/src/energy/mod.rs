@@ -29,7 +29,7 @@ pub use anisotropy::Anisotropy;
 pub use arap::Arap;
 pub use boundary::Boundary;
 pub use diffuse::Diffuse;
-pub use face::RestFaces;
+pub use face::{FaceTerm, RestFaces};
 pub use globals::GlobalsPrior;
 pub use isometric::Isometric;
 pub use motion::Motion;

@@ -52,16 +52,11 @@ impl<C: Camera> EnergyTerm<2> for Motion<'_, C> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{CameraModel, Lens};
+    use crate::camera::CameraModel;
     use crate::energy::check::{assert_jacobian, bent_patch};
 
     fn camera() -> CameraModel {
-        CameraModel {
-            size: [64, 48],
-            focal: [100.0, 110.0],
-            centre: [31.0, 23.0],
-            lens: Lens::Pinhole,
-        }
+        CameraModel::pinhole([64, 48], [100.0, 110.0], [31.0, 23.0])
     }
 
     #[test]

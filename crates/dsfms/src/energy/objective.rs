@@ -7,7 +7,7 @@ use super::EnergyTerm;
 use crate::geometry::{Point3, Vector3};
 use crate::solver::normal_equations::Accumulator;
 use crate::solver::{Loss, NormalEquations, Options, Pattern, Problem, Step, Summary, minimize};
-use known::Known;
+use known::KnownSlots;
 use rayon::prelude::*;
 use weighted::{Weighted, WeightedTerm};
 
@@ -61,14 +61,14 @@ pub struct Objective<'a> {
 /// to solve over the same mesh; an objective that it does not fit makes it again.
 #[derive(Default)]
 pub struct Workspace {
-    system: Option<System>,
+    system: Option<StripedSystem>,
 }
 
-struct System {
+struct StripedSystem {
     equations: NormalEquations,
     stripes: Vec<Accumulator>,
-    near: Known,
-    smooth: Known,
+    near: KnownSlots,
+    smooth: KnownSlots,
 }
 
 impl Workspace {
@@ -80,16 +80,18 @@ impl Workspace {
         stencils: impl Iterator<Item = &'s [u32]>,
     ) -> Self {
         let near = Pattern::new(vertices, stencils);
-        Self { system: Some(System::new(near, Pattern::new(vertices, [].into_iter()), globals)) }
+        Self {
+            system: Some(StripedSystem::new(near, Pattern::new(vertices, [].into_iter()), globals)),
+        }
     }
 }
 
-impl System {
+impl StripedSystem {
     fn new(near: Pattern, smooth: Pattern, globals: usize) -> Self {
         let stripes = vec![Accumulator::new(&near, globals); STRIPES];
         let equations = NormalEquations::new(near, smooth, globals)
             .expect("a pattern built from stencils is well formed");
-        Self { equations, stripes, near: Known::default(), smooth: Known::default() }
+        Self { equations, stripes, near: KnownSlots::default(), smooth: KnownSlots::default() }
     }
 }
 
@@ -177,8 +179,8 @@ impl<'a> Objective<'a> {
     }
 
     /// Find the blocks of every term; `false` where one has none.
-    fn locate(&mut self, system: &System) -> bool {
-        let System { equations, near, smooth, .. } = system;
+    fn locate(&mut self, system: &StripedSystem) -> bool {
+        let StripedSystem { equations, near, smooth, .. } = system;
         let locate = |(place, term): (usize, &mut Box<dyn Weighted + 'a>)| {
             let (pattern, known) = match term.is_isotropic() {
                 true => (equations.smooth(), smooth),
@@ -213,7 +215,7 @@ impl<'a> Objective<'a> {
     }
 
     /// A system for the terms, and for those that an earlier one was made for.
-    fn analyse(&self, earlier: Option<&NormalEquations>) -> System {
+    fn analyse(&self, earlier: Option<&NormalEquations>) -> StripedSystem {
         let pattern = |isotropic: bool| {
             let terms = self.terms.iter().filter(move |t| t.is_isotropic() == isotropic);
             let stencils = terms.flat_map(|t| (0..t.count()).map(|i| t.stencil(i)));
@@ -223,7 +225,7 @@ impl<'a> Objective<'a> {
         if let Some(earlier) = earlier {
             (near, smooth) = (near.union(earlier.near()), smooth.union(earlier.smooth()));
         }
-        System::new(near, smooth, self.globals)
+        StripedSystem::new(near, smooth, self.globals)
     }
 }
 

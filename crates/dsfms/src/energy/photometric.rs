@@ -188,7 +188,7 @@ fn interpolate(sums: &[Vector3; 3], b: &[f64; 3]) -> (Vector3, f64) {
 }
 
 /// A sample on a shape.
-struct Seen {
+struct SeenSample {
     intensity: f64,
     shade: f64,
 }
@@ -207,7 +207,7 @@ impl<'a, C: Camera, L: Light> Photometric<'a, C, L> {
 
     /// Robust log gain of the image over the prediction for an ambient light; 0 without samples.
     pub fn log_gain(&self, topology: &Topology, shape: &[Point3], ambient: f64) -> f64 {
-        let ratio = |(sample, seen): (&Sample, Seen)| {
+        let ratio = |(sample, seen): (&Sample, SeenSample)| {
             let Brightness { albedo, white, .. } = sample.brightness;
             let ratio = (seen.intensity - ambient * white) / (albedo * seen.shade);
             (ratio > 0.0 && ratio.is_finite()).then(|| ratio.ln())
@@ -231,7 +231,7 @@ impl<'a, C: Camera, L: Light> Photometric<'a, C, L> {
         sum / f64::max(count, 1.0)
     }
 
-    fn on(&self, topology: &Topology, shape: &[Point3]) -> Vec<(&Sample, Seen)> {
+    fn on(&self, topology: &Topology, shape: &[Point3]) -> Vec<(&Sample, SeenSample)> {
         let normals = vertex_normals(topology, shape);
         let seen = |sample: &'_ Sample| {
             let corners = topology.faces[sample.face as usize].map(|v| v as usize);
@@ -241,7 +241,7 @@ impl<'a, C: Camera, L: Light> Photometric<'a, C, L> {
             let (intensity, _) = self.image.mixed(&pixel, &sample.brightness.weights)?;
             let normal = corners.iter().zip(sample.barycentric).map(|(&v, b)| normals[v] * b);
             let normal = sample.lift.turn * normal.sum::<Vector3>().try_normalize(0.0)?;
-            Some(Seen { intensity, shade: self.light.shade(&point, &normal).value })
+            Some(SeenSample { intensity, shade: self.light.shade(&point, &normal).value })
         };
         self.samples.par_iter().filter_map(|sample| Some((sample, seen(sample)?))).collect()
     }
@@ -303,7 +303,7 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Photometric<'_, C, L> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{CameraModel, Lens};
+    use crate::camera::CameraModel;
     use crate::energy::check::{assert_jacobian, bent_patch};
     use crate::light::{LightModel, PointLight, Spot};
     use nalgebra::Rotation3;
@@ -311,12 +311,7 @@ mod tests {
     #[test]
     fn derivative() {
         let mesh = bent_patch();
-        let camera = CameraModel {
-            size: [64, 48],
-            focal: [100.0, 110.0],
-            centre: [31.2, 23.3],
-            lens: Lens::Pinhole,
-        };
+        let camera = CameraModel::pinhole([64, 48], [100.0, 110.0], [31.2, 23.3]);
         // A slanted image: bilinear sampling is then smooth everywhere.
         let data = (0..64 * 48).map(|i| 0.001 * (i % 64) as f32 + 0.004 * (i / 64) as f32);
         let data = data.map(|v| [v, 0.5 * v, 1.0 - v]).collect();

@@ -54,18 +54,13 @@ impl<C: Camera> EnergyTerm<2> for Reprojection<'_, C> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{CameraModel, Lens};
+    use crate::camera::CameraModel;
     use crate::energy::check::{assert_jacobian, bent_patch};
 
     #[test]
     fn derivative_and_rest_minimum() {
         let mesh = bent_patch();
-        let camera = CameraModel {
-            size: [64, 48],
-            focal: [90.0, 95.0],
-            centre: [30.0, 22.0],
-            lens: Lens::Pinhole,
-        };
+        let camera = CameraModel::pinhole([64, 48], [90.0, 95.0], [30.0, 22.0]);
         let term = Reprojection::at(&camera, &mesh.positions, 0..25);
         assert_jacobian(&term, &mesh.positions, &[]);
         assert_eq!(term.residual(3, &mesh.positions[3..4], &[], None).unwrap().norm(), 0.0);

@@ -1,9 +1,8 @@
 //! Shearing of eq. 3, in the scale-invariant form with a barrier at collapse:
 //! `b = C₁₂ / √det C`, dimensionless, 0 for a conformal map (whatever its scale).
 
-use super::{EnergyTerm, Infeasible, Jacobian, RestFaces};
-use crate::geometry::Point3;
-use nalgebra::SVector;
+use super::RestFaces;
+use super::face::{FaceMetric, FaceTerm};
 
 /// Shearing of every face, weighted by `w_f²`.
 #[doc(alias("eq. 3", "conformal prior"))]
@@ -13,64 +12,36 @@ pub struct Shearing<'a> {
     pub rest: &'a RestFaces,
 }
 
-impl EnergyTerm<1> for Shearing<'_> {
-    fn count(&self) -> usize {
-        self.rest.faces.len()
+impl FaceTerm<1> for Shearing<'_> {
+    fn rest(&self) -> &RestFaces {
+        self.rest
     }
 
-    fn stencil(&self, i: usize) -> &[u32] {
-        &self.rest.faces[i]
-    }
-
-    fn weight(&self, i: usize) -> f64 {
-        self.rest.weight[i]
-    }
-
-    fn residual(
-        &self,
-        i: usize,
-        v: &[Point3],
-        _: &[f64],
-        jacobian: Option<Jacobian<'_, 1>>,
-    ) -> Result<SVector<f64, 1>, Infeasible> {
-        let m = self.rest.metric(i, v)?;
+    fn rows(m: &FaceMetric) -> [(f64, [f64; 3]); 1] {
         let value = m.c12 / m.root;
-        if let Some(j) = jacobian {
-            let (inverse, q) = (1.0 / m.root, value / (m.root * m.root));
-            let gradient = m.pull_back([-q * 0.5 * m.c22, inverse + q * m.c12, -q * 0.5 * m.c11]);
-            for (to, g) in j.vertices.iter_mut().zip(gradient) {
-                *to = g.transpose();
-            }
-        }
-        Ok(SVector::from([value]))
+        let (inverse, q) = (1.0 / m.root, value / (m.root * m.root));
+        [(value, [-q * 0.5 * m.c22, inverse + q * m.c12, -q * 0.5 * m.c11])]
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::face::{moved, right_angle};
     use super::*;
-    use crate::energy::check::{assert_jacobian, bent_patch};
+    use crate::energy::check::{assert_jacobian, bent_patch, warped};
 
     #[test]
     fn derivative() {
         let mesh = bent_patch();
         let rest = RestFaces::new(&mesh, 7.0);
-        let bent: Vec<_> = mesh
-            .positions
-            .iter()
-            .map(|p| Point3::new(1.1 * p.x, p.y + 0.1 * p.x, p.z + 0.02 * p.x * p.y))
-            .collect();
-        assert_jacobian(&Shearing { rest: &rest }, &bent, &[]);
+        assert_jacobian(&Shearing { rest: &rest }, &warped(&mesh, 0.1), &[]);
     }
 
     #[test]
     fn one_face_by_hand() {
-        let (a, b, c) = (Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(0.0, 1.0, 0.0));
-        let mesh = crate::mesh::Mesh::new(vec![a, b, c], vec![[0, 1, 2]]).expect("one face");
-        let rest = RestFaces::new(&mesh, 0.5);
-        let term = Shearing { rest: &rest };
-        let at = |b: Point3, c: Point3| term.residual(0, &[a, b, c], &[], None).unwrap()[0];
-        assert_eq!(at(b * 3.0, c * 3.0), 0.0);
-        assert!((at(b, Point3::new(0.5, 1.0, 0.0)) - 0.5).abs() < 1e-15);
+        let rest = right_angle();
+        let at = |b, c| moved(&Shearing { rest: &rest }, [b, c])[0];
+        assert_eq!(at([3.0, 0.0], [0.0, 3.0]), 0.0);
+        assert!((at([1.0, 0.0], [0.5, 1.0]) - 0.5).abs() < 1e-15);
     }
 }

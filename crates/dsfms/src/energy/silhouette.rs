@@ -76,18 +76,13 @@ impl<C: Camera> EnergyTerm<1> for Silhouette<'_, C> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{CameraModel, Lens};
+    use crate::camera::CameraModel;
     use crate::energy::check::{assert_jacobian, bent_patch};
 
     #[test]
     fn derivative_and_value() {
         let mesh = bent_patch();
-        let camera = CameraModel {
-            size: [64, 48],
-            focal: [100.0, 110.0],
-            centre: [31.2, 23.3],
-            lens: Lens::Pinhole,
-        };
+        let camera = CameraModel::pinhole([64, 48], [100.0, 110.0], [31.2, 23.3]);
         // The outline is the column x = 30.
         let data = (0..64 * 48).map(|i| (i % 64) as f32 - 30.0).collect();
         let distance = Plane { size: [64, 48], data };

@@ -87,6 +87,7 @@ pub fn align_surfaces(
     kind: Alignment,
     start: Similarity,
 ) -> Option<Similarity> {
+    /// A bound on time.
     const ROUNDS: usize = 40;
     let surface = ClosestPoints::new(truth);
     let mut fit = start;

@@ -54,7 +54,7 @@ const LEAST_PX: f64 = 0.3;
 
 /// Features of all vertices.
 #[derive(Clone, Debug)]
-pub struct Features {
+pub struct ErrorFeatures {
     /// One row a vertex, columns as [`NAMES`]; all finite and, but for rounding, at least 0.
     pub values: Vec<[f64; COUNT]>,
     /// As [`super::ExpectedErrors::observed`].
@@ -64,7 +64,7 @@ pub struct Features {
 }
 
 /// Look at a reconstructed frame.
-pub fn features(solved: &Solved) -> Features {
+pub fn features(solved: &Solved) -> ErrorFeatures {
     let scene = solved.scene;
     let (mesh, radius) = (scene.rest, scene.radius().max(f64::MIN_POSITIVE));
     let topology = &*mesh.topology;
@@ -110,7 +110,7 @@ pub fn features(solved: &Solved) -> Features {
     };
     let observed = |v: usize| solved.visible[v] && to_match[v].min(to_shading[v]) <= REACH;
     let all = 0..topology.vertex_count;
-    Features {
+    ErrorFeatures {
         values: all.clone().map(row).collect(),
         observed: all.map(observed).collect(),
         radius,

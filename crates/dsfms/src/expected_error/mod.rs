@@ -11,7 +11,7 @@ pub mod model;
 use crate::geometry::Point3;
 use crate::refine::{Photograph, RefineOptions};
 use crate::register::{Match, Scene};
-pub use features::{COUNT, Features, NAMES, features};
+pub use features::{COUNT, ErrorFeatures, NAMES, features};
 pub use model::Model;
 
 /// A reconstructed frame and what it was made from.

@@ -18,7 +18,7 @@ pub fn plot(metric: Metric, rows: &[&Row]) -> String {
             arms.push(&r.arm);
         }
     });
-    let axes = Axes::of(metric, rows);
+    let axes = PlotAxes::of(metric, rows);
     let mut svg = axes.frame(metric);
     let mut ends = Vec::new();
     for (k, arm) in arms.iter().enumerate() {
@@ -47,7 +47,7 @@ pub fn plot(metric: Metric, rows: &[&Row]) -> String {
 }
 
 /// Ranges of the two axes.
-struct Axes {
+struct PlotAxes {
     left: f64,
     right: f64,
     top: f64,
@@ -55,7 +55,7 @@ struct Axes {
     extensions: Vec<f64>,
 }
 
-impl Axes {
+impl PlotAxes {
     fn of(metric: Metric, rows: &[&Row]) -> Self {
         let mut extensions: Vec<f64> = rows.iter().map(|r| r.cell.extension).collect();
         extensions.sort_by(f64::total_cmp);

@@ -39,7 +39,7 @@ pub fn run(
         total: cells.len() * plan.count,
         done: AtomicUsize::new(finished.len()),
         next: AtomicUsize::new(0),
-        state: Mutex::new(State { finished, file, error: None }),
+        state: Mutex::new(RunState { finished, file, error: None }),
     };
     progress.step("cases", shared.done.load(Ordering::Relaxed), shared.total);
     let workers = rayon::current_num_threads().min(missing.len());
@@ -67,7 +67,7 @@ fn open(path: &Path, plan: &Plan, finished: &Finished) -> Result<File, Experimen
     OpenOptions::new().append(true).open(path).map_err(|error| ExperimentError::io(path, error))
 }
 
-struct State {
+struct RunState {
     finished: Finished,
     file: File,
     error: Option<ExperimentError>,
@@ -81,7 +81,7 @@ struct Shared<'a> {
     total: usize,
     done: AtomicUsize,
     next: AtomicUsize,
-    state: Mutex<State>,
+    state: Mutex<RunState>,
 }
 
 impl Shared<'_> {

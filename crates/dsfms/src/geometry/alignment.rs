@@ -1,6 +1,6 @@
 //! Least-squares rigid and similarity alignment of corresponding points (Umeyama 1991).
 
-use super::{Isometry, Point3, Similarity, Vector3, median};
+use super::{Isometry, Loss, Point3, Similarity, Vector3, median};
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 
 /// The rigid motion `T` that minimises `Σ‖T·sourceᵢ − targetᵢ‖²`.
@@ -18,6 +18,7 @@ pub fn align_rigid(source: &[Point3], target: &[Point3]) -> Option<Isometry> {
 ///
 /// `None` as for [`align_rigid`].
 pub fn align_rigid_robust(source: &[Point3], target: &[Point3]) -> Option<Isometry> {
+    /// A bound on time.
     const ROUNDS: usize = 20;
     const SETTLED: f64 = 1e-6;
     let mut motion = align_rigid(source, target)?;
@@ -30,7 +31,7 @@ pub fn align_rigid_robust(source: &[Point3], target: &[Point3]) -> Option<Isomet
             break;
         }
         before = scale;
-        let weight = |d: &f64| (1.0 + (d / scale).powi(2)).powi(-2);
+        let weight = |d: &f64| Loss::GemanMcClure(1.0).evaluate((d / scale).powi(2)).1;
         let weights: Vec<f64> = distances.iter().map(weight).collect();
         motion = umeyama(source, target, &weights, false)?.isometry;
     }

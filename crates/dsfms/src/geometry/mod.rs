@@ -1,14 +1,16 @@
 //! Pure functions on points and numbers: triangles, barycentric coordinates, rigid and similarity
-//! alignment, medians, disjoint sets.
+//! alignment, medians, robust losses, disjoint sets.
 
 pub mod alignment;
 pub mod neighbours;
+pub mod robust;
 pub mod sets;
 pub mod statistics;
 pub mod triangle;
 
 pub use alignment::{align_rigid, align_rigid_robust, align_similarity};
 pub use neighbours::Neighbours;
+pub use robust::Loss;
 pub use sets::DisjointSets;
 pub use statistics::{centre_and_spread, median};
 pub use triangle::{area, area_normal, barycentric, normal, point_at};

@@ -21,7 +21,7 @@ pub struct ColorImage {
 }
 
 /// Where a place lies among the pixels.
-struct Around<'a> {
+struct FourPixels<'a> {
     /// The nearest place inside the image.
     inside: Point2,
     /// The four pixels about it, row by row.
@@ -48,7 +48,7 @@ impl ColorImage {
     /// px). Outside the image the edge goes on, without slope across it; `None` where `p` is not a
     /// number.
     pub fn mixed(&self, p: &Point2, weights: &[f64; 3]) -> Option<(f64, Vector2)> {
-        let Around { inside, pixels, between: [u, v] } = self.around(p)?;
+        let FourPixels { inside, pixels, between: [u, v] } = self.around(p)?;
         let at = |pixel: &[f32; 3]| -> f64 {
             weights.iter().zip(pixel).map(|(w, &c)| w * f64::from(c)).sum()
         };
@@ -64,14 +64,14 @@ impl ColorImage {
 
     /// Bilinear value of every channel; outside the image and for no number as [`mixed`](Self::mixed).
     pub fn sampled(&self, p: &Point2) -> Option<[f64; 3]> {
-        let Around { pixels: [a, b, c, d], between: [u, v], .. } = self.around(p)?;
+        let FourPixels { pixels: [a, b, c, d], between: [u, v], .. } = self.around(p)?;
         Some(std::array::from_fn(|k| {
             let [a, b, c, d] = [a, b, c, d].map(|pixel| f64::from(pixel[k]));
             (1.0 - v) * ((1.0 - u) * a + u * b) + v * ((1.0 - u) * c + u * d)
         }))
     }
 
-    fn around(&self, p: &Point2) -> Option<Around<'_>> {
+    fn around(&self, p: &Point2) -> Option<FourPixels<'_>> {
         let [w, h] = self.size.map(|n| n as f64 - 1.0);
         let inside = Point2::new(p.x.clamp(0.0, w), p.y.clamp(0.0, h));
         if inside.x.is_nan() || inside.y.is_nan() {
@@ -83,7 +83,7 @@ impl ColorImage {
         let (right, below) = ((x + 1).min(width - 1), (y + 1).min(height - 1));
         let at = |x: usize, y: usize| &self.data[y * width + x];
         let pixels = [at(x, y), at(right, y), at(x, below), at(right, below)];
-        Some(Around { inside, pixels, between: [inside.x - x as f64, inside.y - y as f64] })
+        Some(FourPixels { inside, pixels, between: [inside.x - x as f64, inside.y - y as f64] })
     }
 
     /// Channel `c` (0 red, 1 green, 2 blue).

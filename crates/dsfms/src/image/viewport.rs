@@ -2,6 +2,7 @@
 
 use super::filter::blur;
 use super::{Frame, Mask, Plane};
+use crate::geometry::Loss;
 use rayon::prelude::*;
 
 /// Encoded value up to which a corner can be surround.
@@ -89,7 +90,7 @@ fn spread(frames: &[Frame]) -> impl Iterator<Item = &Frame> {
 /// First and last lit column, first and last lit row.
 type Bounds = [(usize, usize); 2];
 
-struct Found {
+struct FoundCircle {
     circle: Circle,
     bounds: Bounds,
 }
@@ -103,7 +104,7 @@ pub fn fit_viewport(frames: &[Frame]) -> Option<Circle> {
     find(frames).map(|found| found.circle)
 }
 
-fn find(frames: &[Frame]) -> Option<Found> {
+fn find(frames: &[Frame]) -> Option<FoundCircle> {
     let brightest = brightest(frames)?;
     let size = frames.first()?.size;
     let threshold = surround_level(&brightest, size)?;
@@ -111,7 +112,7 @@ fn find(frames: &[Frame]) -> Option<Found> {
     let lit = Mask { size, data }.erode(1.0).largest_component().dilate(1.0);
     let (rim, bounds) = rim(&lit);
     let circle = fit_robustly(&rim)?;
-    accepted(&circle, &rim, &brightest, size, threshold).then_some(Found { circle, bounds })
+    accepted(&circle, &rim, &brightest, size, threshold).then_some(FoundCircle { circle, bounds })
 }
 
 /// Largest channel over a selection of the frames, by pixel, with the noise of single pixels
@@ -190,7 +191,7 @@ fn fit_robustly(rim: &[[f64; 2]]) -> Option<Circle> {
         let before = circle;
         circle = fit_weighted(rim, |p| {
             let d = (p[0] - before.centre[0]).hypot(p[1] - before.centre[1]) - before.radius;
-            (1.0 + (d / scale).powi(2)).powi(-2)
+            Loss::GemanMcClure(1.0).evaluate((d / scale).powi(2)).1
         })?;
         scale = (0.8 * scale).max(2.0);
     }

@@ -40,6 +40,9 @@ pub enum AlbedoFileError {
 }
 
 /// Read an 8-bit albedo picture as linear RGB (the file is taken to be sRGB-encoded).
+///
+/// # Errors
+/// A file that is missing or no picture.
 pub fn read_albedo_image(path: &Path) -> Result<ColorImage, AlbedoFileError> {
     let wrong = |reason| AlbedoFileError::Unreadable { path: path.into(), reason };
     let bytes = guard::read(path).map_err(|e| wrong(e.to_string()))?;
@@ -52,6 +55,9 @@ pub fn read_albedo_image(path: &Path) -> Result<ColorImage, AlbedoFileError> {
 
 /// Read one linear value (`grey`, or `r,g,b`) per vertex, in `[0, 1]`, in the mesh's order. A first
 /// line that is no number is a header; empty lines and lines with `#` are skipped.
+///
+/// # Errors
+/// A file that is missing, a line that is no value in `[0, 1]`, or another number of values.
 pub fn read_albedo_csv(path: &Path, vertices: usize) -> Result<Vec<[f32; 3]>, AlbedoFileError> {
     let text = guard::read_text(path)
         .map_err(|e| AlbedoFileError::Unreadable { path: path.into(), reason: e.to_string() })?;

@@ -27,6 +27,9 @@ impl WriteError {
 /// Write a file so that its final name appears only once it is complete: `write` fills a temporary
 /// file in the same folder (created where missing), which is then flushed to disk and renamed over
 /// `path`. On any error the temporary file is removed and an older file of that name is untouched.
+///
+/// # Errors
+/// A file that cannot be written.
 pub fn write_atomic(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,

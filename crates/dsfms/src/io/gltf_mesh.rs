@@ -9,10 +9,10 @@
 mod accessor;
 mod document;
 
-use super::mesh::{FormatError, MeshUnit, RawMesh};
+use super::raw_mesh::{FormatError, MeshUnit, RawMesh};
 use crate::geometry::{Point2, Point3};
 use accessor::Arrays;
-use document::{Node, Primitive};
+use document::{Primitive, SceneNode};
 use nalgebra::{Matrix4, Quaternion, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
 
@@ -66,7 +66,7 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<RawMesh, FormatError> {
 }
 
 /// A node's own transform: a matrix, or translation, rotation and scale.
-fn transform(node: &Node) -> Matrix4<f64> {
+fn transform(node: &SceneNode) -> Matrix4<f64> {
     if let Some(matrix) = node.matrix {
         return Matrix4::from_column_slice(&matrix);
     }

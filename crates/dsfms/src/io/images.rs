@@ -17,6 +17,9 @@ pub const EXTENSIONS: [&str; 5] = ["png", "jpg", "jpeg", "tif", "tiff"];
 /// The frames named by files, folders and patterns (`*` and `?` in the last component), in the
 /// order given; folders and patterns in natural name order. A folder gives the images directly in
 /// it whose stem does not contain `mask`.
+///
+/// # Errors
+/// A path that is not there, or a folder or pattern without images.
 pub fn find_frames(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, InputError> {
     let mut frames = Vec::new();
     for input in inputs {
@@ -56,6 +59,9 @@ fn non_empty(files: Vec<PathBuf>, path: &Path, expected: &str) -> Result<Vec<Pat
 
 /// One frame. 16-bit images are scaled to 8 bits, grey is repeated in all channels, alpha is
 /// dropped. The format is told from the content, not from the name.
+///
+/// # Errors
+/// A file that is missing, damaged, or of no known format.
 pub fn read_frame(path: &Path) -> Result<Frame, InputError> {
     let rgb = decode(path)?.to_rgb8();
     let size = [rgb.width() as usize, rgb.height() as usize];
@@ -113,6 +119,9 @@ pub fn read_frames(paths: &[PathBuf]) -> Result<Vec<Frame>, InputError> {
 }
 
 /// Check that the frames have the size of the camera read from `path`.
+///
+/// # Errors
+/// [`InputError::CameraSize`] of the first frame of another size.
 pub fn check_camera_size(
     frames: &[Frame],
     expected: [usize; 2],
@@ -136,6 +145,9 @@ pub(super) fn decode(path: &Path) -> Result<DynamicImage, InputError> {
 
 /// The picture in the bytes of a PNG, JPEG or TIFF file, upright as its EXIF orientation says; or what is
 /// wrong with it. At most 16384 px wide and high, and 512 MiB while it is decoded.
+///
+/// # Errors
+/// What is wrong with them.
 pub fn decode_bytes(bytes: &[u8]) -> Result<DynamicImage, String> {
     if bytes.is_empty() {
         return Err("the file has zero bytes".into());

@@ -172,6 +172,9 @@ fn mask_files(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
 /// 3. a file with the frame's number.
 ///
 /// The number is the last one in the stem. Files of another kind are never taken.
+///
+/// # Errors
+/// A folder that cannot be read, no such file, or several.
 pub fn find_mask(
     frame: &str,
     frame_path: Option<&Path>,

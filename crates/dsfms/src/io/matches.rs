@@ -15,6 +15,9 @@ const BARYCENTRIC_TOLERANCE: f64 = 1e-3;
 
 /// The match file of a frame: `source` itself when it is a file; in a folder the CSV with the
 /// frame's stem, else the only one with its number.
+///
+/// # Errors
+/// No such file, or several.
 pub fn find_matches(source: &Path, frame: &str) -> Result<PathBuf, InputError> {
     if source.is_file() {
         return Ok(source.into());
@@ -112,6 +115,9 @@ pub fn read_matches(path: &Path, faces: usize, size: [usize; 2]) -> Result<Vec<M
 }
 
 /// Write matches as [`read_matches`] reads them, every digit kept.
+///
+/// # Errors
+/// A file that cannot be written.
 pub fn write_matches(path: &Path, matches: &[Match]) -> Result<(), InputError> {
     let mut text = COLUMNS.join(",") + "\n";
     for m in matches {

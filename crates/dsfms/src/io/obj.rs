@@ -2,7 +2,7 @@
 //! where texture indices differ from vertex indices.
 
 use super::atomic::{WriteError, write_atomic};
-use super::mesh::{FormatError, MeshUnit, RawMesh, fan, polygon_warning};
+use super::raw_mesh::{FormatError, MeshUnit, RawMesh, fan, polygon_warning};
 use crate::geometry::{Point2, Point3};
 use crate::mesh::Mesh;
 use std::collections::BTreeMap;
@@ -10,7 +10,7 @@ use std::path::Path;
 
 /// Lines of an OBJ file that are understood, gathered.
 #[derive(Default)]
-struct Reader {
+struct ObjReader {
     mesh: RawMesh,
     texture: Vec<Point2>,
     uv: Vec<[Point2; 3]>,
@@ -20,7 +20,7 @@ struct Reader {
 
 pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, FormatError> {
     let text = String::from_utf8_lossy(bytes);
-    let mut reader = Reader::default();
+    let mut reader = ObjReader::default();
     for (number, line) in joined_lines(&text) {
         reader
             .line(&line)
@@ -50,7 +50,7 @@ fn joined_lines(text: &str) -> Vec<(usize, String)> {
     lines
 }
 
-impl Reader {
+impl ObjReader {
     fn line(&mut self, line: &str) -> Result<(), String> {
         if let Some(comment) = line.trim_start().strip_prefix('#') {
             self.mesh.unit = self.mesh.unit.or(MeshUnit::from_comment(comment));
@@ -156,6 +156,9 @@ const MATERIAL: &str = "organ";
 /// Write an OBJ with the mesh's vertex and face order, `# units …` in its first line. Texture coordinate
 /// `i` is that of vertex `i`, so that programs that number vertices by pairs keep their order; those that a
 /// vertex has besides, at a seam, stand behind.
+///
+/// # Errors
+/// A file that cannot be written.
 pub fn write_obj(
     path: &Path,
     mesh: &Mesh,
@@ -213,6 +216,9 @@ fn distinct(mesh: &Mesh, uv: &[[Point2; 3]]) -> (Vec<[f32; 2]>, Vec<[usize; 3]>)
 }
 
 /// Write the material of an OBJ: a diffuse picture, `picture` beside the file.
+///
+/// # Errors
+/// A file that cannot be written.
 pub fn write_mtl(path: &Path, picture: &str) -> Result<(), WriteError> {
     write_atomic(path, |w| {
         write!(

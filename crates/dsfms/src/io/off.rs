@@ -1,6 +1,6 @@
 //! OFF: counts, vertices, polygons, as text.
 
-use super::mesh::{FormatError, MeshUnit, RawMesh, fan, polygon_warning};
+use super::raw_mesh::{FormatError, MeshUnit, RawMesh, fan, polygon_warning};
 use crate::geometry::Point3;
 
 /// Numbers behind the corners of a face (its colour) are left out, as are those behind a vertex in

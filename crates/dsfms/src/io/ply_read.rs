@@ -1,6 +1,6 @@
 //! Reading PLY: ascii, binary little and big endian, any scalar types, further properties kept.
 
-use super::mesh::{FormatError, MeshUnit, RawMesh, fan, polygon_warning};
+use super::raw_mesh::{FormatError, MeshUnit, RawMesh, fan, polygon_warning};
 use crate::geometry::{Point2, Point3};
 use std::collections::BTreeMap;
 
@@ -36,7 +36,7 @@ struct Element {
     properties: Vec<Property>,
 }
 
-struct Header {
+struct PlyHeader {
     encoding: Encoding,
     elements: Vec<Element>,
     unit: Option<MeshUnit>,
@@ -48,7 +48,7 @@ fn malformed<T>(reason: String) -> Result<T, FormatError> {
 
 pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, FormatError> {
     let (header, start) = header(bytes)?;
-    let mut body = Body { bytes, at: start, encoding: header.encoding };
+    let mut body = PlyBody { bytes, at: start, encoding: header.encoding };
     let mut mesh = RawMesh { unit: header.unit, ..RawMesh::default() };
     let mut faces = Faces::default();
     for element in &header.elements {
@@ -62,8 +62,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, FormatError> {
     Ok(mesh)
 }
 
-fn header(bytes: &[u8]) -> Result<(Header, usize), FormatError> {
-    let mut header = Header { encoding: Encoding::Ascii, elements: Vec::new(), unit: None };
+fn header(bytes: &[u8]) -> Result<(PlyHeader, usize), FormatError> {
+    let mut header = PlyHeader { encoding: Encoding::Ascii, elements: Vec::new(), unit: None };
     let mut at = 0;
     loop {
         let Some(length) = bytes[at..].iter().position(|&b| b == b'\n') else {
@@ -86,7 +86,7 @@ fn header(bytes: &[u8]) -> Result<(Header, usize), FormatError> {
     }
 }
 
-fn header_line(header: &mut Header, line: &str) -> Result<(), FormatError> {
+fn header_line(header: &mut PlyHeader, line: &str) -> Result<(), FormatError> {
     let words: Vec<&str> = line.split_whitespace().collect();
     match words.as_slice() {
         ["format", "ascii", _] => header.encoding = Encoding::Ascii,
@@ -112,7 +112,7 @@ fn header_line(header: &mut Header, line: &str) -> Result<(), FormatError> {
 }
 
 fn push_property(
-    header: &mut Header,
+    header: &mut PlyHeader,
     line: &str,
     name: &str,
     value: Scalar,
@@ -140,7 +140,7 @@ fn scalar(name: &str) -> Result<Scalar, FormatError> {
 }
 
 /// The data after the header.
-struct Body<'a> {
+struct PlyBody<'a> {
     bytes: &'a [u8],
     at: usize,
     encoding: Encoding,
@@ -149,7 +149,7 @@ struct Body<'a> {
 /// `None` = the file ended.
 type Read<T> = Result<Option<T>, FormatError>;
 
-impl Body<'_> {
+impl PlyBody<'_> {
     fn scalar(&mut self, kind: Scalar) -> Read<f64> {
         if self.encoding == Encoding::Ascii {
             return self.word();
@@ -221,7 +221,7 @@ fn ended(element: &Element, row: usize) -> FormatError {
     FormatError::Truncated(format!("{} {row} of {}", element.name, element.count))
 }
 
-fn vertices(element: &Element, body: &mut Body, mesh: &mut RawMesh) -> Result<(), FormatError> {
+fn vertices(element: &Element, body: &mut PlyBody, mesh: &mut RawMesh) -> Result<(), FormatError> {
     let mut columns: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for row in 0..element.count {
         for property in &element.properties {
@@ -260,7 +260,7 @@ struct Faces {
     polygons: usize,
 }
 
-fn read_faces(element: &Element, body: &mut Body) -> Result<Faces, FormatError> {
+fn read_faces(element: &Element, body: &mut PlyBody) -> Result<Faces, FormatError> {
     let mut faces = Faces::default();
     for row in 0..element.count {
         let (mut corners, mut wedge) = (None, Vec::new());

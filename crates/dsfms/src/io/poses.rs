@@ -49,6 +49,9 @@ impl PoseList {
 
 /// Read the poses of a file; the format is told from its content. A folder is taken for a COLMAP
 /// model.
+///
+/// # Errors
+/// A file that is missing, of no known format, or without a pose.
 pub fn read_poses(path: &Path, list: PoseList) -> Result<Vec<NamedPose>, InputError> {
     if path.is_dir() {
         return read_poses(&file_in(path, "images")?, list);

@@ -1,7 +1,7 @@
 //! STL: a soup of triangles whose equal corners are merged exactly, in order of first appearance.
 
 use super::atomic::{WriteError, write_atomic};
-use super::mesh::{FormatError, MeshUnit, RawMesh};
+use super::raw_mesh::{FormatError, MeshUnit, RawMesh};
 use crate::geometry::{Point3, normal};
 use crate::mesh::Mesh;
 use crate::template::LengthUnit;
@@ -66,6 +66,9 @@ fn check_length(bytes: &[u8]) -> Result<(), FormatError> {
 
 /// Write a binary STL (single precision; STL knows no shared vertices, so their order is lost), with
 /// `dsfms units …` in its header.
+///
+/// # Errors
+/// A file that cannot be written.
 pub fn write_stl(path: &Path, mesh: &Mesh, unit: LengthUnit) -> Result<(), WriteError> {
     write_atomic(path, |w| {
         // Not "solid", which would be text; the unit where a reader of ours looks for it.

@@ -7,18 +7,19 @@
 //! programs.
 
 use super::atomic::{WriteError, Writing, old_prefix, parent, partial_prefix, share};
-use super::mesh::{MeshFileError, read_mesh};
+use super::mesh::read_mesh;
 use super::ply::{PlyExtras, Precision, write_ply};
+pub use super::template_error::TemplateFileError;
+use super::template_error::expect;
 pub use super::template_glb::{texture, vertex_colours};
-use super::template_manifest::{Counts, FileNote, Manifest, VERSION, VersionOnly};
+use super::template_manifest::{Counts, FileNote, MANIFEST, Manifest, VERSION, VersionOnly};
 use super::{template_arrays as arrays, template_glb, template_sparse};
 use crate::mesh::normals::vertex_normals;
 use crate::template::Template;
 use crate::template::usual::Usual;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-pub(super) const MANIFEST: &str = "template.toml";
 pub(super) const SURFACE: &str = "template.ply";
 pub(super) const ALBEDO: &str = "albedo.npz";
 pub(super) const FLATTENING: &str = "flattening.npz";
@@ -56,82 +57,6 @@ const CONTENT: [&str; 20] = [
     "organ_scribbles.json",
     "precision.json",
 ];
-
-/// Why a template could not be written or read.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum TemplateFileError {
-    /// The target exists and is something else.
-    #[error("{} exists and is not a template (no {MANIFEST} in it); choose another name or remove it first", path.display())]
-    NotATemplate {
-        /// The target.
-        path: PathBuf,
-    },
-    /// The target is a template that holds something else besides, which would go with it.
-    #[error("{} holds {name}, which is no part of a template and would be lost; move it elsewhere or choose another name", path.display())]
-    Foreign {
-        /// The target.
-        path: PathBuf,
-        /// The first such file.
-        name: String,
-    },
-    /// Nothing there, or not a directory.
-    #[error("no template at {}: expected a directory with {MANIFEST}; build one with 'dsfms template'", path.display())]
-    Missing {
-        /// The path asked for.
-        path: PathBuf,
-    },
-    /// The manifest is damaged.
-    #[error("template manifest {}: {reason}", path.display())]
-    Manifest {
-        /// The manifest.
-        path: PathBuf,
-        /// What the parser said.
-        reason: String,
-    },
-    /// Written by another version.
-    #[error("template {} has version {found}, this program reads version {VERSION}; build it again", path.display())]
-    Version {
-        /// The template.
-        path: PathBuf,
-        /// Its version.
-        found: u32,
-    },
-    /// A file of the template is missing, truncated or damaged.
-    #[error("template file {}: {reason}; build or copy the template again", path.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// What went wrong.
-        reason: String,
-    },
-    /// A file disagrees with the manifest.
-    #[error("template file {} holds {found} {what}, the manifest says {expected}; files of two templates were mixed", path.display())]
-    Count {
-        /// The file.
-        path: PathBuf,
-        /// What was counted.
-        what: &'static str,
-        /// In the manifest.
-        expected: usize,
-        /// In the file.
-        found: usize,
-    },
-    /// The surface is damaged.
-    #[error(transparent)]
-    Mesh(#[from] MeshFileError),
-    /// What was about to be written would not read back.
-    #[error("template {} was not written, since it would not read back: {source}", path.display())]
-    Unreadable {
-        /// The target.
-        path: PathBuf,
-        /// What reading it said.
-        source: Box<TemplateFileError>,
-    },
-    /// The operating system refused.
-    #[error(transparent)]
-    Write(#[from] WriteError),
-}
 
 /// Check, before any work, that a template can take this name: nothing is there, or a template and nothing
 /// but what [`write_template`] and the pages about it leave in one.
@@ -202,6 +127,9 @@ pub fn write_template(path: &Path, template: &Template) -> Result<(), TemplateFi
 }
 
 /// Write the surface of a template as one `.glb` for viewers: normals, UV, baked albedo.
+///
+/// # Errors
+/// A file that cannot be written.
 pub fn write_viewer(path: &Path, template: &Template) -> Result<(), WriteError> {
     template_glb::write(path, template)
 }
@@ -254,6 +182,14 @@ fn write_files(folder: &Path, template: &Template) -> Result<(), TemplateFileErr
     if !template.views.is_empty() {
         template_sparse::write(&note(SPARSE, "COLMAP text model of the exploration"), template)?;
     }
+    write_manifest(folder, template, files)
+}
+
+fn write_manifest(
+    folder: &Path,
+    template: &Template,
+    files: Vec<FileNote>,
+) -> Result<(), TemplateFileError> {
     let manifest = Manifest {
         version: VERSION,
         unit: template.unit,
@@ -377,19 +313,6 @@ fn read_manifest(folder: &Path) -> Result<Manifest, TemplateFileError> {
         return Err(TemplateFileError::Version { path, found: version.version });
     }
     toml::from_str(&text).map_err(|e| wrong(e.to_string()))
-}
-
-/// Compare a file with the manifest.
-pub(super) fn expect(
-    path: &Path,
-    what: &'static str,
-    expected: usize,
-    found: usize,
-) -> Result<(), TemplateFileError> {
-    if expected == found {
-        return Ok(());
-    }
-    Err(TemplateFileError::Count { path: path.to_path_buf(), what, expected, found })
 }
 
 #[cfg(test)]

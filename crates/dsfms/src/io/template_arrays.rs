@@ -2,7 +2,7 @@
 
 use super::atomic::{WriteError, write_atomic};
 use super::npz;
-use super::template::{TemplateFileError, expect};
+use super::template_error::{TemplateFileError, expect};
 use crate::geometry::Point2;
 use crate::mesh::Topology;
 use crate::template::{Features, Flattening, SurfaceTexels};
@@ -12,9 +12,9 @@ use std::io::{self, Cursor, Write};
 use std::path::Path;
 
 /// An npz under construction.
-struct Npz(NpzWriter<Cursor<Vec<u8>>>);
+struct OpenArrays(NpzWriter<Cursor<Vec<u8>>>);
 
-impl Npz {
+impl OpenArrays {
     fn write(
         path: &Path,
         fill: impl FnOnce(&mut Self) -> io::Result<()>,
@@ -38,12 +38,12 @@ impl Npz {
 }
 
 /// An npz being read; every failure names the file and the array.
-struct Reader<'a> {
+struct ArrayReader<'a> {
     path: &'a Path,
     npz: npz::Npz,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> ArrayReader<'a> {
     fn open(path: &'a Path) -> Result<Self, TemplateFileError> {
         let npz = npz::Npz::open(path).map_err(|reason| damaged(path, reason))?;
         Ok(Self { path, npz })
@@ -84,19 +84,19 @@ fn damaged(path: &Path, reason: String) -> TemplateFileError {
 }
 
 pub(super) fn write_seen(path: &Path, seen: &[u32]) -> Result<(), WriteError> {
-    Npz::write(path, |npz| npz.add("seen", seen.len(), seen.to_vec()))
+    OpenArrays::write(path, |npz| npz.add("seen", seen.len(), seen.to_vec()))
 }
 
 pub(super) fn read_seen(path: &Path) -> Result<Vec<u32>, TemplateFileError> {
-    Reader::open(path)?.list("seen")
+    ArrayReader::open(path)?.list("seen")
 }
 
 pub(super) fn write_sigma(path: &Path, sigma: &[f64]) -> Result<(), WriteError> {
-    Npz::write(path, |npz| npz.add("sigma", sigma.len(), sigma.to_vec()))
+    OpenArrays::write(path, |npz| npz.add("sigma", sigma.len(), sigma.to_vec()))
 }
 
 pub(super) fn read_sigma(path: &Path, vertices: usize) -> Result<Vec<f64>, TemplateFileError> {
-    let sigma: Vec<f64> = Reader::open(path)?.list("sigma")?;
+    let sigma: Vec<f64> = ArrayReader::open(path)?.list("sigma")?;
     expect(path, "vertices", vertices, sigma.len())?;
     match sigma.iter().find(|s| s.is_nan() || **s < 0.0) {
         Some(bad) => Err(damaged(path, format!("a standard deviation is {bad}"))),
@@ -105,7 +105,7 @@ pub(super) fn read_sigma(path: &Path, vertices: usize) -> Result<Vec<f64>, Templ
 }
 
 pub(super) fn write_albedo(path: &Path, texels: &SurfaceTexels) -> Result<(), WriteError> {
-    Npz::write(path, |npz| {
+    OpenArrays::write(path, |npz| {
         let n = texels.value.len();
         npz.add("resolution", texels.resolution.len(), texels.resolution.clone())?;
         npz.add("value", (n, 3), texels.value.iter().flatten().copied().collect())?;
@@ -119,7 +119,7 @@ pub(super) fn read_albedo(
     faces: usize,
     count: usize,
 ) -> Result<SurfaceTexels, TemplateFileError> {
-    let mut npz = Reader::open(path)?;
+    let mut npz = ArrayReader::open(path)?;
     let resolution: Vec<u16> = npz.list("resolution")?;
     expect(path, "faces", faces, resolution.len())?;
     if resolution.contains(&0) {
@@ -139,7 +139,7 @@ pub(super) fn read_albedo(
 }
 
 pub(super) fn write_flattening(path: &Path, map: &Flattening) -> Result<(), WriteError> {
-    Npz::write(path, |npz| {
+    OpenArrays::write(path, |npz| {
         let corners = map.corners.iter().flatten().flat_map(|p| [p.x, p.y]).collect();
         npz.add("corners", (map.corners.len(), 3, 2), corners)?;
         npz.add("seam", (map.seam.len(), 2), map.seam.iter().flatten().copied().collect())?;
@@ -152,7 +152,7 @@ pub(super) fn read_flattening(
     path: &Path,
     topology: &Topology,
 ) -> Result<Flattening, TemplateFileError> {
-    let mut npz = Reader::open(path)?;
+    let mut npz = ArrayReader::open(path)?;
     let corners: Array3<f64> = npz.array("corners")?;
     let faces = topology.faces.len();
     if corners.dim() != (faces, 3, 2) {
@@ -176,7 +176,7 @@ pub(super) fn read_flattening(
 }
 
 pub(super) fn write_features(path: &Path, features: &Features) -> Result<(), WriteError> {
-    Npz::write(path, |npz| {
+    OpenArrays::write(path, |npz| {
         let n = features.descriptors.len();
         npz.add("descriptors", (n, 128), features.descriptors.iter().flatten().copied().collect())?;
         npz.add("faces", features.faces.len(), features.faces.clone())?;
@@ -190,7 +190,7 @@ pub(super) fn read_features(
     faces: usize,
     count: usize,
 ) -> Result<Features, TemplateFileError> {
-    let mut npz = Reader::open(path)?;
+    let mut npz = ArrayReader::open(path)?;
     let features = Features {
         descriptors: npz.rows("descriptors")?,
         faces: npz.list("faces")?,

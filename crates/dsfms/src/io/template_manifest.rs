@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// Version of the layout; raised when an older reader would misunderstand it.
 pub(super) const VERSION: u32 = 1;
+pub(super) const MANIFEST: &str = "template.toml";
 
 /// The manifest. Lengths are in `unit`, poses are `camera_from_template`.
 #[derive(Debug, Serialize, Deserialize)]

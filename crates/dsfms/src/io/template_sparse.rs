@@ -6,7 +6,7 @@ use super::colmap::{
     write_model,
 };
 use super::error::InputError;
-use super::template::TemplateFileError;
+use super::template_error::TemplateFileError;
 use crate::geometry::Point2;
 use crate::template::{SparsePoint, Template};
 use std::path::Path;

@@ -25,6 +25,9 @@ pub fn vertex_truth_path(mesh: &Path) -> PathBuf {
 }
 
 /// Read `visible` and `displacement`.
+///
+/// # Errors
+/// A file that is missing, damaged, or without these arrays.
 pub fn read_vertex_truth(path: &Path) -> Result<VertexTruth, InputError> {
     let wrong = |reason: String| InputError::format(path, reason);
     let mut npz = Npz::open(path).map_err(wrong)?;
@@ -36,6 +39,9 @@ pub fn read_vertex_truth(path: &Path) -> Result<VertexTruth, InputError> {
 }
 
 /// Write `visible` and `displacement` as [`read_vertex_truth`] reads them.
+///
+/// # Errors
+/// A file that cannot be written.
 pub fn write_vertex_truth(path: &Path, truth: &VertexTruth) -> Result<(), WriteError> {
     let displacement = truth.displacement.iter().map(|&d| d as f32);
     let mut buffer = Cursor::new(Vec::new());

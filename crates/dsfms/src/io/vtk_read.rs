@@ -5,7 +5,7 @@
 mod legacy;
 mod xml;
 
-use super::mesh::{FormatError, RawMesh, fan, polygon_warning};
+use super::raw_mesh::{FormatError, RawMesh, fan, polygon_warning};
 use crate::geometry::Point3;
 pub(super) use legacy::read as read_legacy;
 pub(super) use xml::read as read_xml;

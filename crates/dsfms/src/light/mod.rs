@@ -69,6 +69,7 @@ mod check;
 pub mod coat;
 mod collinear;
 mod cosine;
+mod error;
 mod model;
 mod near;
 mod point;
@@ -78,7 +79,8 @@ pub mod vignetting;
 
 pub use coat::{Coat, Coated};
 pub use cosine::Cosine;
-pub use model::{LightError, LightModel};
+pub use error::LightError;
+pub use model::LightModel;
 pub use near::REFERENCE_DISTANCE;
 pub use point::PointLight;
 pub use ring::RingLight;

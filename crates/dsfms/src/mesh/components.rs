@@ -1,6 +1,7 @@
 //! Connected pieces of a surface.
 
 use super::Topology;
+use super::faces::pieces;
 
 /// Which piece each face belongs to. Pieces are joined by shared edges; two that only touch at a
 /// vertex are separate.
@@ -14,27 +15,17 @@ pub struct Components {
 
 /// The connected components of a surface.
 pub fn components(topology: &Topology) -> Components {
-    let face_edges = face_edges(topology);
-    let mut of_face = vec![u32::MAX; topology.faces.len()];
+    let mut number = vec![u32::MAX; topology.faces.len()];
     let mut count = 0;
-    for start in 0..of_face.len() {
-        if of_face[start] != u32::MAX {
-            continue;
+    let numbered = |first: u32| {
+        let number = &mut number[first as usize];
+        if *number == u32::MAX {
+            *number = count;
+            count += 1;
         }
-        of_face[start] = count;
-        let mut stack = vec![start as u32];
-        while let Some(f) = stack.pop() {
-            for &edge in &face_edges[f as usize] {
-                if let Some(g) = topology.across(edge as usize, f)
-                    && of_face[g as usize] == u32::MAX
-                {
-                    of_face[g as usize] = count;
-                    stack.push(g);
-                }
-            }
-        }
-        count += 1;
-    }
+        *number
+    };
+    let of_face = pieces(&topology.faces).into_iter().map(numbered).collect();
     Components { count: count as usize, of_face }
 }
 

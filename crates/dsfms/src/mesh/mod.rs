@@ -3,6 +3,7 @@
 pub mod boundary;
 pub mod components;
 pub mod decimate;
+pub(crate) mod faces;
 pub mod laplacian;
 pub mod normals;
 pub mod orientation;

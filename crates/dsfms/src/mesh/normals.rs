@@ -6,8 +6,13 @@ use crate::geometry::{Point3, Vector3, area_normal};
 /// Unit normal of every vertex, the area-weighted mean of its faces' normals (outward for a
 /// consistently oriented surface); zero where a vertex has no face.
 pub fn vertex_normals(topology: &Topology, positions: &[Point3]) -> Vec<Vector3> {
-    let mut normals = vec![Vector3::zeros(); topology.vertex_count];
-    for &[a, b, c] in &topology.faces {
+    normals_of(&topology.faces, positions)
+}
+
+/// [`vertex_normals`] of bare faces.
+pub(crate) fn normals_of(faces: &[[u32; 3]], positions: &[Point3]) -> Vec<Vector3> {
+    let mut normals = vec![Vector3::zeros(); positions.len()];
+    for &[a, b, c] in faces {
         let n = area_normal(&positions[a as usize], &positions[b as usize], &positions[c as usize]);
         for v in [a, b, c] {
             normals[v as usize] += n;

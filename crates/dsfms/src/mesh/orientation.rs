@@ -19,6 +19,9 @@ pub fn is_closed(topology: &Topology) -> bool {
 }
 
 /// Every face turned inside out (its last two corners swapped); vertex and face order are kept.
+///
+/// # Errors
+/// As [`Mesh::new`], which checks the turned faces.
 pub fn flipped(mesh: &Mesh) -> Result<Mesh, TopologyError> {
     let faces = mesh.topology.faces.iter().map(|&[a, b, c]| [a, c, b]).collect();
     Mesh::new(mesh.positions.clone(), faces)
@@ -26,6 +29,9 @@ pub fn flipped(mesh: &Mesh) -> Result<Mesh, TopologyError> {
 
 /// The mesh with outward normals, and whether it had to be turned. Only a closed surface says
 /// where outside is: an open one comes back as it is.
+///
+/// # Errors
+/// As [`flipped`].
 pub fn oriented_outward(mesh: &Mesh) -> Result<(Mesh, bool), TopologyError> {
     if is_closed(&mesh.topology) && signed_volume(mesh) < 0.0 {
         return Ok((flipped(mesh)?, true));

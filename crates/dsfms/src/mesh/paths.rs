@@ -27,17 +27,17 @@ impl Distances {
 }
 
 #[derive(PartialEq)]
-struct Entry(f64, u32);
+struct QueuedVertex(f64, u32);
 
-impl Eq for Entry {}
+impl Eq for QueuedVertex {}
 
-impl Ord for Entry {
+impl Ord for QueuedVertex {
     fn cmp(&self, other: &Self) -> Ordering {
         self.0.total_cmp(&other.0).then(self.1.cmp(&other.1))
     }
 }
 
-impl PartialOrd for Entry {
+impl PartialOrd for QueuedVertex {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
@@ -52,9 +52,9 @@ pub fn shortest_paths(topology: &Topology, cost: &[f64], sources: &[u32]) -> Dis
     let mut heap = BinaryHeap::new();
     for &s in sources {
         result.distance[s as usize] = 0.0;
-        heap.push(Reverse(Entry(0.0, s)));
+        heap.push(Reverse(QueuedVertex(0.0, s)));
     }
-    while let Some(Reverse(Entry(distance, v))) = heap.pop() {
+    while let Some(Reverse(QueuedVertex(distance, v))) = heap.pop() {
         if distance > result.distance[v as usize] {
             continue;
         }
@@ -64,7 +64,7 @@ pub fn shortest_paths(topology: &Topology, cost: &[f64], sources: &[u32]) -> Dis
             if through < result.distance[w as usize] {
                 result.distance[w as usize] = through;
                 result.previous[w as usize] = v;
-                heap.push(Reverse(Entry(through, w)));
+                heap.push(Reverse(QueuedVertex(through, w)));
             }
         }
     }

@@ -11,7 +11,7 @@ use super::surface_points::ClosestPoints;
 use super::{Mesh, Topology, TopologyError};
 use crate::geometry::Point3;
 pub use diagonals::fit_diagonals;
-use outline::Outline;
+use outline::FixedEdges;
 use serde::{Deserialize, Serialize};
 use sizing::Sizing;
 
@@ -61,10 +61,11 @@ pub enum RemeshError {
 /// Rounds, beyond those asked for, in which a fine input may collapse: each about halves it.
 const MAX_COLLAPSING: usize = 16;
 
+/// As many as an icosahedron: fewer make no closed surface of nearly equilateral faces.
 const LEAST_VERTICES: usize = 12;
 
 /// The surface as it is being changed.
-struct Working {
+struct WorkingMesh {
     positions: Vec<Point3>,
     faces: Vec<[u32; 3]>,
     /// Corners of the boundary, which never move or vanish.
@@ -73,7 +74,7 @@ struct Working {
     size: Vec<f64>,
 }
 
-impl Working {
+impl WorkingMesh {
     fn topology(&self) -> Topology {
         Topology::from_checked(self.positions.len(), self.faces.clone())
     }
@@ -87,6 +88,9 @@ impl Working {
 /// A mesh of nearly equilateral faces, of one size unless [`RemeshOptions::adaptive`], with about
 /// `target_vertices` vertices (within 5 % unless the shape forbids it) on the input's surface. Unused vertices of the input are dropped; topology
 /// (components, boundaries, handles) is kept.
+///
+/// # Errors
+/// An option out of range, or a surface of which no mesh of that many vertices can be made.
 pub fn remesh(
     mesh: &Mesh,
     target_vertices: usize,
@@ -97,9 +101,9 @@ pub fn remesh(
     let (input, _) = mesh.subset(&all);
     let surface = ClosestPoints::new(&input);
     let mut length = first_length(&input, target_vertices)?;
-    let outline = Outline::new(&input, options.corner_deg, length);
+    let outline = FixedEdges::new(&input, options.corner_deg, length);
     let sizing = (options.adaptive > 0.0).then(|| Sizing::new(&input, length, options.adaptive));
-    let mut work = Working {
+    let mut work = WorkingMesh {
         size: sizing.as_ref().map_or(vec![1.0; input.positions.len()], |s| s.size.clone()),
         positions: input.positions.clone(),
         faces: input.topology.faces.clone(),
@@ -140,6 +144,7 @@ pub fn remesh(
 /// Vertices that were projected to one place (at narrow rims, where no edge may collapse) are moved
 /// between their neighbours, off the surface by less than an edge, until every face has an area.
 fn part_coincident(mesh: &mut Mesh) {
+    /// A bound on time.
     const ROUNDS: usize = 20;
     let topology = mesh.topology.clone();
     for _ in 0..ROUNDS {

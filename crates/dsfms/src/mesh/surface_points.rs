@@ -17,7 +17,7 @@ pub struct SurfacePoint {
 }
 
 #[derive(Clone, Copy)]
-struct Node {
+struct TreeNode {
     low: Point3,
     high: Point3,
     /// Range of `ClosestPoints::order` below this node.
@@ -30,9 +30,10 @@ struct Node {
 pub struct ClosestPoints<'a> {
     mesh: &'a Mesh,
     order: Vec<u32>,
-    nodes: Vec<Node>,
+    nodes: Vec<TreeNode>,
 }
 
+/// Faces of a leaf: few enough to look at all.
 const LEAF: usize = 4;
 
 impl<'a> ClosestPoints<'a> {
@@ -59,7 +60,7 @@ impl<'a> ClosestPoints<'a> {
         }
         let index = self.nodes.len();
         let range = [from as u32, to as u32];
-        self.nodes.push(Node { low: low.into(), high: high.into(), range, right: 0 });
+        self.nodes.push(TreeNode { low: low.into(), high: high.into(), range, right: 0 });
         if to - from <= LEAF {
             return;
         }
@@ -110,7 +111,7 @@ impl<'a> ClosestPoints<'a> {
     }
 }
 
-fn box_distance(node: &Node, p: &Point3) -> f64 {
+fn box_distance(node: &TreeNode, p: &Point3) -> f64 {
     let outside = (node.low - p).sup(&(p - node.high)).sup(&Vector3::zeros());
     outside.norm()
 }

@@ -88,6 +88,9 @@ pub enum TopologyError {
 impl Topology {
     /// Build and check: indices in range, no degenerate or duplicate face, at most two faces per
     /// edge, consistently oriented.
+    ///
+    /// # Errors
+    /// The first face or edge that breaks one of these rules.
     pub fn new(vertex_count: usize, faces: Vec<[u32; 3]>) -> Result<Self, TopologyError> {
         check_faces(vertex_count, &faces)?;
         let by_edge = faces_by_edge(&faces);

@@ -251,15 +251,13 @@ pub fn mask_of(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Lens;
     use crate::light::LightModel;
     use crate::pipeline::{Silent, template_from_mesh};
     use crate::synth::patch;
     use crate::template::LengthUnit;
 
     fn file(light: Option<LightModel>, vignetting: Option<f64>) -> CameraFile {
-        let camera =
-            CameraModel { size: [8, 6], focal: [10.0; 2], centre: [3.5, 2.5], lens: Lens::Pinhole };
+        let camera = CameraModel::pinhole([8, 6], [10.0; 2], [3.5, 2.5]);
         CameraFile { camera, tone: Some(ToneCurve::Linear), light, vignetting }
     }
 

@@ -11,7 +11,7 @@ use tracing::{debug, info};
 /// Frames registered and left out, with the thresholds they met.
 pub(super) fn sparse(
     frames: &[Frame],
-    found: &sfm::Reconstruction,
+    found: &sfm::SparseReconstruction,
     options: &SfmOptions,
     progress: &dyn Progress,
 ) {

@@ -27,13 +27,15 @@ use std::time::Instant;
 
 /// Options of a reconstruction. Lengths in pixels are those of an image of 640×480 and scale with the
 /// diagonal.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ReconstructOptions {
     /// Seed of every random draw.
     pub seed: u64,
     /// Solve eqs. 3 and 4 as printed in the paper instead of the repaired form.
     pub literal: bool,
+    /// Method joint adds the matches that descriptors find to those that are given.
+    pub find_beside_given: bool,
     /// Weights of the pose and of eq. 3.
     pub register: RegisterOptions,
     /// Weights of eq. 4.
@@ -42,6 +44,20 @@ pub struct ReconstructOptions {
     pub joint: JointOptions,
     /// When a surface is believed.
     pub verdict: Thresholds,
+}
+
+impl Default for ReconstructOptions {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            literal: false,
+            find_beside_given: true,
+            register: RegisterOptions::default(),
+            refine: RefineOptions::default(),
+            joint: JointOptions::default(),
+            verdict: Thresholds::default(),
+        }
+    }
 }
 
 impl ReconstructOptions {
@@ -168,7 +184,7 @@ fn reconstruct_logged(
         check(template, observation, method)?;
         Ok::<_, ReconstructError>(Sight::new(template, observation, method))
     })?;
-    let matches = log.time("matching", || matches_of(&sight, &options.register, options.seed))?;
+    let matches = log.time("matching", || matches_of(&sight, method, options))?;
     let posed = log.time("pose", || {
         pose(observation.camera, &template.mesh, &matches, &options.register, options.seed)
     })?;
@@ -182,7 +198,7 @@ fn reconstruct_logged(
             // The printed forms speak of the mesh as it is.
             let body = match options.literal {
                 true => Body::plain(&scene),
-                false => Body::new(&scene, deformable),
+                false => Body::new(&scene, deformable, options.register.anchor),
             };
             let deformation = Deformation { sight: &sight, body: &body, options };
             deformation.solve(method, &matches, &posed, &mut result, &mut log)?;
@@ -228,7 +244,7 @@ impl Deformation<'_> {
             register(body.scene(), &on_body, posed, &options.register)
         });
         log.attach(&coarse.summary);
-        take_coarse(result, body, matches, &coarse, options.register.anchor);
+        take_coarse(result, body, matches, &coarse);
         if method == Method::Dsfm {
             return Ok(());
         }
@@ -256,7 +272,7 @@ impl Deformation<'_> {
         }
         let mut refined = refine(body, start, kept, photo, &options.refine);
         refined.vertices = options.comparison(body, kept, photo).kept(start, refined.vertices);
-        refined.settled(body, options.register.anchor)
+        refined.settled(body)
     }
 
     /// Motion and shading in one problem, from the shape of eq. 3.
@@ -266,7 +282,7 @@ impl Deformation<'_> {
         let mut joined = join(body, start, depth_sigma, kept, photo, &options.joint);
         let still = &body.scene().posed;
         joined.vertices = options.comparison(body, kept, photo).kept(still, joined.vertices);
-        joined.settled(body, options.register.anchor)
+        joined.settled(body)
     }
 }
 
@@ -355,19 +371,28 @@ fn check(
     Ok(())
 }
 
-/// The given matches, or found ones.
+/// The given matches, with found ones behind them for the joint solve; or found ones alone.
 fn matches_of(
     sight: &Sight,
-    options: &RegisterOptions,
-    seed: u64,
+    method: Method,
+    options: &ReconstructOptions,
 ) -> Result<Vec<Match>, ReconstructError> {
     let Sight { template, observation, usable, .. } = sight;
-    if let Some(given) = observation.matches {
-        return Ok(given.to_vec());
-    }
-    let features = template.features.as_ref().ok_or(ReconstructError::NoDescriptors)?;
     let Observation { camera, frame, .. } = observation;
-    Ok(find(camera, &template.mesh, features, frame, usable, options, seed)?)
+    let found = || {
+        let features = template.features.as_ref().ok_or(ReconstructError::NoDescriptors)?;
+        let (mesh, register) = (&template.mesh, &options.register);
+        Ok(find(camera, mesh, features, frame, usable, register, options.seed)?)
+    };
+    match observation.matches {
+        None => found(),
+        // Eqs. 3 and 4 are those of the matches that they are given.
+        Some(given) if method == Method::Joint && options.find_beside_given && !options.literal => {
+            let beside = found().unwrap_or_default();
+            Ok(given.iter().copied().chain(beside).collect())
+        }
+        Some(given) => Ok(given.to_vec()),
+    }
 }
 
 fn rigid_result(
@@ -395,14 +420,8 @@ fn rigid_result(
     }
 }
 
-fn take_coarse(
-    result: &mut Reconstruction,
-    body: &Body,
-    matches: &[Match],
-    coarse: &Registered,
-    anchor: f64,
-) {
-    result.vertices = body.carried(&body.settled(coarse.vertices.clone(), anchor)).into_owned();
+fn take_coarse(result: &mut Reconstruction, body: &Body, matches: &[Match], coarse: &Registered) {
+    result.vertices = body.carried(&body.settled(coarse.vertices.clone())).into_owned();
     result.matches = matches.iter().copied().zip(coarse.kept.iter().copied()).collect();
 }
 

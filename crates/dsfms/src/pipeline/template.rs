@@ -9,6 +9,7 @@ mod also;
 mod click;
 mod error;
 mod given;
+mod guess;
 mod kept;
 mod masks;
 mod options;
@@ -24,8 +25,9 @@ mod views;
 pub use click::OrganClick;
 pub use error::TemplateError;
 pub use given::{template_from_mesh, template_from_posed_frames};
+pub use guess::OrganGuess;
 pub use options::TemplateOptions;
-pub use organ::{FoundOrgan, OrganGuess};
+pub use organ::FoundOrgan;
 pub use organ_scene::{OrganScene, OrganSceneError};
 pub use outline::OrganOutline;
 pub use precision::{FramePrecision, SparsePrecision};
@@ -259,7 +261,7 @@ pub fn template_from_poses_kept(
 fn from_sparse(
     exploration: &Exploration,
     usable: &[Option<Mask>],
-    mut sparse: sfm::Reconstruction,
+    mut sparse: sfm::SparseReconstruction,
     options: &TemplateOptions,
     progress: &dyn Progress,
     keep: Keep,
@@ -336,7 +338,7 @@ fn named<'a>(frames: &'a [Frame], poses: &[Option<Isometry>]) -> Vec<(&'a str, I
 
 /// Everything in a new unit. Light and albedo are measured later, so that a light whose place is
 /// known in mm meets a surface in mm.
-fn apply(factor: f64, mesh: &mut Mesh, sparse: &mut sfm::Reconstruction) {
+fn apply(factor: f64, mesh: &mut Mesh, sparse: &mut sfm::SparseReconstruction) {
     mesh.positions.iter_mut().for_each(|p| *p *= factor);
     sparse.points.iter_mut().for_each(|p| p.position *= factor);
     for pose in sparse.poses.iter_mut().flatten() {
@@ -345,7 +347,7 @@ fn apply(factor: f64, mesh: &mut Mesh, sparse: &mut sfm::Reconstruction) {
 }
 
 /// Points with their sightings counted in registered frames, as [`Template::views`] are.
-fn sparse_points(sparse: &sfm::Reconstruction) -> Vec<SparsePoint> {
+fn sparse_points(sparse: &sfm::SparseReconstruction) -> Vec<SparsePoint> {
     let mut view = vec![0; sparse.poses.len()];
     let registered = view.iter_mut().zip(&sparse.poses).filter(|(_, pose)| pose.is_some());
     for (next, (view, _)) in (0..).zip(registered) {

@@ -70,6 +70,9 @@ impl Trusted<'_> {
         let diagonal = diagonal(camera.size());
         let all: Vec<Match> = result.matches.iter().map(|m| m.0).collect();
         let kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
+        // Of the given matches, where found ones stand behind them.
+        let given = self.sight.observation.matches.map_or(all.len(), |given| given.len());
+        let given_kept = result.matches[..given].iter().filter(|m| m.1).count();
         let different: Vec<Match> = distinct(&kept, diagonal).iter().map(|&i| kept[i]).collect();
         let seen: Vec<Point3> =
             (0..shape.len()).filter(|&v| result.visible[v]).map(|v| shape[v]).collect();
@@ -86,8 +89,8 @@ impl Trusted<'_> {
             visible: seen.len(),
             radius,
             matches: MatchCount {
-                total: all.len(),
-                kept: kept.len(),
+                total: given,
+                kept: given_kept,
                 distinct: distinct(&all, diagonal).len(),
                 distinct_kept: different.len(),
                 given: self.sight.observation.matches.is_some(),

@@ -8,7 +8,7 @@
 
 use super::landmarks::LandmarkPair;
 use super::options::ScaleRule;
-use super::target::{Sample, Target, extent};
+use super::target::{SurfaceSample, Target, extent};
 use crate::geometry::{Point3, Similarity, Vector3, median};
 use crate::solver::{Loss, Options, Problem, Step, minimize};
 use nalgebra::{SMatrix, SVector, Translation3, UnitQuaternion};
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 /// Turn, shift and growth about the middle of the placed template, in its size.
 pub(super) type Six = SVector<f64, 7>;
-pub(super) type Normal = SMatrix<f64, 7, 7>;
+pub(super) type NormalMatrix = SMatrix<f64, 7, 7>;
 
 /// Independent places that a whole surface counts for: errors of neighbours go together.
 pub(super) const PLACES: f64 = 50.0;
@@ -82,7 +82,7 @@ impl Residual {
 #[doc(alias = "ICP")]
 pub fn align(
     target: &Target,
-    samples: &[Sample],
+    samples: &[SurfaceSample],
     landmarks: &[LandmarkPair],
     start: Similarity,
     noise: f64,
@@ -101,12 +101,12 @@ pub fn align(
 
 pub(super) fn refine(
     target: &Target,
-    samples: &[Sample],
+    samples: &[SurfaceSample],
     landmarks: &[LandmarkPair],
     start: Similarity,
     schedule: &Schedule,
 ) -> Aligned {
-    let mut fit = Fit::new(target, samples, landmarks, schedule);
+    let mut fit = AlignmentProblem::new(target, samples, landmarks, schedule);
     let mut state = start;
     loop {
         fit.renew(&state);
@@ -124,22 +124,22 @@ pub(super) fn refine(
 }
 
 /// What the nearest of the samples show, at least `least`: those that have no place do not speak.
-fn shown_sigma(rows: &[Option<Row>], least: f64) -> f64 {
+fn shown_sigma(rows: &[Option<SampleRow>], least: f64) -> f64 {
     let mut values: Vec<f64> = rows.iter().flatten().map(|r| r.residual.abs()).collect();
     (1.4826 * median(&mut values).unwrap_or(0.0)).max(least)
 }
 
 /// A distance in template units and its derivative.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Row {
+pub(super) struct SampleRow {
     pub residual: f64,
     pub derivative: Six,
 }
 
 /// The problem at one cut of the loss.
-pub(super) struct Fit<'a> {
+pub(super) struct AlignmentProblem<'a> {
     target: &'a Target<'a>,
-    samples: &'a [Sample],
+    samples: &'a [SurfaceSample],
     landmarks: &'a [LandmarkPair],
     pub cut: f64,
     /// Middle and size of the samples, template frame.
@@ -149,15 +149,15 @@ pub(super) struct Fit<'a> {
     landmark_mm: f64,
     /// Standard deviation of a landmark, template units; fixed while a cut lasts.
     landmark_sigma: f64,
-    matrix: Normal,
+    matrix: NormalMatrix,
     gradient: Six,
-    ahead: Option<(Similarity, Vec<Option<Row>>)>,
+    ahead: Option<(Similarity, Vec<Option<SampleRow>>)>,
 }
 
-impl<'a> Fit<'a> {
+impl<'a> AlignmentProblem<'a> {
     pub fn new(
         target: &'a Target<'a>,
-        samples: &'a [Sample],
+        samples: &'a [SurfaceSample],
         landmarks: &'a [LandmarkPair],
         schedule: &Schedule,
     ) -> Self {
@@ -172,7 +172,7 @@ impl<'a> Fit<'a> {
             bounds: schedule.scale.bounds(),
             landmark_mm: schedule.landmark_sigma,
             landmark_sigma: schedule.landmark_sigma,
-            matrix: Normal::zeros(),
+            matrix: NormalMatrix::zeros(),
             gradient: Six::zeros(),
             ahead: None,
         }
@@ -183,15 +183,15 @@ impl<'a> Fit<'a> {
         self.ahead = None;
     }
 
-    pub fn rows(&self, state: &Similarity) -> Vec<Option<Row>> {
+    pub fn rows(&self, state: &Similarity) -> Vec<Option<SampleRow>> {
         let (scale, centre) = (state.scaling(), state * self.middle);
-        let row = |sample: &Sample| {
+        let row = |sample: &SurfaceSample| {
             let at = state * sample.point;
             let hit = self.target.hit(&at, &(state.isometry.rotation * sample.normal))?;
             let residual = hit.distance / scale;
             let y = (at - centre) / (scale * self.size);
             let derivative = along(&y, &hit.direction, residual / self.size) * self.size;
-            Some(Row { residual, derivative })
+            Some(SampleRow { residual, derivative })
         };
         self.samples.par_iter().map(row).collect()
     }
@@ -221,11 +221,11 @@ impl<'a> Fit<'a> {
         [Loss::GemanMcClure(self.cut), Loss::GemanMcClure(2.0 * CUT * self.landmark_sigma)]
     }
 
-    fn costs_of(&self, state: &Similarity, rows: &[Option<Row>]) -> Vec<f64> {
+    fn costs_of(&self, state: &Similarity, rows: &[Option<SampleRow>]) -> Vec<f64> {
         let [surface, landmarks] = self.losses();
         let [ws, wl] = self.weights();
         // What has no place is as far as the loss can tell.
-        let cost = |row: &Option<Row>| {
+        let cost = |row: &Option<SampleRow>| {
             row.map_or(self.cut * self.cut, |r| surface.evaluate(r.residual * r.residual).0)
         };
         let of_surface: f64 = rows.iter().map(cost).sum();
@@ -242,10 +242,10 @@ impl<'a> Fit<'a> {
         low == high || (scale >= high && rises) || (scale <= low && !rises)
     }
 
-    fn aligned(&self, state: Similarity, rows: &[Option<Row>], sigma: f64) -> Aligned {
+    fn aligned(&self, state: Similarity, rows: &[Option<SampleRow>], sigma: f64) -> Aligned {
         let scale = state.scaling();
         let loss = self.losses()[0];
-        let share = |row: &Option<Row>| {
+        let share = |row: &Option<SampleRow>| {
             row.map_or(1.0, |r| loss.evaluate(r.residual * r.residual).0 / (self.cut * self.cut))
         };
         let misfit = rows.iter().map(share).sum::<f64>() / rows.len().max(1) as f64;
@@ -272,7 +272,7 @@ pub(super) fn moved(state: &Similarity, middle: &Point3, size: f64, delta: &[f64
     motion * state
 }
 
-impl Problem for Fit<'_> {
+impl Problem for AlignmentProblem<'_> {
     type State = Similarity;
 
     fn costs(&self, state: &Similarity) -> Option<Vec<f64>> {
@@ -298,7 +298,7 @@ impl Problem for Fit<'_> {
         let [surface, landmarks] = self.losses();
         let [ws, wl] = self.weights();
         let of_landmarks = self.landmark_rows(state);
-        (self.matrix, self.gradient) = (Normal::zeros(), Six::zeros());
+        (self.matrix, self.gradient) = (NormalMatrix::zeros(), Six::zeros());
         let mut add = |weight: f64, residual: f64, derivative: &Six| {
             self.matrix += derivative * derivative.transpose() * weight;
             self.gradient += derivative * (weight * residual);
@@ -323,7 +323,7 @@ impl Problem for Fit<'_> {
         // An open direction gets a floor, and stays where it is.
         let floor = 1e-9 * self.matrix.diagonal().max() + f64::MIN_POSITIVE;
         let diagonal = self.matrix.diagonal().map(|d| damping * d + floor);
-        let damped = self.matrix + Normal::from_diagonal(&diagonal);
+        let damped = self.matrix + NormalMatrix::from_diagonal(&diagonal);
         let delta = damped.cholesky()?.solve(&-self.gradient);
         let predicted = -(2.0 * self.gradient.dot(&delta) + (self.matrix * delta).dot(&delta));
         Some(Step { delta: delta.as_slice().to_vec(), predicted })

@@ -3,23 +3,10 @@
 use super::align::Aligned;
 use super::landmarks::LandmarkPair;
 use super::starts::{apart, misfit_at};
-use super::target::{Sample, extent};
+use super::target::{SurfaceSample, extent};
 use super::uncertainty::difference;
+use super::verdict::Alternative;
 use crate::geometry::{Point3, Similarity};
-use serde::Serialize;
-
-/// Another pose that fits.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Alternative {
-    /// Turn from the pose that was found, degrees.
-    pub turn_deg: f64,
-    /// Root mean square distance of the template's points between the two, mm.
-    pub apart_mm: f64,
-    /// Its scale over that of the pose that was found.
-    pub scale: f64,
-    /// Mean loss of the template's points, 0 to 1, as that of the pose that was found.
-    pub misfit: f64,
-}
 
 /// Farther than this share of the template's size is elsewhere.
 const FAR: f64 = 0.2;
@@ -34,7 +21,7 @@ const ALLOWED: f64 = 3.0;
 pub(super) fn alternatives(
     best: &Aligned,
     others: &[Aligned],
-    samples: &[Sample],
+    samples: &[SurfaceSample],
     landmarks: &[LandmarkPair],
     sigma: f64,
 ) -> Vec<Alternative> {
@@ -54,7 +41,7 @@ pub(super) fn alternatives(
 pub(super) fn better(
     best: &Aligned,
     others: &[Aligned],
-    samples: &[Sample],
+    samples: &[SurfaceSample],
 ) -> Option<Alternative> {
     const MUCH: f64 = 0.7;
     let found = elsewhere(best, others, samples)
@@ -66,14 +53,14 @@ pub(super) fn better(
 fn elsewhere<'a>(
     best: &'a Aligned,
     others: &'a [Aligned],
-    samples: &'a [Sample],
+    samples: &'a [SurfaceSample],
 ) -> impl Iterator<Item = &'a Aligned> {
     let (_, size) = extent(samples.iter().map(|s| &s.point));
     let far = FAR * size * best.similarity.scaling();
     others.iter().filter(move |o| apart(&best.similarity, &o.similarity, samples) > far)
 }
 
-fn told(best: &Aligned, other: &Aligned, samples: &[Sample]) -> Alternative {
+fn told(best: &Aligned, other: &Aligned, samples: &[SurfaceSample]) -> Alternative {
     let (middle, _): (Point3, f64) = extent(samples.iter().map(|s| &s.point));
     let (turn_deg, _) = difference(&best.similarity, &other.similarity, &middle);
     Alternative {

@@ -6,7 +6,7 @@
 //! inside ([`Volume`]).
 
 use super::options::PreoperativeOptions;
-use super::target::{Sample, Target, extent};
+use super::target::{SurfaceSample, Target, extent};
 use crate::energy::{AnchorPrior, Arap, EnergyTerm, Infeasible, Jacobian, Objective, Unknowns};
 use crate::geometry::{Point3, Vector3, median, point_at};
 use crate::mesh::Mesh;
@@ -40,7 +40,7 @@ pub struct Deformed {
 #[doc(alias("non-rigid ICP", "deformable registration"))]
 pub fn deform(
     placed: &Mesh,
-    samples: &[Sample],
+    samples: &[SurfaceSample],
     noise: f64,
     bound: f64,
     options: &PreoperativeOptions,
@@ -83,7 +83,7 @@ struct Bending<'a> {
     control: Option<&'a Decimated>,
     /// The mesh that is solved on.
     rest: &'a Mesh,
-    samples: &'a [Sample],
+    samples: &'a [SurfaceSample],
     arap: Arap,
     anchor: AnchorPrior,
     noise: f64,
@@ -95,7 +95,7 @@ impl<'a> Bending<'a> {
     fn new(
         placed: &'a Mesh,
         control: Option<&'a Decimated>,
-        samples: &'a [Sample],
+        samples: &'a [SurfaceSample],
         noise: f64,
         bound: f64,
         strain: f64,
@@ -139,7 +139,7 @@ impl<'a> Bending<'a> {
     fn contact(&self, shape: &[Point3]) -> Contact {
         let full = self.placed.with_positions(carried(self.placed, self.control, shape));
         let target = Target::new(&full);
-        let place = |sample: &Sample| {
+        let place = |sample: &SurfaceSample| {
             let hit = target.hit(&sample.point, &sample.normal)?;
             let corners = full.topology.faces[hit.place.face as usize];
             let (face, barycentric) = match self.control {

@@ -20,11 +20,10 @@ mod uncertainty;
 mod verdict;
 
 pub use align::{Aligned, Residual, align};
-pub use ambiguity::Alternative;
 pub use deform::{Deformed, deform};
 pub use landmarks::{LandmarkFit, LandmarkPair, fit_landmarks};
 pub use options::{PreoperativeOptions, ScaleRule};
 pub use register::{Preoperative, register_preoperative};
-pub use target::{Sample, Target, samples};
+pub use target::{SurfaceSample, Target, samples};
 pub use uncertainty::{Uncertainty, expected_target_error};
-pub use verdict::{Doubt, PreoperativeError};
+pub use verdict::{Alternative, Doubt, PreoperativeError};

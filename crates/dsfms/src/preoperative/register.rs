@@ -1,14 +1,14 @@
 //! All steps in a row.
 
 use super::align::{Aligned, Residual, Schedule, align};
-use super::ambiguity::{Alternative, alternatives, better, landmark_rms};
+use super::ambiguity::{alternatives, better, landmark_rms};
 use super::deform::{Deformed, deform};
 use super::landmarks::{LandmarkFit, LandmarkPair, fit_landmarks};
 use super::options::PreoperativeOptions;
-use super::starts::{Search, best_first, search};
-use super::target::{Sample, Target, extent, samples};
+use super::starts::{StartSearch, best_first, search};
+use super::target::{SurfaceSample, Target, extent, samples};
 use super::uncertainty::{Uncertainty, expected_target_error};
-use super::verdict::{Doubt, PreoperativeError};
+use super::verdict::{Alternative, Doubt, PreoperativeError};
 use crate::geometry::{Point3, Similarity, median};
 use crate::mesh::Mesh;
 use crate::mesh::orientation::oriented_outward;
@@ -41,7 +41,7 @@ pub struct Preoperative {
     /// Distance of every point of [`Preoperative::samples`] from the surface in the end, mm.
     pub distances: Vec<Option<f64>>,
     /// Points of the template that were laid on the surface.
-    pub samples: Vec<Sample>,
+    pub samples: Vec<SurfaceSample>,
     /// Largest displacement by bending, mm, and 95th percentile of the strain.
     pub bending: [f64; 2],
     /// What is known of the similarity's error.
@@ -120,7 +120,7 @@ fn wrong_pairs(landmarks: &[LandmarkPair], fit: &LandmarkFit, doubts: &mut Vec<D
 struct Work<'a> {
     template: &'a Mesh,
     target: &'a Target<'a>,
-    points: &'a [Sample],
+    points: &'a [SurfaceSample],
     agreeing: &'a [LandmarkPair],
     noise: f64,
     options: &'a PreoperativeOptions,
@@ -141,7 +141,7 @@ impl Work<'_> {
             steps: 30,
         };
         let told = |done: usize, total: usize| step("poses", done, total);
-        let how = Search { landmarks: &[], schedule, step: &told };
+        let how = StartSearch { landmarks: &[], schedule, step: &told };
         let others = search(self.template, self.target, self.points, &how);
         let Some(fit) = fit else {
             let best = others.first().cloned().ok_or(PreoperativeError::NoPose)?;
@@ -277,7 +277,7 @@ impl Work<'_> {
 
     fn distances_to(&self, surface: &Mesh, scale: f64) -> Vec<Option<f64>> {
         let target = Target::new(surface);
-        let away = |s: &Sample| Some(target.hit(&s.point, &s.normal)?.distance * scale);
+        let away = |s: &SurfaceSample| Some(target.hit(&s.point, &s.normal)?.distance * scale);
         self.points.par_iter().map(away).collect()
     }
 }

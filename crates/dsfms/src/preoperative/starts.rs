@@ -6,7 +6,7 @@
 use super::align::{Aligned, Schedule, refine};
 use super::landmarks::LandmarkPair;
 use super::options::ScaleRule;
-use super::target::{Sample, Target, extent, samples};
+use super::target::{SurfaceSample, Target, extent, samples};
 use crate::geometry::{Point3, Similarity, Vector3};
 use crate::mesh::Mesh;
 use crate::mesh::decimate::decimate;
@@ -31,7 +31,7 @@ const PROMISING: usize = 160;
 const REFINED: usize = 16;
 
 /// What the search is given besides the surfaces.
-pub(super) struct Search<'a> {
+pub(super) struct StartSearch<'a> {
     pub landmarks: &'a [LandmarkPair],
     pub schedule: Schedule,
     /// Called after each of `total` shares of the work.
@@ -42,8 +42,8 @@ pub(super) struct Search<'a> {
 pub(super) fn search(
     template: &Mesh,
     target: &Target,
-    fine: &[Sample],
-    how: &Search,
+    fine: &[SurfaceSample],
+    how: &StartSearch,
 ) -> Vec<Aligned> {
     let coarse_mesh = match target.mesh.positions.len() > COARSE_TARGET {
         true => decimate(target.mesh, COARSE_TARGET).map(|d| d.mesh),
@@ -94,7 +94,7 @@ pub(super) fn misfit_at(aligned: &Aligned, cut: f64) -> f64 {
 }
 
 /// The first [`REFINED`] that are not the same pose.
-fn distinct(tried: Vec<Aligned>, points: &[Sample], size: f64) -> Vec<Aligned> {
+fn distinct(tried: Vec<Aligned>, points: &[SurfaceSample], size: f64) -> Vec<Aligned> {
     let mut kept: Vec<Aligned> = Vec::new();
     for aligned in tried {
         let scale = aligned.similarity.scaling();
@@ -112,12 +112,12 @@ fn distinct(tried: Vec<Aligned>, points: &[Sample], size: f64) -> Vec<Aligned> {
 }
 
 /// Root mean square distance of the samples between two poses, mm.
-pub(super) fn apart(a: &Similarity, b: &Similarity, samples: &[Sample]) -> f64 {
-    let square = |s: &Sample| (a * s.point - b * s.point).norm_squared();
+pub(super) fn apart(a: &Similarity, b: &Similarity, samples: &[SurfaceSample]) -> f64 {
+    let square = |s: &SurfaceSample| (a * s.point - b * s.point).norm_squared();
     (samples.iter().map(square).sum::<f64>() / samples.len().max(1) as f64).sqrt()
 }
 
-fn starts(found: &[Sample], metric: &[Sample], rule: ScaleRule) -> Vec<Similarity> {
+fn starts(found: &[SurfaceSample], metric: &[SurfaceSample], rule: ScaleRule) -> Vec<Similarity> {
     let facing = found.iter().map(|f| f.normal).sum::<Vector3>();
     let (middle, size) = extent(found.iter().map(|f| &f.point));
     if size.is_nan() || size <= 0.0 || metric.is_empty() {

@@ -8,7 +8,7 @@ use crate::template::even_points;
 
 /// A point of the template's surface and its unit normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
+pub struct SurfaceSample {
     /// Template frame.
     pub point: Point3,
     /// Mean of the corners' normals: reconstructed faces are rough.
@@ -16,12 +16,15 @@ pub struct Sample {
 }
 
 /// `count` points of a surface, evenly spread by area; fewer where normals cancel.
-pub fn samples(mesh: &Mesh, count: usize) -> Vec<Sample> {
+pub fn samples(mesh: &Mesh, count: usize) -> Vec<SurfaceSample> {
     let normals = vertex_normals(&mesh.topology, &mesh.positions);
     let of = |(face, w): (usize, [f64; 3])| {
         let corners = mesh.topology.faces[face];
         let sum: Vector3 = corners.iter().zip(w).map(|(&v, w)| normals[v as usize] * w).sum();
-        Some(Sample { point: point_at(mesh.corners(face), w), normal: sum.try_normalize(0.0)? })
+        Some(SurfaceSample {
+            point: point_at(mesh.corners(face), w),
+            normal: sum.try_normalize(0.0)?,
+        })
     };
     even_points(mesh, count).into_iter().filter_map(of).collect()
 }
@@ -68,6 +71,7 @@ impl<'a> Target<'a> {
     }
 
     fn on_boundary(&self, place: &SurfacePoint) -> bool {
+        /// Rounding of a barycentric.
         const ZERO: f64 = 1e-9;
         let topology = &self.mesh.topology;
         let face = topology.faces[place.face as usize];

@@ -5,9 +5,9 @@
 //! sandwich `H⁻¹ (Σ g gᵀ) H⁻¹` over the scores of the patches (Liang and Zeger 1986). Where those happen to
 //! agree by chance, the plain `H⁻¹` counts.
 
-use super::align::{Aligned, Fit, Normal, Schedule, Six};
+use super::align::{Aligned, AlignmentProblem, NormalMatrix, Schedule, Six};
 use super::options::PreoperativeOptions;
-use super::target::{Sample, Target};
+use super::target::{SurfaceSample, Target};
 use super::{LandmarkPair, align::PLACES};
 use crate::geometry::{Isometry, Point3, Similarity, Vector3};
 use crate::structures::{expected_error, patches};
@@ -33,8 +33,8 @@ pub struct Uncertainty {
     /// The motion of that eigenvalue.
     weakest: Six,
     /// The plain covariance.
-    plain: Normal,
-    sandwich: Normal,
+    plain: NormalMatrix,
+    sandwich: NormalMatrix,
     /// Middle of the placed template and its size, mm.
     middle: Point3,
     size: f64,
@@ -44,7 +44,7 @@ impl Uncertainty {
     /// Of an alignment.
     pub fn of(
         target: &Target,
-        samples: &[Sample],
+        samples: &[SurfaceSample],
         landmarks: &[LandmarkPair],
         aligned: &Aligned,
         noise: f64,
@@ -56,7 +56,7 @@ impl Uncertainty {
             scale: options.scale,
             steps: 0,
         };
-        let fit = Fit::new(target, samples, landmarks, &schedule);
+        let fit = AlignmentProblem::new(target, samples, landmarks, &schedule);
         let sums = Sums::of(&fit, samples, &aligned.similarity);
         let held = options.scale.bounds()[0] == options.scale.bounds()[1];
         let (plain, sandwich) = sums.covariances(held);
@@ -85,7 +85,7 @@ impl Uncertainty {
         motion.fixed_view_mut::<3, 3>(0, 0).copy_from(&-y.cross_matrix());
         motion.fixed_view_mut::<3, 3>(0, 3).fill_with_identity();
         motion.set_column(6, &y);
-        let spread = |c: &Normal| (motion * c * motion.transpose()).trace().max(0.0).sqrt();
+        let spread = |c: &NormalMatrix| (motion * c * motion.transpose()).trace().max(0.0).sqrt();
         self.size * spread(&self.plain).max(spread(&self.sandwich))
     }
 
@@ -103,24 +103,24 @@ impl Uncertainty {
 /// Sums over the samples.
 struct Sums {
     /// Of everything, weighted by the loss.
-    matrix: Normal,
+    matrix: NormalMatrix,
     /// Of the samples alone, of unit residuals in sizes, over their weights.
-    surface: Normal,
-    meat: Normal,
+    surface: NormalMatrix,
+    meat: NormalMatrix,
     witnesses: f64,
 }
 
 impl Sums {
-    fn of(fit: &Fit, samples: &[Sample], pose: &Similarity) -> Self {
+    fn of(fit: &AlignmentProblem, samples: &[SurfaceSample], pose: &Similarity) -> Self {
         let points: Vec<Point3> = samples.iter().map(|s| s.point).collect();
         let groups = patches(&points, PATCHES);
         let rows = fit.rows(pose);
         let [surface_loss, landmark_loss] = fit.losses();
         let [ws, wl] = fit.weights();
         let mut sums = Self {
-            matrix: Normal::zeros(),
-            surface: Normal::zeros(),
-            meat: Normal::zeros(),
+            matrix: NormalMatrix::zeros(),
+            surface: NormalMatrix::zeros(),
+            meat: NormalMatrix::zeros(),
             witnesses: 0.0,
         };
         let mut total = 0.0;
@@ -154,7 +154,7 @@ impl Sums {
     }
 
     /// Plain and sandwich; a scale that is held has none.
-    fn covariances(&self, held: bool) -> (Normal, Normal) {
+    fn covariances(&self, held: bool) -> (NormalMatrix, NormalMatrix) {
         let mut matrix = self.matrix;
         if held {
             matrix.row_mut(6).fill(0.0);
@@ -162,9 +162,9 @@ impl Sums {
         }
         // What is open stays large, not infinite.
         let floor = 1e-9 * matrix.diagonal().max() + f64::MIN_POSITIVE;
-        let mut inverse = (matrix + Normal::from_diagonal_element(floor))
+        let mut inverse = (matrix + NormalMatrix::from_diagonal_element(floor))
             .try_inverse()
-            .unwrap_or_else(|| Normal::from_diagonal_element(1.0 / floor));
+            .unwrap_or_else(|| NormalMatrix::from_diagonal_element(1.0 / floor));
         if held {
             inverse.row_mut(6).fill(0.0);
             inverse.column_mut(6).fill(0.0);

@@ -1,8 +1,20 @@
 //! What is refused, and what is doubted.
 
-use super::ambiguity::Alternative;
 use crate::options::OptionError;
 use serde::Serialize;
+
+/// Another pose that fits.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Alternative {
+    /// Turn from the pose that was found, degrees.
+    pub turn_deg: f64,
+    /// Root mean square distance of the template's points between the two, mm.
+    pub apart_mm: f64,
+    /// Its scale over that of the pose that was found.
+    pub scale: f64,
+    /// Mean loss of the template's points, 0 to 1, as that of the pose that was found.
+    pub misfit: f64,
+}
 
 /// Why a preoperative surface is not registered.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

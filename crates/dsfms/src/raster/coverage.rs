@@ -48,7 +48,7 @@ impl Edge {
 }
 
 /// A row of pixel centres across a face.
-pub(super) struct Row<'a> {
+pub(super) struct PixelRow<'a> {
     face: &'a ScreenFace,
     edges: [f64; 3],
 }
@@ -70,12 +70,12 @@ impl Inside {
 
 impl ScreenFace {
     /// A row of pixel centres.
-    pub fn row(&self, y: f64) -> Row<'_> {
-        Row { face: self, edges: [0, 1, 2].map(|k| self.edges[k].row(y)) }
+    pub fn row(&self, y: f64) -> PixelRow<'_> {
+        PixelRow { face: self, edges: [0, 1, 2].map(|k| self.edges[k].row(y)) }
     }
 }
 
-impl Row<'_> {
+impl PixelRow<'_> {
     /// What the face has at a column; `None` outside.
     pub fn at(&self, x: f64) -> Option<Inside> {
         let (edges, rows) = (&self.face.edges, &self.edges);

@@ -9,13 +9,17 @@ pub mod regions;
 
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point2, Point3, area_normal, point_at};
-use crate::image::Mask;
+use crate::image::{Mask, nearest_pixel};
 use crate::mesh::Topology;
 use coverage::{ScreenFace, screen_faces};
 use rayon::prelude::*;
 
 /// Rows rendered by one task; fixed, so that the result never depends on the number of threads.
 const BAND_ROWS: usize = 32;
+
+/// A point counts as seen within this of the z-buffer, relative to its depth: more than a z-buffer is off by on
+/// the slope of a face, less than the next fold of an organ lies behind.
+pub(crate) const OCCLUSION_TOLERANCE: f64 = 0.01;
 
 /// What the camera sees of a surface, per pixel, row major.
 #[derive(Clone, Debug)]
@@ -104,9 +108,8 @@ impl Raster {
 
     /// Face and barycentrics at the pixel nearest to `p`; `None` outside the image or the surface.
     pub fn surface_at(&self, p: &Point2) -> Option<(u32, [f64; 3])> {
-        let (x, y) = (p.x.round(), p.y.round());
-        let inside = x >= 0.0 && y >= 0.0 && x < self.size[0] as f64 && y < self.size[1] as f64;
-        inside.then(|| self.surface(x as usize, y as usize)).flatten()
+        let [x, y] = nearest_pixel(p, self.size)?;
+        self.surface(x, y)
     }
 
     /// The surface point nearest pixel `p` shows, in the frame of `positions` (camera axes, or the

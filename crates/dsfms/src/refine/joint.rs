@@ -42,8 +42,8 @@ pub struct Joined {
 
 impl Joined {
     /// On the full mesh of `body`, with the hidden side carried along by what is seen.
-    pub fn settled(mut self, body: &Body, anchor: f64) -> Self {
-        self.vertices = body.carried(&body.settled(self.vertices, anchor)).into_owned();
+    pub fn settled(mut self, body: &Body) -> Self {
+        self.vertices = body.carried(&body.settled(self.vertices)).into_owned();
         self
     }
 }
@@ -91,6 +91,11 @@ fn join_told(
     for (stage, &blur) in blurs.iter().enumerate() {
         let first = scene;
         let scene = reposed.as_ref().unwrap_or(first);
+        // What is seen carries the hidden side along, which would hold it back at rest.
+        let hidden = body.extrapolated(&state.vertices);
+        if let Some(hidden) = &hidden {
+            state.vertices.clone_from(hidden);
+        }
         let full = body.carried(&state.vertices);
         let look = look(photo, body.full().rest, &full, blur, options);
         let cues = Cues::of(&look, body, &state.vertices, photo, options);
@@ -125,6 +130,7 @@ fn join_told(
             match_px: options.match_px,
             depth: hold,
             shading: &shading,
+            hidden: hidden.as_deref().unwrap_or(&scene.posed),
             cues: Some(&cues),
             gain: *gain,
             nodes,

@@ -10,7 +10,8 @@
 //!      + λ₃ R² Σᵥ Aᵥ/A ‖Lap(x − x₀)ᵥ‖²            smoothing
 //!      + λ_p/p Σⱼ ρ_p(rⱼ²)                        shading            p samples: r = (w·I − (γ g w·α L·N + w·a)) / σ
 //!      + Σᵢ H((zᵢ − z₀ᵢ)² / σᵢ²)                  depth prior        σᵢ: `depth_prior.rs`
-//!      + λₕ Σᵥ Aᵥ/A ‖xᵥ − x₀ᵥ‖² / σₕ²             hidden side        vertices that are not seen of x₀
+//!      + λₕ Σᵥ Aᵥ/A ‖xᵥ − hᵥ‖² / σₕ²              hidden side        vertices that are not seen of x₀; h: `x₀`, or where
+//!                                                                 the volume of a closed surface carries them
 //!      + (ln g − ln g₀)² / σ_g² + a² / σ_a²       gain and ambient light of the frame
 //!      + Σₖ γₖ² / σ_γ²                            smooth gain        nodes k of the field γ: `field.rs`
 //! ```
@@ -37,6 +38,7 @@ use crate::energy::{
     Anisotropy, Boundary, EnergyTerm, GlobalsPrior, Isometric, Objective, Photometric, Shearing,
     Smoothing, Stretch,
 };
+use crate::geometry::Point3;
 use crate::light::Coated;
 use crate::register::{Match, Prior, Scene};
 use crate::solver::Loss::{GemanMcClure, Huber, Squared};
@@ -59,6 +61,8 @@ pub(super) struct JointProblem<'a, 'p> {
     /// The depth of the matches.
     pub(super) depth: &'p Boundary,
     pub(super) shading: &'p Photometric<'a, CameraModel, Coated>,
+    /// Where what is not seen is expected.
+    pub(super) hidden: &'p [Point3],
     /// Outline and highlights, where they are looked at.
     pub(super) cues: Option<&'p Cues<'a>>,
     pub(super) gain: GainPrior,
@@ -104,7 +108,7 @@ impl<'a> JointProblem<'a, '_> {
             .plus("smoothing", prior.smoothing, Squared, smoothing)
             .plus("shading", lambda_p, GemanMcClure(options.robust), self.shading.clone())
             .plus("depth prior", 1.0, Huber(1.0), self.depth.clone())
-            .plus("hidden side", prior.hidden, Squared, scene.hidden(&scene.visible, posed))
+            .plus("hidden side", prior.hidden, Squared, scene.hidden(&scene.visible, self.hidden))
             .plus("gain prior", 1.0, Squared, log_gain)
             .plus("ambient light prior", 1.0, Squared, ambient)
             .plus("smooth gain prior", 1.0, Squared, smooth_gain)

@@ -44,8 +44,8 @@ impl Refined {
     }
 
     /// On the full mesh of `body`, with the hidden side carried along by what is seen.
-    pub fn settled(mut self, body: &Body, anchor: f64) -> Self {
-        self.vertices = body.carried(&body.settled(self.vertices, anchor)).into_owned();
+    pub fn settled(mut self, body: &Body) -> Self {
+        self.vertices = body.carried(&body.settled(self.vertices)).into_owned();
         self
     }
 }

@@ -225,6 +225,7 @@ fn near_told(
             match_px,
             depth: hold,
             shading: &shading,
+            hidden: &scene.posed,
             cues: None,
             gain: *gain,
             nodes: 0,

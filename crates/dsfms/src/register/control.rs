@@ -59,6 +59,8 @@ pub struct Body<'a> {
     full: &'a Scene<'a>,
     control: Option<(&'a Control, Scene<'a>)>,
     volume: Option<&'a Volume>,
+    /// How firmly the hidden side hangs on its surroundings.
+    anchor: f64,
 }
 
 /// What deforms of a template, made once and used for every frame.
@@ -81,17 +83,18 @@ impl Deformable {
 impl<'a> Body<'a> {
     /// The full mesh and nothing else: it is solved on itself.
     pub fn plain(full: &'a Scene<'a>) -> Self {
-        Self { full, control: None, volume: None }
+        Self { full, control: None, volume: None, anchor: 0.0 }
     }
 
-    /// The full mesh of the rest shape that `deformable` was made of.
-    pub fn new(full: &'a Scene<'a>, deformable: &'a Deformable) -> Self {
+    /// The full mesh of the rest shape that `deformable` was made of; `anchor`: how firmly its hidden side
+    /// hangs on its surroundings ([`Volume::extrapolated`]).
+    pub fn new(full: &'a Scene<'a>, deformable: &'a Deformable, anchor: f64) -> Self {
         let on = |control: &'a Control| {
             let Decimated { mesh, kept, .. } = &control.decimated;
             (control, full.on_some(mesh, kept))
         };
         let Deformable { control, volume } = deformable;
-        Self { full, control: control.as_ref().map(on), volume: volume.as_ref() }
+        Self { full, control: control.as_ref().map(on), volume: volume.as_ref(), anchor }
     }
 
     /// The scene of the full mesh.
@@ -132,14 +135,16 @@ impl<'a> Body<'a> {
     }
 
     /// `shape` of the mesh that is solved on, its hidden side carried along by what is seen
-    /// ([`Volume::extrapolated`]).
-    pub fn settled(&self, shape: Vec<Point3>, anchor: f64) -> Vec<Point3> {
+    /// ([`Volume::extrapolated`]); as it is where it has no inside.
+    pub fn settled(&self, shape: Vec<Point3>) -> Vec<Point3> {
+        self.extrapolated(&shape).unwrap_or(shape)
+    }
+
+    /// The same; `None` of a surface that has no inside, or that is seen as a whole or not at all.
+    pub fn extrapolated(&self, shape: &[Point3]) -> Option<Vec<Point3>> {
         let scene = self.scene();
-        let carried = self.volume.and_then(|volume| {
-            let seen = visibility(scene.camera, scene.rest, &shape);
-            volume.extrapolated(&scene.posed, &shape, &seen, anchor)
-        });
-        carried.unwrap_or(shape)
+        let seen = visibility(scene.camera, scene.rest, shape);
+        self.volume?.extrapolated(&scene.posed, shape, &seen, self.anchor)
     }
 
     /// Of values at the vertices of the full mesh those of the mesh that is solved on.

@@ -27,8 +27,12 @@ const ACROSS: f64 = 10.0;
 /// Weight of a seen vertex, of one edge.
 const SEEN: f64 = 100.0;
 
-/// Rounds of turning and solving: few, since the start has moved with what is seen.
-const ROUNDS: usize = 4;
+/// Rounds of turning and solving at most. Four leave 1.15 mm of a bent organ's hidden zone (7.9 mm away at
+/// most), all of them 0.70.
+const ROUNDS: usize = 60;
+
+/// A round that moves no point by more than this part of the spacing inside is the last.
+const SETTLED: f64 = 0.01;
 
 /// A rest surface and what lies inside.
 #[doc(alias = "volumetric prior")]
@@ -38,6 +42,8 @@ pub struct Volume {
     points: Vec<Point3>,
     edges: Vec<[u32; 2]>,
     surface: usize,
+    /// Of the points inside, length units.
+    spacing: f64,
 }
 
 impl Volume {
@@ -58,7 +64,7 @@ impl Volume {
         edges.iter_mut().for_each(|e| e.sort_unstable());
         edges.sort_unstable();
         edges.dedup();
-        Some(Self { points, edges, surface: mesh.positions.len() })
+        Some(Self { points, edges, surface: mesh.positions.len(), spacing })
     }
 
     /// `shape` with what is not `seen` carried along by what is. `posed`: the rest surface where the
@@ -107,9 +113,16 @@ impl Volume {
                 let target = if seen[i] { shape[i] } else { rest[i] };
                 add(i, target.coords * weight(i));
             }
+            let mut most = 0.0_f64;
             for (c, right) in right.iter_mut().enumerate() {
                 factor.solve(right)?;
-                now.iter_mut().zip(right.iter()).for_each(|(p, &x)| p[c] = x);
+                for (p, &x) in now.iter_mut().zip(right.iter()) {
+                    most = most.max((p[c] - x).abs());
+                    p[c] = x;
+                }
+            }
+            if most < SETTLED * self.spacing {
+                break;
             }
         }
         let kept = |i: usize| if seen[i] { shape[i] } else { now[i] };
@@ -135,7 +148,7 @@ impl Volume {
             sums[i] += product;
             sums[j] += product;
         }
-        sums.into_iter().map(rotation).collect()
+        sums.into_par_iter().map(rotation).collect()
     }
 }
 

@@ -12,111 +12,19 @@
 //! number of threads.
 
 mod covariance;
+mod problem;
 
 pub use covariance::{Covariance, covariance};
+pub use problem::{Bundle, BundleError, BundleObservation, BundleOptions};
 
-use super::intrinsics::{self, COUNT, RefineIntrinsics};
+use super::intrinsics::{self, COUNT};
 use super::resection::{pose_jacobian, retract};
-use super::schur::{Eliminate, Layout, Row, solve};
+use super::schur::{BundleLayout, BundleRow, Eliminate, solve};
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Isometry, Point2, Point3, Vector3};
+use crate::geometry::Vector3;
 use crate::solver::{Loss, Options, Problem, Step, Summary, minimize};
 use nalgebra::Vector6;
 use rayon::prelude::*;
-
-/// One sighting of a point.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BundleObservation {
-    /// Index of the view.
-    pub view: usize,
-    /// Index of the point.
-    pub point: usize,
-    /// Where it was seen, px.
-    pub pixel: Point2,
-    /// Standard deviation of `pixel`, px.
-    pub sigma_px: f64,
-}
-
-/// The unknowns and what was seen; [`adjust`] changes the unknowns in place.
-#[derive(Clone, Debug)]
-pub struct Bundle {
-    /// Cameras, each of one view or of several.
-    pub cameras: Vec<CameraModel>,
-    /// About what the priors on the intrinsics of each camera are centred: the camera as it was
-    /// given, not as an earlier adjustment left it, else repeated adjustments could drift away.
-    pub priors: Vec<CameraModel>,
-    /// Index of the camera of every view.
-    pub camera_of: Vec<usize>,
-    /// `camera_from_world` of every view.
-    pub poses: Vec<Isometry>,
-    /// Views whose pose is not changed.
-    pub fixed: Vec<bool>,
-    /// Points in world axes.
-    pub points: Vec<Point3>,
-    /// Sightings, in any order.
-    pub observations: Vec<BundleObservation>,
-}
-
-/// Options of [`adjust`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BundleOptions {
-    /// Loss on the squared error in units of σ.
-    pub loss: Loss,
-    /// Largest number of linearisations.
-    pub max_steps: usize,
-    /// Stop when an accepted step lowers the cost by less than this fraction.
-    pub cost_tolerance: f64,
-    /// Intrinsics to refine.
-    pub refine: RefineIntrinsics,
-    /// Factor on the standard deviations of their priors, positive; infinite = no priors.
-    pub prior_scale: f64,
-}
-
-impl Default for BundleOptions {
-    fn default() -> Self {
-        Self {
-            loss: Loss::Huber(1.0),
-            max_steps: 50,
-            cost_tolerance: 1e-7,
-            refine: RefineIntrinsics::default(),
-            prior_scale: 1.0,
-        }
-    }
-}
-
-/// Why there was nothing to adjust.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum BundleError {
-    /// A view has no camera, or a camera no prior.
-    #[error(
-        "every view needs a camera and every camera a prior: {views} views name {named} of {cameras} cameras with {priors} priors"
-    )]
-    Cameras {
-        /// Number of poses.
-        views: usize,
-        /// Cameras of views that exist.
-        named: usize,
-        /// Number of cameras.
-        cameras: usize,
-        /// Number of priors.
-        priors: usize,
-    },
-    /// An index of an observation is out of range.
-    #[error("observation {0} names view {1} and point {2}, which do not both exist")]
-    Index(usize, usize, usize),
-    /// A point has no projection at the start.
-    #[error("{0} observations cannot be projected at the start (point behind the camera)")]
-    Infeasible(usize),
-    /// No free unknown is observed.
-    #[error("nothing to adjust: no observations")]
-    Empty,
-    /// There is no covariance.
-    #[error(
-        "the sightings do not determine all poses and points; use more of them, from different places"
-    )]
-    Undetermined,
-}
 
 /// Minimise the bundle's cost in place; never returns a state that costs more than the start.
 ///
@@ -125,14 +33,14 @@ pub enum BundleError {
 #[doc(alias("bundle adjustment", "BA"))]
 pub fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<Summary, BundleError> {
     check_cameras(bundle)?;
-    let layout = Layout::new(bundle, &options.refine.active());
+    let layout = BundleLayout::new(bundle, &options.refine.active());
     sort(bundle, layout.eliminate)?;
     for camera in &mut bundle.cameras {
         *camera = intrinsics::prepared(camera, &options.refine);
     }
     let both = bundle.cameras.iter().zip(&bundle.priors);
     let offset = both.map(|(c, prior)| intrinsics::difference(c, prior)).collect();
-    let (prior, loss) = (Prior::new(bundle, options), options.loss);
+    let (prior, loss) = (IntrinsicsPrior::new(bundle, options), options.loss);
     let mut adjustment = Adjustment { layout, prior, loss, rows: Vec::new(), normal: Vec::new() };
     let solver = Options {
         max_steps: options.max_steps,
@@ -154,10 +62,10 @@ pub fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<Summary, B
 
 /// The problem, and its last linearisation.
 struct Adjustment {
-    layout: Layout,
-    prior: Prior,
+    layout: BundleLayout,
+    prior: IntrinsicsPrior,
     loss: Loss,
-    rows: Vec<Row>,
+    rows: Vec<BundleRow>,
     /// Of the priors: second derivative and gradient of each active intrinsic.
     normal: Vec<(f64, f64)>,
 }
@@ -219,12 +127,12 @@ impl Problem for Adjustment {
 }
 
 /// Gaussian prior on the refined intrinsics of every camera about their starting values.
-struct Prior {
+struct IntrinsicsPrior {
     sigmas: Vec<[f64; COUNT]>,
     active: Vec<usize>,
 }
 
-impl Prior {
+impl IntrinsicsPrior {
     fn new(bundle: &Bundle, options: &BundleOptions) -> Self {
         let per_view = bundle.observations.len() as f64 / bundle.poses.len().max(1) as f64;
         let sigmas = |camera: &CameraModel| {
@@ -299,8 +207,8 @@ fn count_infeasible(bundle: &Bundle) -> usize {
 }
 
 /// Residual and derivatives of every observation, scaled by `√ρ′/σ`.
-fn linearise(bundle: &Bundle, loss: Loss) -> Vec<Row> {
-    let row = |o: &BundleObservation| -> Option<Row> {
+fn linearise(bundle: &Bundle, loss: Loss) -> Vec<BundleRow> {
+    let row = |o: &BundleObservation| -> Option<BundleRow> {
         let pose = &bundle.poses[o.view];
         let camera = bundle.camera_of[o.view];
         let local = pose * bundle.points[o.point];
@@ -308,7 +216,7 @@ fn linearise(bundle: &Bundle, loss: Loss) -> Vec<Row> {
         let residual = seen.pixel - o.pixel;
         let weight = loss.evaluate(residual.norm_squared() / (o.sigma_px * o.sigma_px)).1;
         let scale = weight.sqrt() / o.sigma_px;
-        Some(Row {
+        Some(BundleRow {
             view: o.view,
             point: o.point,
             camera,

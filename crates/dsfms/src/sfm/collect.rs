@@ -1,12 +1,13 @@
 //! From the growing map to the value the stage returns.
 
 use super::map::Map;
-use super::reconstruction::{FoundModel, Reconstruction, ScenePoint, TrackedPixel};
+use super::reconstruction::{FoundModel, ScenePoint, SparseReconstruction, TrackedPixel};
 use crate::geometry::Point2;
 use crate::image::Frame;
 
 /// World axes of the first registered camera, median depth 50.
 pub(super) fn normalise(map: &mut Map, first: usize) {
+    /// About the mm at which a laparoscope looks, so that lengths read alike with and without a scale.
     const MEDIAN_DEPTH: f64 = 50.0;
     if let Some(pose) = map.poses[first] {
         map.poses.iter_mut().flatten().for_each(|p| *p *= pose.inverse());
@@ -24,7 +25,7 @@ pub(super) fn collect(
     frames: &[Frame],
     rejected: Vec<(usize, String)>,
     others: Vec<FoundModel>,
-) -> Reconstruction {
+) -> SparseReconstruction {
     let models = std::iter::once(map.summary()).chain(others).collect();
     let errors = map.errors();
     let mut sums = vec![(0.0, 0usize); frames.len()];
@@ -46,7 +47,7 @@ pub(super) fn collect(
             track: seen,
         })
     });
-    Reconstruction {
+    SparseReconstruction {
         points: points.collect(),
         rejected,
         models,

@@ -54,6 +54,7 @@ fn relative_pose_under(
     threshold: f64,
     random: &mut Random,
 ) -> Option<RelativePose> {
+    /// A bound on time; five of five right are drawn once in 1000 where 25 % are.
     const MAX_DRAWS: usize = 1000;
     const NEEDED: usize = 8;
     if a.len() < NEEDED || a.len() != b.len() {

@@ -35,6 +35,12 @@ impl Features2d {
     }
 }
 
+/// Standard deviation of a keypoint found at Gaussian scale `scale` px.
+pub(super) fn sigma_of_scale(scale: f64) -> f64 {
+    let floor = 1.6_f64;
+    (scale / floor).max(1.0).sqrt()
+}
+
 /// Detect and describe the keypoints of a frame, strongest first, at most `max_features`.
 ///
 /// `mask`: `true` = valid; keypoints outside are dropped. Saturated pixels and their

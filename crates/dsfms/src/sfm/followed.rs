@@ -3,7 +3,7 @@
 
 use super::SfmOptions;
 use super::features::{Features2d, highlights, local_contrast};
-use super::frames::{Progress, SfmStage, ValidAreas};
+use super::frames::{SfmProgress, SfmStage, ValidAreas};
 use super::matching::{DescriptorMatch, UnitDescriptors, match_unit};
 use super::tracks::PairMatches;
 use super::two_view::{VerifiedPair, sightlines, verify_pair};
@@ -54,16 +54,16 @@ pub(super) fn follow_where_few(
     areas: &ValidAreas,
     pairs: &[VerifiedPair],
     options: &SfmOptions,
-    progress: Progress,
+    progress: SfmProgress,
 ) -> Vec<Followed> {
     let matches =
         |a: usize| pairs.iter().find(|p| (p.a, p.b) == (a, a + 1)).map_or(0, |p| p.matches.len());
     let few: Vec<usize> =
         (0..frames.len().saturating_sub(1)).filter(|&a| matches(a) < options.flow_below).collect();
     let mut tracks: Vec<Followed> = Vec::new();
-    let mut last: Option<(usize, Looked)> = None;
+    let mut last: Option<(usize, FollowedFrame)> = None;
     for (done, &a) in few.iter().enumerate() {
-        let look = |i: usize| Looked::new(&frames[i], areas.of(i), options);
+        let look = |i: usize| FollowedFrame::new(&frames[i], areas.of(i), options);
         let from = match last.take() {
             Some((frame, looked)) if frame == a => looked,
             _ => look(a),
@@ -78,12 +78,12 @@ pub(super) fn follow_where_few(
 }
 
 /// A frame as patches of it are compared: shading, which moves with the light, taken away.
-struct Looked {
+struct FollowedFrame {
     pyramid: Pyramid,
     usable: Mask,
 }
 
-impl Looked {
+impl FollowedFrame {
     fn new(frame: &Frame, area: Option<Mask>, options: &SfmOptions) -> Self {
         let area = area.unwrap_or_else(|| Mask::filled(frame.size, true));
         let usable = match highlights(frame, options) {
@@ -97,7 +97,7 @@ impl Looked {
 }
 
 /// Follow what is seen in frame `a`, and corners beside it, to the next frame.
-fn step(tracks: &mut Vec<Followed>, a: usize, from: &Looked, to: &Looked) {
+fn step(tracks: &mut Vec<Followed>, a: usize, from: &FollowedFrame, to: &FollowedFrame) {
     let live = |t: &Followed| (t.first + t.pixels.len() == a + 1).then(|| t.pixels[a - t.first]);
     let known: Vec<Point2> = tracks.iter().filter_map(live).collect();
     let fresh = corners(&from.pyramid.levels[0], &from.usable, &GRID)
@@ -113,7 +113,7 @@ fn step(tracks: &mut Vec<Followed>, a: usize, from: &Looked, to: &Looked) {
 }
 
 /// Where the patch about a place of one frame is in the next; `None` where it is not the same patch.
-fn next(from: &Looked, to: &Looked, at: Point2) -> Option<Point2> {
+fn next(from: &FollowedFrame, to: &FollowedFrame, at: Point2) -> Option<Point2> {
     let found = sought(&from.pyramid, &to.pyramid, at)?;
     whole(&to.usable, found).then_some(())?;
     let back = sought(&to.pyramid, &from.pyramid, found)?;

@@ -1,8 +1,8 @@
 //! The frames as they come in: checks, features, what cannot be used, and progress.
 
 use super::SfmOptions;
+use super::error::SfmError;
 use super::features::{Features2d, detect};
-use super::reconstruction::SfmError;
 use crate::camera::CameraModel;
 use crate::image::{Frame, Mask, viewport};
 use rayon::prelude::*;
@@ -24,7 +24,7 @@ pub enum SfmStage {
 }
 
 /// Receives the stage, the number of things done and of all things; may be called from any thread.
-pub type Progress<'a> = &'a (dyn Fn(SfmStage, usize, usize) + Sync);
+pub type SfmProgress<'a> = &'a (dyn Fn(SfmStage, usize, usize) + Sync);
 
 /// Fewest features of a usable frame.
 const MIN_FEATURES: usize = 30;
@@ -84,7 +84,7 @@ pub(super) fn detect_all(
     frames: &[Frame],
     areas: &ValidAreas,
     options: &SfmOptions,
-    progress: Progress,
+    progress: SfmProgress,
 ) -> Vec<Features2d> {
     let count = Counter::new(SfmStage::Features, frames.len(), progress);
     let one = |(i, frame): (usize, &Frame)| {
@@ -130,11 +130,11 @@ pub(super) struct Counter<'a> {
     stage: SfmStage,
     total: usize,
     done: AtomicUsize,
-    progress: Progress<'a>,
+    progress: SfmProgress<'a>,
 }
 
 impl<'a> Counter<'a> {
-    pub fn new(stage: SfmStage, total: usize, progress: Progress<'a>) -> Self {
+    pub fn new(stage: SfmStage, total: usize, progress: SfmProgress<'a>) -> Self {
         Self { stage, total, done: AtomicUsize::new(0), progress }
     }
 

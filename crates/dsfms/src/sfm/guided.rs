@@ -40,10 +40,12 @@ pub fn match_guided(a: &GuidedView, b: &GuidedView, limits: &GuidedLimits) -> Ve
     let e = essential_matrix(&b_from_a) / baseline;
     let empty = (u32::MAX, f32::MIN, f32::MIN);
     let (mut forward, mut backward) = (vec![empty; a.rays.len()], vec![empty; b.rays.len()]);
-    let bundles: Vec<Bundle> = b.rays.chunks(LANES).map(Bundle::new).collect();
+    let bundles: Vec<RayLanes> = b.rays.chunks(LANES).map(RayLanes::new).collect();
     for (i, ray) in a.rays.iter().enumerate() {
         let Some(ray) = ray else { continue };
-        let Some(window) = Window::new(&b_from_a, ray, &(e * ray), limits) else { continue };
+        let Some(window) = EpipolarWindow::new(&b_from_a, ray, &(e * ray), limits) else {
+            continue;
+        };
         let row = a.descriptors.row(i);
         for (k, bundle) in bundles.iter().enumerate() {
             let mut inside = window.contains(bundle);
@@ -98,9 +100,9 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
 const LANES: usize = 16;
 
 /// Sightlines by coordinate; not a number where there is none.
-struct Bundle([[f64; LANES]; 3]);
+struct RayLanes([[f64; LANES]; 3]);
 
-impl Bundle {
+impl RayLanes {
     fn new(rays: &[Option<Vector3>]) -> Self {
         let ray = |l: usize| rays.get(l).copied().flatten();
         let axis = |k: usize| std::array::from_fn(|l| ray(l).map_or(f64::NAN, |ray| ray[k]));
@@ -110,14 +112,14 @@ impl Bundle {
 
 /// The part of the second view in which the first view's sightline can appear: near the epipolar
 /// plane, between the directions of the nearest and the farthest point.
-struct Window {
+struct EpipolarWindow {
     normal: Vector3,
     middle: Vector3,
     sine: f64,
     cosine: f64,
 }
 
-impl Window {
+impl EpipolarWindow {
     fn new(
         b_from_a: &Isometry,
         ray: &Vector3,
@@ -141,7 +143,7 @@ impl Window {
 
     /// Which sightlines of the bundle lie in it, one bit each.
     #[inline]
-    fn contains(&self, Bundle([x, y, z]): &Bundle) -> u32 {
+    fn contains(&self, RayLanes([x, y, z]): &RayLanes) -> u32 {
         let (n, m) = (&self.normal, &self.middle);
         let mut inside = [false; LANES];
         for l in 0..LANES {

@@ -131,6 +131,7 @@ fn register_next(map: &mut Map, allowed: &[bool], options: &SfmOptions) -> bool 
 
 /// How well known points cover a view: number of occupied cells of a 12 × 12 grid.
 fn spread(map: &Map, view: usize) -> usize {
+    /// Along each side: tells points in one corner from points all over.
     const CELLS: usize = 12;
     let [w, h] = map.camera.size;
     let mut occupied = [false; CELLS * CELLS];
@@ -182,7 +183,7 @@ pub(super) fn settle(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{Camera, Lens};
+    use crate::camera::Camera;
     use crate::geometry::Vector3;
     use crate::sfm::matching::DescriptorMatch;
     use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
@@ -213,12 +214,7 @@ mod tests {
 
     #[test]
     fn a_first_pair_with_near_and_far_exchanged_does_not_decide() {
-        let camera = CameraModel {
-            size: [640, 480],
-            focal: [800.0; 2],
-            centre: [320.0, 240.0],
-            lens: Lens::Pinhole,
-        };
+        let camera = CameraModel::pinhole([640, 480], [800.0; 2], [320.0, 240.0]);
         let seen = |view: usize| Features2d {
             points: points()
                 .iter()

@@ -2,7 +2,7 @@
 
 use super::features::Features2d;
 use super::followed::Followed;
-use super::reconstruction::Reconstruction;
+use super::reconstruction::SparseReconstruction;
 use super::two_view::VerifiedPair;
 
 /// Features of so many frames, with all their vectors of one length.
@@ -31,7 +31,7 @@ pub(super) fn whole_matches(
 }
 
 /// Poses and points of frames and features that there are.
-pub(super) fn whole_poses(found: &Reconstruction, features: &[Features2d]) -> bool {
+pub(super) fn whole_poses(found: &SparseReconstruction, features: &[Features2d]) -> bool {
     let frames = features.len();
     let posed = |frame: usize| found.poses.get(frame).is_some_and(Option::is_some);
     let seen = found.points.iter().flat_map(|p| &p.track);

@@ -1,13 +1,14 @@
 //! The stage where poses are given: points and features alone.
 
 use super::collect::collect;
+use super::error::SfmError;
 use super::features::Features2d;
-use super::frames::{Progress, ValidAreas, check_input, unusable};
+use super::frames::{SfmProgress, ValidAreas, check_input, unusable};
 use super::kept::whole_poses;
 use super::map::Map;
 use super::matching::UnitDescriptors;
 use super::reconstruct::features;
-use super::reconstruction::{Reconstruction, SfmError};
+use super::reconstruction::SparseReconstruction;
 use super::rematch::rematch;
 use super::{RefineIntrinsics, SfmOptions};
 use crate::camera::CameraModel;
@@ -20,14 +21,17 @@ use crate::solver::Loss;
 /// triangulation; neither poses nor intrinsics are changed.
 ///
 /// `poses`: `camera_from_world` per frame, `None` for frames to leave out.
+///
+/// # Errors
+/// Input that cannot belong together (counts, sizes, camera), options out of range, or too few frames with features.
 pub fn triangulate_known(
     frames: &[Frame],
     masks: &[Option<Mask>],
     camera: &CameraModel,
     poses: &[Option<Isometry>],
     options: &SfmOptions,
-    progress: Progress,
-) -> Result<Reconstruction, SfmError> {
+    progress: SfmProgress,
+) -> Result<SparseReconstruction, SfmError> {
     triangulate_kept(frames, masks, camera, poses, options, progress, Keep::default())
 }
 
@@ -38,17 +42,17 @@ pub(crate) fn triangulate_kept(
     camera: &CameraModel,
     poses: &[Option<Isometry>],
     options: &SfmOptions,
-    progress: Progress,
+    progress: SfmProgress,
     keep: Keep,
-) -> Result<Reconstruction, SfmError> {
+) -> Result<SparseReconstruction, SfmError> {
     check_input(frames, masks, camera, options)?;
     if poses.len() != frames.len() {
         return Err(SfmError::Count { what: "poses", found: poses.len(), frames: frames.len() });
     }
     let areas = ValidAreas::new(frames, masks, options);
     let features = features(frames, &areas, options, progress, &keep)?;
-    let whole = |found: &Reconstruction| whole_poses(found, &features);
-    let mut found = keep.stage("poses", Reconstruction::registered, whole, || {
+    let whole = |found: &SparseReconstruction| whole_poses(found, &features);
+    let mut found = keep.stage("poses", SparseReconstruction::registered, whole, || {
         Ok::<_, SfmError>(triangulate(frames, &features, camera, poses, options, progress))
     })?;
     found.features = features;
@@ -62,8 +66,8 @@ fn triangulate(
     camera: &CameraModel,
     poses: &[Option<Isometry>],
     options: &SfmOptions,
-    progress: Progress,
-) -> Reconstruction {
+    progress: SfmProgress,
+) -> SparseReconstruction {
     let mut rejected = unusable(frames, features);
     let missing = (0..frames.len()).filter(|&v| poses[v].is_none());
     rejected.extend(missing.map(|v| (v, "no pose was given".to_string())));

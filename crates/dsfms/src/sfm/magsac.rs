@@ -21,7 +21,7 @@ const CELLS: usize = 1024;
 /// Loss and weight for one threshold.
 #[derive(Clone, Copy, Debug)]
 pub struct Magsac {
-    table: &'static Table,
+    table: &'static LossTable,
     /// Cells per squared residual.
     cells_per_square: f64,
 }
@@ -29,24 +29,27 @@ pub struct Magsac {
 impl Magsac {
     /// For residuals of one degree of freedom: distances from an epipolar plane or line.
     pub fn epipolar(threshold: f64) -> Self {
-        static TABLE: LazyLock<Table> = LazyLock::new(|| Table::new(0.0, 6.634_896_601_021_214));
+        static TABLE: LazyLock<LossTable> =
+            LazyLock::new(|| LossTable::new(0.0, 6.634_896_601_021_214));
         Self::new(&TABLE, threshold)
     }
 
     /// For residuals of two degrees of freedom: distances of pixels from projections.
     pub fn reprojection(threshold: f64) -> Self {
-        static TABLE: LazyLock<Table> = LazyLock::new(|| Table::new(0.5, 9.210_340_371_976_184));
+        static TABLE: LazyLock<LossTable> =
+            LazyLock::new(|| LossTable::new(0.5, 9.210_340_371_976_184));
         Self::new(&TABLE, threshold)
     }
 
     /// The truncated quadratic, for comparison.
     #[cfg(test)]
     pub fn truncated(threshold: f64) -> Self {
-        static TABLE: LazyLock<Table> = LazyLock::new(|| Table::of_weights(vec![1.0; CELLS + 1]));
+        static TABLE: LazyLock<LossTable> =
+            LazyLock::new(|| LossTable::of_weights(vec![1.0; CELLS + 1]));
         Self::new(&TABLE, threshold)
     }
 
-    fn new(table: &'static Table, threshold: f64) -> Self {
+    fn new(table: &'static LossTable, threshold: f64) -> Self {
         Self { table, cells_per_square: CELLS as f64 / (threshold * threshold) }
     }
 
@@ -72,9 +75,9 @@ impl Magsac {
 /// Loss and weight (per cell) at the rims of the cells; in between the weight is linear and the loss
 /// its integral, so that one is exactly the derivative of the other.
 #[derive(Debug)]
-struct Table(Vec<[f64; 2]>);
+struct LossTable(Vec<[f64; 2]>);
 
-impl Table {
+impl LossTable {
     /// For `a` = (n−1)/2 and `k²`, the 0.99 quantile of χ²ₙ.
     fn new(a: f64, k_squared: f64) -> Self {
         let end = 0.5 * k_squared;

@@ -1,7 +1,7 @@
 //! The growing reconstruction: poses, tracks and their points.
 
 use super::bundle::{Bundle, BundleError, BundleObservation, BundleOptions, adjust};
-use super::features::Features2d;
+use super::features::{Features2d, sigma_of_scale};
 use super::intrinsics::RefineIntrinsics;
 use super::reconstruction::FoundModel;
 use super::tracks::Member;
@@ -222,10 +222,4 @@ impl Map<'_> {
         }
         median(&mut depths).unwrap_or(0.0)
     }
-}
-
-/// Standard deviation of a keypoint found at Gaussian scale `scale` px.
-pub(super) fn sigma_of_scale(scale: f64) -> f64 {
-    let floor = 1.6_f64;
-    (scale / floor).max(1.0).sqrt()
 }

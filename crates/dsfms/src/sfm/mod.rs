@@ -12,6 +12,7 @@
 
 pub mod bundle;
 mod collect;
+mod error;
 pub mod essential;
 pub mod features;
 mod five_point;
@@ -39,8 +40,9 @@ pub mod triangulation;
 pub mod two_view;
 
 pub use bundle::Covariance;
+pub use error::SfmError;
 pub use features::{Features2d, detect};
-pub use frames::{Progress, SfmStage};
+pub use frames::{SfmProgress, SfmStage};
 pub use intrinsics::RefineIntrinsics;
 pub(crate) use known::triangulate_kept;
 pub use known::triangulate_known;
@@ -48,6 +50,6 @@ pub use matching::{DescriptorMatch, match_descriptors};
 pub use options::{LocalContrast, SfmOptions};
 pub use reconstruct::reconstruct;
 pub(crate) use reconstruct::reconstruct_kept;
-pub use reconstruction::{FoundModel, Reconstruction, ScenePoint, SfmError, TrackedPixel};
+pub use reconstruction::{FoundModel, ScenePoint, SparseReconstruction, TrackedPixel};
 pub(crate) use resection::error_px;
 pub use resection::{Resection, refine_pose, resect};

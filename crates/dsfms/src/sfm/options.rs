@@ -1,9 +1,13 @@
 //! Options of structure from motion.
 
-use super::SfmError;
+use super::error::SfmError;
 use super::intrinsics::RefineIntrinsics;
 use super::triangulation::TriangulationLimits;
+use crate::solver::Loss;
 use serde::{Deserialize, Serialize};
+
+/// Loss of the last adjustment.
+pub(super) const LAST_LOSS: Loss = Loss::GemanMcClure(1.0);
 
 /// Options of [`reconstruct`](super::reconstruct) and
 /// [`triangulate_known`](super::triangulate_known). The defaults suit laparoscopic frames of
@@ -109,6 +113,9 @@ impl Default for SfmOptions {
 
 impl SfmOptions {
     /// Check every bound; the error names the field.
+    ///
+    /// # Errors
+    /// The first option out of range, by name.
     pub fn validate(&self) -> Result<(), SfmError> {
         let checks = [
             (self.max_features >= 100, "max_features", "at least 100"),

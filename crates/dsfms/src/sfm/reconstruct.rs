@@ -1,16 +1,18 @@
 //! The stage: frames and intrinsics in, poses and points out.
 
 use super::collect::{collect, normalise};
+use super::error::SfmError;
 use super::features::Features2d;
 use super::followed::{Followed, follow_where_few, join};
 use super::frames::{
-    Progress, SfmStage, ValidAreas, check_input, check_usable, detect_all, unusable,
+    SfmProgress, SfmStage, ValidAreas, check_input, check_usable, detect_all, unusable,
 };
 use super::incremental::{grow, settle};
 use super::kept::{whole_features, whole_matches, whole_poses};
 use super::map::Map;
 use super::matching::UnitDescriptors;
-use super::reconstruction::{FoundModel, Reconstruction, SfmError};
+use super::options::LAST_LOSS;
+use super::reconstruction::{FoundModel, SparseReconstruction};
 use super::rematch::rematch;
 use super::tracks::{PairMatches, build_tracks};
 use super::two_view::{VerifiedPair, verify_pairs};
@@ -25,14 +27,18 @@ use crate::solver::Loss;
 /// `masks`: one per frame, or an empty slice; `true` = valid. `camera`: intrinsics of all frames.
 /// Frames that cannot be registered are listed with a reason; the error is for when nothing can
 /// be reconstructed.
+///
+/// # Errors
+/// Input that cannot belong together (counts, sizes, camera), options out of range, too few usable frames, or no
+/// two that see the same from different places.
 #[doc(alias("SfM", "structure from motion"))]
 pub fn reconstruct(
     frames: &[Frame],
     masks: &[Option<Mask>],
     camera: &CameraModel,
     options: &SfmOptions,
-    progress: Progress,
-) -> Result<Reconstruction, SfmError> {
+    progress: SfmProgress,
+) -> Result<SparseReconstruction, SfmError> {
     reconstruct_kept(frames, masks, camera, options, progress, Keep::default())
 }
 
@@ -42,13 +48,13 @@ pub(crate) fn reconstruct_kept(
     masks: &[Option<Mask>],
     camera: &CameraModel,
     options: &SfmOptions,
-    progress: Progress,
+    progress: SfmProgress,
     keep: Keep,
-) -> Result<Reconstruction, SfmError> {
+) -> Result<SparseReconstruction, SfmError> {
     check_input(frames, masks, camera, options)?;
     let first = attempt(frames, masks, camera, options, progress, keep);
-    let registered = |found: &Result<Reconstruction, SfmError>| {
-        found.as_ref().map_or(0, Reconstruction::registered)
+    let registered = |found: &Result<SparseReconstruction, SfmError>| {
+        found.as_ref().map_or(0, SparseReconstruction::registered)
     };
     let enough = ENOUGH * frames.len() as f64;
     if options.local_contrast != LocalContrast::WhereNeeded || registered(&first) as f64 >= enough {
@@ -78,9 +84,9 @@ fn attempt(
     masks: &[Option<Mask>],
     camera: &CameraModel,
     options: &SfmOptions,
-    progress: Progress,
+    progress: SfmProgress,
     keep: Keep,
-) -> Result<Reconstruction, SfmError> {
+) -> Result<SparseReconstruction, SfmError> {
     let areas = ValidAreas::new(frames, masks, options);
     let mut features = features(frames, &areas, options, progress, &keep)?;
     let descriptors: Vec<_> =
@@ -99,8 +105,8 @@ fn attempt(
     let least = options.min_matches;
     tracing::info!(pairs = pairs.len(), followed = tracks.len(), least, "matches");
     let followed = join(&tracks, camera, &mut features, &descriptors, &mut pairs, options);
-    let whole = |found: &Reconstruction| whole_poses(found, &features);
-    let mut found = keep.stage("poses", Reconstruction::registered, whole, || {
+    let whole = |found: &SparseReconstruction| whole_poses(found, &features);
+    let mut found = keep.stage("poses", SparseReconstruction::registered, whole, || {
         let mut rejected = unusable(frames, &features);
         check_usable(frames, &rejected)?;
         let (mut map, others) =
@@ -126,7 +132,7 @@ pub(super) fn features(
     frames: &[Frame],
     areas: &ValidAreas,
     options: &SfmOptions,
-    progress: Progress,
+    progress: SfmProgress,
     keep: &Keep,
 ) -> Result<Vec<Features2d>, SfmError> {
     let whole = |found: &Vec<Features2d>| whole_features(found, frames.len());
@@ -141,9 +147,10 @@ fn largest_model<'a>(
     features: &'a [Features2d],
     pairs: &[VerifiedPair],
     options: &SfmOptions,
-    progress: Progress,
+    progress: SfmProgress,
     rejected: &mut Vec<(usize, String)>,
 ) -> Result<(Map<'a>, Vec<FoundModel>), SfmError> {
+    /// The largest counts; further ones are only told to the user.
     const MAX_MODELS: usize = 4;
     let counts: Vec<usize> = features.iter().map(Features2d::len).collect();
     let matched: Vec<PairMatches> =
@@ -203,9 +210,6 @@ fn explain(
     rejected.sort_by_key(|r| r.0);
 }
 
-/// Loss of the last adjustment.
-pub(super) const LAST_LOSS: Loss = Loss::GemanMcClure(1.0);
-
 /// Last adjustment: a loss that gives far sightings no say, then only what fits.
 fn finish_adjustment(map: &mut Map, first: usize, options: &SfmOptions) {
     for loss in [Loss::GemanMcClure(1.5), LAST_LOSS] {
@@ -218,7 +222,6 @@ fn finish_adjustment(map: &mut Map, first: usize, options: &SfmOptions) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Lens;
     use crate::geometry::{Isometry, Point3, Vector3, align_similarity};
     use crate::sfm::random::Random;
     use crate::sfm::triangulate_known;
@@ -227,7 +230,7 @@ mod tests {
     const SIZE: [usize; 2] = [200, 150];
 
     fn camera() -> CameraModel {
-        CameraModel { size: SIZE, focal: [180.0; 2], centre: [99.5, 74.5], lens: Lens::Pinhole }
+        CameraModel::pinhole(SIZE, [180.0; 2], [99.5, 74.5])
     }
 
     fn poses() -> Vec<Isometry> {
@@ -277,7 +280,7 @@ mod tests {
         poses().iter().enumerate().map(|(i, p)| frame(p, i)).collect()
     }
 
-    fn run(frames: &[Frame], threads: usize) -> Result<Reconstruction, SfmError> {
+    fn run(frames: &[Frame], threads: usize) -> Result<SparseReconstruction, SfmError> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| reconstruct(frames, &[], &camera(), &SfmOptions::default(), &|_, _, _| ()))
     }

@@ -2,7 +2,7 @@
 
 use super::SfmOptions;
 use super::features::Features2d;
-use super::frames::{Counter, Progress, SfmStage};
+use super::frames::{Counter, SfmProgress, SfmStage};
 use super::guided::{GuidedLimits, GuidedView, match_guided};
 use super::map::{Map, MapTrack};
 use super::matching::UnitDescriptors;
@@ -18,7 +18,7 @@ pub(super) fn rematch(
     descriptors: &[UnitDescriptors],
     followed: &[PairMatches],
     options: &SfmOptions,
-    progress: Progress,
+    progress: SfmProgress,
 ) {
     let views: Vec<Option<GuidedView>> = (0..map.poses.len())
         .map(|v| {
@@ -52,6 +52,7 @@ pub(super) fn rematch(
 
 /// Pairs that share some points already; neighbours while there are no points.
 fn related_pairs(map: &Map, options: &SfmOptions) -> Vec<(usize, usize)> {
+    /// Fewer say nothing of where the two frames look.
     const SHARED: usize = 5;
     let n = map.poses.len();
     let mut shared = vec![0usize; n * n];

@@ -5,117 +5,44 @@
 //! `δe = −V⁻¹(g_e + Wᵀ δk)`. Points go where there are many of them (an exploration), poses where
 //! they have more unknowns than the points (long tracks of few points); both give the same step.
 
-use super::bundle::Bundle;
-use super::intrinsics::COUNT;
+mod layout;
+
+pub(super) use layout::{BundleLayout, BundleRow, Eliminate, PointBlock};
+
 use crate::solver::Step;
-use nalgebra::{DMatrix, DVector, Matrix2x3, Matrix2x6, SMatrix, SVector, Vector2};
+use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector2};
 use rayon::prelude::*;
 use std::ops::Range;
-
-/// One observation, scaled by the root of its robust weight over σ.
-pub(super) struct Row {
-    pub view: usize,
-    pub point: usize,
-    pub camera: usize,
-    pub residual: Vector2<f64>,
-    pub by_pose: Matrix2x6<f64>,
-    pub by_point: Matrix2x3<f64>,
-    pub by_intrinsics: SMatrix<f64, 2, COUNT>,
-}
-
-/// What is eliminated: the rows must be sorted by it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Eliminate {
-    Points,
-    Poses,
-}
-
-/// Where each unknown sits.
-pub(super) struct Layout {
-    pub eliminate: Eliminate,
-    /// Which poses are unknown.
-    free: Vec<bool>,
-    points: usize,
-    cameras: usize,
-    /// Active intrinsic parameters of every camera.
-    pub intrinsics: Vec<usize>,
-}
-
-impl Layout {
-    /// Eliminates what leaves the smaller system.
-    pub fn new(bundle: &Bundle, active: &[usize]) -> Self {
-        let free: Vec<bool> = bundle.fixed.iter().map(|fixed| !fixed).collect();
-        let points = bundle.points.len();
-        let poses = free.iter().filter(|free| **free).count();
-        let eliminate = if 6 * poses > 3 * points { Eliminate::Poses } else { Eliminate::Points };
-        let cameras = bundle.cameras.len();
-        Self { eliminate, free, points, cameras, intrinsics: active.to_vec() }
-    }
-
-    /// Every pose unknown, the points eliminated.
-    pub fn whole(bundle: &Bundle, active: &[usize]) -> Self {
-        let free = vec![true; bundle.poses.len()];
-        Self { free, eliminate: Eliminate::Points, ..Self::new(bundle, active) }
-    }
-
-    /// Size of the reduced system of a [`whole`](Self::whole) layout.
-    pub fn kept(&self) -> usize {
-        6 * self.free.len() + self.cameras * self.intrinsics.len()
-    }
-
-    /// What a [`whole`](Self::whole) layout eliminates with one point, from the point's rows.
-    pub fn point_block(&self, rows: &[Row]) -> PointBlock {
-        let mut block = PointBlock { own: SMatrix::zeros(), couplings: Vec::new() };
-        for row in rows {
-            block.own += row.by_point.transpose() * row.by_point;
-            let by_pose = row.by_point.transpose() * row.by_pose;
-            let pose = (0..6).map(|k| (6 * row.view + k, by_pose.column(k).into_owned()));
-            block.couplings.extend(pose);
-            let first = 6 * self.free.len() + row.camera * self.intrinsics.len();
-            let intrinsics = self.intrinsics.iter().enumerate();
-            block.couplings.extend(intrinsics.map(|(i, &k)| {
-                (first + i, row.by_point.transpose() * row.by_intrinsics.column(k))
-            }));
-        }
-        block
-    }
-}
-
-/// Normal matrix of one point and its coupling to every kept unknown it meets.
-pub(super) struct PointBlock {
-    /// `V`.
-    pub own: SMatrix<f64, 3, 3>,
-    /// Row in the reduced system, and the column of `Wᵀ` there; a row may come more than once.
-    pub couplings: Vec<(usize, SVector<f64, 3>)>,
-}
 
 /// Solve for one step; `rows` sorted by what is eliminated, then by the other. `prior`: second
 /// derivative and gradient of each active intrinsic. `None` when a damped matrix is not positive
 /// definite.
 pub(super) fn solve(
-    rows: &[Row],
-    layout: &Layout,
+    rows: &[BundleRow],
+    layout: &BundleLayout,
     prior: &[(f64, f64)],
     damping: f64,
 ) -> Option<Step> {
-    let point = |row: &Row| (row.point, row.by_point);
-    let pose = |row: &Row| (row.view, row.by_pose);
+    let point = |row: &BundleRow| (row.point, row.by_point);
+    let pose = |row: &BundleRow| (row.view, row.by_pose);
     let all = vec![true; layout.points];
     match layout.eliminate {
         Eliminate::Points => {
             let (poses, points, intrinsics, promise) =
-                System::new(&layout.free, &all, layout, damping, pose, point).solve(rows, prior)?;
+                Elimination::new(&layout.free, &all, layout, damping, pose, point)
+                    .solve(rows, prior)?;
             Some(step(&poses, &points, intrinsics, promise))
         }
         Eliminate::Poses => {
             let (points, poses, intrinsics, promise) =
-                System::new(&all, &layout.free, layout, damping, point, pose).solve(rows, prior)?;
+                Elimination::new(&all, &layout.free, layout, damping, point, pose)
+                    .solve(rows, prior)?;
             Some(step(&poses, &points, intrinsics, promise))
         }
     }
 }
 
-/// Zero for fixed poses; intrinsics camera by camera, each in the order of [`Layout::intrinsics`].
+/// Zero for fixed poses; intrinsics camera by camera, each in the order of [`BundleLayout::intrinsics`].
 fn step(
     poses: &[SVector<f64, 6>],
     points: &[SVector<f64, 3>],
@@ -129,13 +56,17 @@ fn step(
     Step { delta, predicted }
 }
 
-/// The undamped reduced matrix (lower triangle) of a [`Layout::whole`]; `None` where the sightings of
+/// The undamped reduced matrix (lower triangle) of a [`BundleLayout::whole`]; `None` where the sightings of
 /// a point do not determine it.
-pub(super) fn reduced(rows: &[Row], layout: &Layout, prior: &[(f64, f64)]) -> Option<DMatrix<f64>> {
-    let point = |row: &Row| (row.point, row.by_point);
-    let pose = |row: &Row| (row.view, row.by_pose);
+pub(super) fn reduced(
+    rows: &[BundleRow],
+    layout: &BundleLayout,
+    prior: &[(f64, f64)],
+) -> Option<DMatrix<f64>> {
+    let point = |row: &BundleRow| (row.point, row.by_point);
+    let pose = |row: &BundleRow| (row.view, row.by_pose);
     let all = vec![true; layout.points];
-    let system = System::new(&layout.free, &all, layout, 0.0, pose, point);
+    let system = Elimination::new(&layout.free, &all, layout, 0.0, pose, point);
     let mut total = system.reduced(rows, &system.spans(rows))?;
     system.add_prior(&mut total, prior);
     Some(total.matrix)
@@ -143,7 +74,7 @@ pub(super) fn reduced(rows: &[Row], layout: &Layout, prior: &[(f64, f64)]) -> Op
 
 /// Kept blocks of `K` unknowns, eliminated ones of `E`; `kept` and `gone` tell the block of a row and
 /// its derivative.
-struct System<'a, const K: usize, const E: usize, Kept, Gone> {
+struct Elimination<'a, const K: usize, const E: usize, Kept, Gone> {
     /// First row of each kept block in the reduced system; `None` for what does not change.
     at: Vec<Option<usize>>,
     /// Which eliminated blocks are unknown.
@@ -191,15 +122,15 @@ impl Partial {
 type Solution<const K: usize, const E: usize> =
     (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>, Vec<f64>, f64);
 
-impl<'a, const K: usize, const E: usize, Kept, Gone> System<'a, K, E, Kept, Gone>
+impl<'a, const K: usize, const E: usize, Kept, Gone> Elimination<'a, K, E, Kept, Gone>
 where
-    Kept: Fn(&Row) -> (usize, SMatrix<f64, 2, K>) + Sync,
-    Gone: Fn(&Row) -> (usize, SMatrix<f64, 2, E>) + Sync,
+    Kept: Fn(&BundleRow) -> (usize, SMatrix<f64, 2, K>) + Sync,
+    Gone: Fn(&BundleRow) -> (usize, SMatrix<f64, 2, E>) + Sync,
 {
     fn new(
         kept_free: &[bool],
         free: &'a [bool],
-        layout: &'a Layout,
+        layout: &'a BundleLayout,
         damping: f64,
         kept: Kept,
         gone: Gone,
@@ -225,7 +156,7 @@ where
         self.intrinsics_at + camera * self.intrinsics.len()
     }
 
-    fn solve(&self, rows: &[Row], prior: &[(f64, f64)]) -> Option<Solution<K, E>> {
+    fn solve(&self, rows: &[BundleRow], prior: &[(f64, f64)]) -> Option<Solution<K, E>> {
         let spans = self.spans(rows);
         let mut total = self.reduced(rows, &spans)?;
         let change = self.reduced_step(&mut total, prior)?;
@@ -248,7 +179,7 @@ where
     }
 
     /// The reduced system of all eliminated blocks.
-    fn reduced(&self, rows: &[Row], spans: &[Range<usize>]) -> Option<Partial> {
+    fn reduced(&self, rows: &[BundleRow], spans: &[Range<usize>]) -> Option<Partial> {
         /// Fixed, so that the order of summation does not depend on the number of threads.
         const PARTS: usize = 8;
         let part = spans.len().div_ceil(PARTS).max(1);
@@ -284,7 +215,7 @@ where
     }
 
     /// Ranges of rows with the same eliminated block.
-    fn spans(&self, rows: &[Row]) -> Vec<Range<usize>> {
+    fn spans(&self, rows: &[BundleRow]) -> Vec<Range<usize>> {
         let mut start = 0;
         rows.chunk_by(|a, b| (self.gone)(a).0 == (self.gone)(b).0)
             .map(|chunk| {
@@ -295,7 +226,10 @@ where
     }
 
     /// `V` damped, its undamped diagonal, and `g_e`, of one eliminated block.
-    fn own_block(&self, rows: &[Row]) -> (SMatrix<f64, E, E>, SVector<f64, E>, SVector<f64, E>) {
+    fn own_block(
+        &self,
+        rows: &[BundleRow],
+    ) -> (SMatrix<f64, E, E>, SVector<f64, E>, SVector<f64, E>) {
         let (mut v, mut gradient) = (SMatrix::zeros(), SVector::zeros());
         for row in rows {
             let (_, by_own) = (self.gone)(row);
@@ -307,7 +241,7 @@ where
     }
 
     /// Contribution of some eliminated blocks to the reduced system.
-    fn reduce(&self, rows: &[Row], spans: &[Range<usize>]) -> Option<Partial> {
+    fn reduce(&self, rows: &[BundleRow], spans: &[Range<usize>]) -> Option<Partial> {
         let mut partial = Partial::zero(self.size());
         for span in spans {
             let rows = &rows[span.clone()];
@@ -330,7 +264,7 @@ where
 
     /// Row and coupling, still zero, of the intrinsics of every camera that sees one eliminated
     /// block; ascending.
-    fn no_couplings(&self, rows: &[Row]) -> Vec<(usize, SVector<f64, E>)> {
+    fn no_couplings(&self, rows: &[BundleRow]) -> Vec<(usize, SVector<f64, E>)> {
         let mut cameras: Vec<usize> = rows.iter().map(|row| row.camera).collect();
         cameras.sort_unstable();
         cameras.dedup();
@@ -342,7 +276,7 @@ where
     fn subtract(
         &self,
         partial: &mut Partial,
-        rows: &[Row],
+        rows: &[BundleRow],
         couplings: &[(usize, SMatrix<f64, K, E>)],
         of_intrinsics: &[(usize, SVector<f64, E>)],
     ) -> Option<()> {
@@ -375,7 +309,7 @@ where
     fn add_intrinsics(
         &self,
         partial: &mut Partial,
-        row: &Row,
+        row: &BundleRow,
         couplings: &mut [(usize, SVector<f64, E>)],
     ) {
         let first = self.camera_at(row.camera);
@@ -402,7 +336,7 @@ where
     /// Step of one eliminated block and its share of the promise.
     fn back_substitute(
         &self,
-        rows: &[Row],
+        rows: &[BundleRow],
         change: &DVector<f64>,
     ) -> Option<(SVector<f64, E>, f64)> {
         if !self.free[(self.gone)(&rows[0]).0] {

@@ -122,6 +122,7 @@ pub fn triangulate(
 
 /// All pairs of `n` things, thinned evenly to at most `MAX_PAIRS`.
 fn pairs(n: usize) -> impl Iterator<Item = (usize, usize)> {
+    /// All pairs of nine sightings: more cost time, not points.
     const MAX_PAIRS: usize = 36;
     let total = n * n.saturating_sub(1) / 2;
     let step = total.div_ceil(MAX_PAIRS).max(1);
@@ -131,15 +132,10 @@ fn pairs(n: usize) -> impl Iterator<Item = (usize, usize)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{CameraModel, Lens};
+    use crate::camera::CameraModel;
 
     fn camera() -> CameraModel {
-        CameraModel {
-            size: [640, 480],
-            focal: [500.0; 2],
-            centre: [320.0, 240.0],
-            lens: Lens::Pinhole,
-        }
+        CameraModel::pinhole([640, 480], [500.0; 2], [320.0, 240.0])
     }
 
     fn sighting(pose: Isometry, point: &Point3, shift: f64) -> Sighting {

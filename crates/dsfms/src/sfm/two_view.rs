@@ -3,7 +3,7 @@
 use super::SfmOptions;
 use super::essential::{parallax_deg, relative_pose};
 use super::features::Features2d;
-use super::frames::{Counter, Progress, SfmStage};
+use super::frames::{Counter, SfmProgress, SfmStage};
 use super::matching::{DescriptorMatch, UnitDescriptors, match_unit};
 use super::random::Random;
 use super::triangulation::{Sighting, centre_of, nearest_to_rays};
@@ -64,7 +64,7 @@ pub fn verify_pairs(
     features: &[Features2d],
     descriptors: &[UnitDescriptors],
     options: &SfmOptions,
-    progress: Progress,
+    progress: SfmProgress,
 ) -> Vec<VerifiedPair> {
     let rays = sightlines(camera, features);
     let heads: Vec<_> = descriptors.iter().map(|d| d.head(options.preview_features)).collect();

@@ -1,7 +1,7 @@
 //! From the depth map to the vertices of the template.
 
 use super::SfsInput;
-use super::grid::Grid;
+use super::grid::PixelGrid;
 use crate::camera::Camera;
 use crate::geometry::{Point3, Vector3};
 
@@ -11,7 +11,7 @@ const ROUNDS: usize = 200;
 /// Visible vertices go along their sightline to the depth map, hidden ones follow their neighbours.
 pub(super) fn vertices(
     input: &SfsInput,
-    grid: &Grid,
+    grid: &PixelGrid,
     log_depth: &[f64],
     posed: &[Point3],
     visible: &[bool],

@@ -1,8 +1,8 @@
 //! The depth map by Levenberg–Marquardt on ln depth.
 
 use super::SfsOptions;
-use super::grid::{Cell, Grid};
-use super::rows::{Row, step};
+use super::grid::{PixelCell, PixelGrid};
+use super::rows::{ShadingRow, step};
 use crate::geometry::{Point3, area_normal};
 use crate::light::{Light, LightModel};
 use crate::solver::{Loss, Options, Problem, Step, Summary, minimize};
@@ -12,8 +12,12 @@ const LABELS: [&str; 3] = ["shading (SfS)", "smoothing (SfS)", "border depth (Sf
 const MAX_STEP: f64 = 0.2;
 
 /// ln depth of every node, and how it was found.
-pub(super) fn solve(grid: &Grid, light: &LightModel, options: &SfsOptions) -> (Vec<f64>, Summary) {
-    let mut map = DepthMap { grid, light, options, rows: Vec::new() };
+pub(super) fn solve(
+    grid: &PixelGrid,
+    light: &LightModel,
+    options: &SfsOptions,
+) -> (Vec<f64>, Summary) {
+    let mut map = LogDepths { grid, light, options, rows: Vec::new() };
     let start = map.start();
     let limits = Options {
         max_steps: options.max_iterations,
@@ -25,15 +29,15 @@ pub(super) fn solve(grid: &Grid, light: &LightModel, options: &SfsOptions) -> (V
     minimize(&mut map, start, &limits)
 }
 
-struct DepthMap<'a> {
-    grid: &'a Grid,
+struct LogDepths<'a> {
+    grid: &'a PixelGrid,
     light: &'a LightModel,
     options: &'a SfsOptions,
     /// At the last linearisation.
-    rows: Vec<Row>,
+    rows: Vec<ShadingRow>,
 }
 
-impl Problem for DepthMap<'_> {
+impl Problem for LogDepths<'_> {
     type State = Vec<f64>;
 
     fn costs(&self, u: &Vec<f64>) -> Option<Vec<f64>> {
@@ -59,7 +63,7 @@ impl Problem for DepthMap<'_> {
     }
 }
 
-impl DepthMap<'_> {
+impl LogDepths<'_> {
     /// The mean depth, bulging a little towards the camera: organs do, and a flat start could not
     /// tell a hill from a hollow.
     fn start(&self) -> Vec<f64> {
@@ -69,7 +73,7 @@ impl DepthMap<'_> {
     }
 
     /// Brightness residual of a cell over its noise; the light of a cell turned away is 0.
-    fn shading(&self, cell: &Cell, u: [f64; 3]) -> f64 {
+    fn shading(&self, cell: &PixelCell, u: [f64; 3]) -> f64 {
         let corner =
             |k: usize| Point3::from(self.grid.sightlines[cell.nodes[k] as usize] * u[k].exp());
         let [a, b, c] = [corner(0), corner(1), corner(2)];
@@ -79,7 +83,7 @@ impl DepthMap<'_> {
         (predicted - cell.brightness) / (self.options.relative_noise * self.grid.median_brightness)
     }
 
-    fn gathered(cell: &Cell, u: &[f64]) -> [f64; 3] {
+    fn gathered(cell: &PixelCell, u: &[f64]) -> [f64; 3] {
         cell.nodes.map(|n| u[n as usize])
     }
 
@@ -99,7 +103,8 @@ impl DepthMap<'_> {
 
     fn terms(&self, u: &[f64]) -> [f64; 3] {
         let loss = Loss::Huber(2.0);
-        let shading = |c: &Cell| loss.evaluate(self.shading(c, Self::gathered(c, u)).powi(2)).0;
+        let shading =
+            |c: &PixelCell| loss.evaluate(self.shading(c, Self::gathered(c, u)).powi(2)).0;
         let smooth = |t: &[u32; 3]| self.second_difference(*t, u).powi(2);
         [
             self.grid.cells.iter().map(shading).sum(),
@@ -109,17 +114,17 @@ impl DepthMap<'_> {
         ]
     }
 
-    fn rows(&self, u: &[f64]) -> Vec<Row> {
+    fn rows(&self, u: &[f64]) -> Vec<ShadingRow> {
         let smooth = self.smoothing_weight();
         let border = self.options.border_sigma.powi(-2);
         let shading = self.grid.cells.iter().map(|cell| self.shading_row(cell, u));
-        let smoothing = self.grid.triples.iter().map(|&t| Row {
+        let smoothing = self.grid.triples.iter().map(|&t| ShadingRow {
             index: t,
             slope: [1.0, -2.0, 1.0],
             residual: self.second_difference(t, u),
             weight: smooth,
         });
-        let border = self.border_residuals(u).map(|(i, residual)| Row {
+        let border = self.border_residuals(u).map(|(i, residual)| ShadingRow {
             index: [i as u32; 3],
             slope: [1.0, 0.0, 0.0],
             residual,
@@ -128,7 +133,8 @@ impl DepthMap<'_> {
         shading.chain(smoothing).chain(border).collect()
     }
 
-    fn shading_row(&self, cell: &Cell, u: &[f64]) -> Row {
+    fn shading_row(&self, cell: &PixelCell, u: &[f64]) -> ShadingRow {
+        /// Half the step of the central difference, of the logarithm of depth: between rounding and curvature.
         const H: f64 = 1e-6;
         let at = Self::gathered(cell, u);
         let moved = |k: usize, h: f64| {
@@ -139,6 +145,6 @@ impl DepthMap<'_> {
         let residual = self.shading(cell, at);
         let slope = std::array::from_fn(|k| (moved(k, H) - moved(k, -H)) / (2.0 * H));
         let weight = Loss::Huber(2.0).evaluate(residual * residual).1;
-        Row { index: cell.nodes, slope, residual, weight }
+        ShadingRow { index: cell.nodes, slope, residual, weight }
     }
 }

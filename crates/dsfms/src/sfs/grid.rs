@@ -12,7 +12,7 @@ use crate::template::texel_fill::render_albedo;
 const MIN_NODES: usize = 20;
 
 /// Nodes, triangles and what the image says at each triangle.
-pub(super) struct Grid {
+pub(super) struct PixelGrid {
     /// Pixel of the first lattice point.
     origin: [usize; 2],
     /// Lattice spacing, px.
@@ -28,7 +28,7 @@ pub(super) struct Grid {
     /// Whether a node lies at the border.
     pub border: Vec<bool>,
     /// Lattice triangles with three nodes.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<PixelCell>,
     /// Triples of consecutive nodes along rows and columns.
     pub triples: Vec<[u32; 3]>,
     /// Angle between neighbouring sightlines, rad.
@@ -42,7 +42,7 @@ pub(super) struct Grid {
 }
 
 /// A triangle of the depth map that the image may judge.
-pub(super) struct Cell {
+pub(super) struct PixelCell {
     /// Its nodes, such that the normal `(b − a) × (c − a)` points to the camera.
     pub nodes: [u32; 3],
     /// Mean brightness.
@@ -51,7 +51,7 @@ pub(super) struct Cell {
     pub albedo: f64,
 }
 
-impl Grid {
+impl PixelGrid {
     pub fn new(
         input: &SfsInput,
         raster: &Raster,
@@ -158,7 +158,7 @@ impl Grid {
 
     fn push_cell(&mut self, nodes: [Option<u32>; 3], measured: Option<(f64, f64)>) {
         if let ([Some(a), Some(b), Some(c)], Some((brightness, albedo))) = (nodes, measured) {
-            self.cells.push(Cell { nodes: [a, b, c], brightness, albedo });
+            self.cells.push(PixelCell { nodes: [a, b, c], brightness, albedo });
         }
     }
 

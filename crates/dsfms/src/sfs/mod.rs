@@ -121,6 +121,9 @@ pub enum SfsError {
 }
 
 /// Depth from the shading of one frame; deterministic.
+///
+/// # Errors
+/// Images of another size than the camera, or no usable pixel that shows the mesh.
 #[doc(alias = "SfS")]
 pub fn shape_from_shading(input: &SfsInput, options: &SfsOptions) -> Result<SfsResult, SfsError> {
     let expected = input.camera.size;
@@ -132,7 +135,7 @@ pub fn shape_from_shading(input: &SfsInput, options: &SfsOptions) -> Result<SfsR
     let posed: Vec<_> = input.mesh.positions.iter().map(|p| input.pose * p).collect();
     let raster = rasterize(input.camera, &input.mesh.topology, &posed);
     let light = input.light.at_camera();
-    let grid = grid::Grid::new(input, &raster, &posed, &light, options)?;
+    let grid = grid::PixelGrid::new(input, &raster, &posed, &light, options)?;
     let (log_depth, summary) = depth_map::solve(&grid, &light, options);
     let tolerance = 0.01 * grid.mean_depth;
     let topology = &input.mesh.topology;
@@ -144,7 +147,6 @@ pub fn shape_from_shading(input: &SfsInput, options: &SfsOptions) -> Result<SfsR
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Lens;
     use crate::geometry::Vector3;
     use crate::light::{Light, PointLight, Spot};
     use crate::mesh::normals::vertex_normals;
@@ -152,7 +154,7 @@ mod tests {
     const SIZE: [usize; 2] = [80, 80];
 
     fn camera() -> CameraModel {
-        CameraModel { size: SIZE, focal: [80.0; 2], centre: [39.5; 2], lens: Lens::Pinhole }
+        CameraModel::pinhole(SIZE, [80.0; 2], [39.5; 2])
     }
 
     /// A square patch, flat or bulging by `height` towards the camera, 50 units away.

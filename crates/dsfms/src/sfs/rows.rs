@@ -4,7 +4,7 @@ use crate::solver::Step;
 use crate::solver::conjugate_gradients::{Goal, System, conjugate_gradients};
 
 /// A linearised, weighted residual: `weight · (residual + slope · step)²`.
-pub(super) struct Row {
+pub(super) struct ShadingRow {
     pub index: [u32; 3],
     pub slope: [f64; 3],
     pub residual: f64,
@@ -16,7 +16,7 @@ const MAX_ITERATIONS: usize = 150;
 
 /// The step that minimises `Σ weight·(residual + slope·step)² + damping·‖step‖²_D`, `D` the diagonal
 /// of the normal matrix, nearly.
-pub(super) fn step(rows: &[Row], unknowns: usize, damping: f64) -> Option<Step> {
+pub(super) fn step(rows: &[ShadingRow], unknowns: usize, damping: f64) -> Option<Step> {
     let (mut diagonal, mut descent) = (vec![1e-9; unknowns], vec![0.0; unknowns]);
     for row in rows {
         for (&i, s) in row.index.iter().zip(row.slope) {
@@ -25,7 +25,7 @@ pub(super) fn step(rows: &[Row], unknowns: usize, damping: f64) -> Option<Step> 
         }
     }
     let (mut delta, mut left) = (vec![0.0; unknowns], descent.clone());
-    let mut normal = Normal { rows, diagonal: &diagonal, damping };
+    let mut normal = ShadingSystem { rows, diagonal: &diagonal, damping };
     conjugate_gradients(&mut normal, &mut delta, &mut left, Goal::Share(1e-6), MAX_ITERATIONS);
     // With (H + damping D) step = descent − left, the model falls by 2 descentᵀstep − stepᵀH step.
     let damped: f64 = delta.iter().zip(&diagonal).map(|(x, d)| damping * d * x * x).sum();
@@ -35,13 +35,13 @@ pub(super) fn step(rows: &[Row], unknowns: usize, damping: f64) -> Option<Step> 
 }
 
 /// The damped normal matrix, row by row.
-struct Normal<'a> {
-    rows: &'a [Row],
+struct ShadingSystem<'a> {
+    rows: &'a [ShadingRow],
     diagonal: &'a [f64],
     damping: f64,
 }
 
-impl System<f64> for Normal<'_> {
+impl System<f64> for ShadingSystem<'_> {
     fn apply(&mut self, x: &[f64], out: &mut [f64]) {
         for ((out, x), d) in out.iter_mut().zip(x).zip(self.diagonal) {
             *out = self.damping * d * x;
@@ -68,7 +68,7 @@ mod tests {
     #[test]
     fn solves_a_small_system() {
         // (x − 1)² + 4(x + y − 3)² + (z + 2)²
-        let row = |index, slope, residual, weight| Row { index, slope, residual, weight };
+        let row = |index, slope, residual, weight| ShadingRow { index, slope, residual, weight };
         let rows = [
             row([0, 1, 2], [1.0, 0.0, 0.0], -1.0, 1.0),
             row([0, 1, 2], [1.0, 1.0, 0.0], -3.0, 4.0),

@@ -1,7 +1,7 @@
 //! The vertex part of the normal equations factorised as it stands.
 
 use super::cholesky::{Cholesky, CholeskyError, Factor};
-use super::normal_equations::Matrix;
+use super::matrix::Matrix;
 use super::ordering::Ordered;
 use nalgebra::{DMatrix, DVector};
 

@@ -8,7 +8,7 @@
 
 use super::cholesky::{Cholesky, CholeskyError, Factor, dot};
 use super::conjugate_gradients::{Ending, Goal, System, conjugate_gradients};
-use super::normal_equations::Matrix;
+use super::matrix::Matrix;
 use super::ordering::Ordered;
 use super::panels::Panels;
 use nalgebra::{Cholesky as Dense, Dyn, Matrix3, Point3, Vector3};

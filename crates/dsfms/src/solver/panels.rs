@@ -12,7 +12,7 @@ const LANES: usize = 8;
 /// vectors, without a division or a value that waits for the one before.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Panels {
-    panels: Vec<Shape>,
+    panels: Vec<PanelShape>,
     /// Rows below the diagonal blocks.
     below: Vec<u32>,
     /// Of every panel the inverse of its diagonal block, then what is below, both column by column.
@@ -21,7 +21,7 @@ pub(super) struct Panels {
 
 /// Where a panel lies.
 #[derive(Clone, Copy, Debug)]
-struct Shape {
+struct PanelShape {
     /// First column.
     begin: usize,
     /// Columns.
@@ -32,7 +32,7 @@ struct Shape {
     values: usize,
 }
 
-impl Shape {
+impl PanelShape {
     /// Padded heights of the diagonal block and of what is below.
     fn heights(&self) -> [usize; 2] {
         [self.width, self.below[1]].map(|n| n.next_multiple_of(LANES))
@@ -49,7 +49,7 @@ impl Panels {
         for panel in panels {
             let rows = [self.below.len(), panel.below.len()];
             let (begin, width) = (panel.begin, panel.width);
-            let shape = Shape { begin, width, below: rows, values: self.values.len() };
+            let shape = PanelShape { begin, width, below: rows, values: self.values.len() };
             self.below.extend(panel.below.iter().map(|&row| row as u32));
             let [high, low] = shape.heights();
             self.values.resize(shape.values + (high + low) * width, 0.0);
@@ -96,11 +96,11 @@ impl Panels {
         }
     }
 
-    fn rows(&self, panel: &Shape) -> &[u32] {
+    fn rows(&self, panel: &PanelShape) -> &[u32] {
         &self.below[panel.below[0]..][..panel.below[1]]
     }
 
-    fn blocks(&self, panel: &Shape) -> (&[f32], &[f32]) {
+    fn blocks(&self, panel: &PanelShape) -> (&[f32], &[f32]) {
         let [high, low] = panel.heights();
         let values = &self.values[panel.values..][..(high + low) * panel.width];
         values.split_at(high * panel.width)

@@ -108,7 +108,7 @@ impl Carrier {
     ///
     /// # Errors
     /// [`StructureError::Count`]; [`StructureError::Degenerate`] where they lie on a line.
-    pub fn carry(&self, deformed: &[Point3]) -> Result<Carried<'_>, StructureError> {
+    pub fn carry(&self, deformed: &[Point3]) -> Result<CarriedStructures<'_>, StructureError> {
         let vertices = deformed.len();
         if vertices != self.vertices {
             return Err(StructureError::Count { expected: self.vertices, found: vertices });
@@ -123,13 +123,13 @@ impl Carrier {
             deformation += (p - rigid * c).norm() / moved.len() as f64;
         }
         let weights = self.system.solve(&left).ok_or(degenerate)?;
-        Ok(Carried { carrier: self, rigid, deformation, weights })
+        Ok(CarriedStructures { carrier: self, rigid, deformation, weights })
     }
 }
 
 /// The deformation of one frame, everywhere in space.
 #[derive(Clone, Debug)]
-pub struct Carried<'a> {
+pub struct CarriedStructures<'a> {
     carrier: &'a Carrier,
     rigid: Isometry,
     deformation: f64,
@@ -137,7 +137,7 @@ pub struct Carried<'a> {
     weights: DMatrix<f64>,
 }
 
-impl Carried<'_> {
+impl CarriedStructures<'_> {
     /// Mean distance of the surface from where its rigid motion alone would take it, length units.
     pub fn deformation(&self) -> f64 {
         self.deformation
@@ -179,7 +179,7 @@ const UNKNOWN_INTERIOR: f64 = 1.3;
 
 /// Expected error of a carried point, length units: that of the surface above it, doubled at the
 /// depth of the organ's half extent, and what the interior may do by itself, which grows with depth
-/// and with `deformation` ([`Carried::deformation`]). Fitted on random maps of space (the example
+/// and with `deformation` ([`CarriedStructures::deformation`]). Fitted on random maps of space (the example
 /// `structures`).
 pub fn expected_error(surface: f64, depth: f64, half_extent: f64, deformation: f64) -> f64 {
     let deep = depth / half_extent.max(f64::MIN_POSITIVE);

@@ -14,12 +14,12 @@ const FAR: f64 = 1e4;
 
 /// One depth map per position of the light.
 pub struct Shadows {
-    maps: Vec<Map>,
+    maps: Vec<ShadowMap>,
     /// A point this much behind the map is in shadow, length units.
     bias: f64,
 }
 
-struct Map {
+struct ShadowMap {
     light: Vector3,
     camera: CameraModel,
     raster: Raster,
@@ -33,7 +33,7 @@ impl Shadows {
         if positions.is_empty() {
             positions.push(Vector3::new(0.0, 0.0, -FAR * deepest));
         }
-        let maps = positions.into_iter().map(|position| Map::of(position, mesh)).collect();
+        let maps = positions.into_iter().map(|position| ShadowMap::of(position, mesh)).collect();
         Self { maps, bias: 0.25 * mesh.mean_edge_length() }
     }
 
@@ -44,7 +44,7 @@ impl Shadows {
     }
 }
 
-impl Map {
+impl ShadowMap {
     fn of(light: Vector3, mesh: &Mesh) -> Self {
         let positions: Vec<Point3> = mesh.positions.iter().map(|p| p - light).collect();
         let widest = positions

@@ -8,65 +8,19 @@
 //! the one global factor that images leave open is thereby fixed.
 
 use super::SurfaceTexels;
-use super::known_light::{Exposure, KnownLight};
-use super::photometric::{AlbedoView, Observation, ObservationBounds, PreparedView};
+use super::known_light::{FittedExposure, KnownLight};
+use super::photometric::{AlbedoView, PreparedView, SpotObservation};
 use super::relief::{shaded_normals, shaded_surface};
-use super::spots::{Spot, observe_spots, prepare, smoothed_normals, surface_point};
+use super::spots::{SurfaceSpot, observe_spots, prepare, smoothed_normals, surface_point};
 use super::texel_fill::{choose_resolution, fill_unseen};
+use crate::camera::PosedFrame;
 use crate::geometry::Vector3;
-use crate::light::{Coat, LightModel, coat::WET_TISSUE};
+use crate::light::LightModel;
 use crate::mesh::Mesh;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
+pub use super::albedo_options::AlbedoOptions;
 pub use super::combine::{Combine, CombinedAlbedo, ViewAlbedo, combine, from_view};
-
-/// Options of [`estimate_albedo`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct AlbedoOptions {
-    /// Which observations count.
-    pub bounds: ObservationBounds,
-    /// How views are combined.
-    pub combine: Combine,
-    /// Rounds of one-ring averaging of the vertex normals.
-    pub normal_smoothing: usize,
-    /// Texels per pixel (by length) of the closest view that sees a face, `> 0`.
-    pub texels_per_px: f64,
-    /// Largest resolution of one face, `1..=256`.
-    pub max_resolution: u16,
-    /// Largest number of texels in all; resolutions shrink evenly to fit.
-    pub max_texels: usize,
-    /// Prior standard deviation of a frame's log gain (exposure control: about 0.3).
-    pub gain_sigma: f64,
-    /// Number of surface spots on which gains are solved.
-    pub gain_spots: usize,
-    /// Light from all around that the organ reflects, in units of the shading (0 = none).
-    pub ambient: f64,
-    /// Vignetting `a` of the lens, `1 + a r²` with r in focal lengths from the principal point (0 = none).
-    pub vignetting: f64,
-    /// Refractive index of the wet film on the organ, at least 1 (1 = Lambert without a film);
-    /// default that of wet tissue.
-    pub refractive_index: f64,
-}
-
-impl Default for AlbedoOptions {
-    fn default() -> Self {
-        Self {
-            bounds: ObservationBounds::default(),
-            combine: Combine::Robust,
-            normal_smoothing: 1,
-            texels_per_px: 1.0,
-            max_resolution: 64,
-            max_texels: 3_000_000,
-            gain_sigma: 0.3,
-            gain_spots: 6000,
-            ambient: 0.0,
-            vignetting: 0.0,
-            refractive_index: WET_TISSUE,
-        }
-    }
-}
 
 /// What [`estimate_albedo`] found.
 #[derive(Clone, Debug)]
@@ -110,16 +64,11 @@ pub enum AlbedoError {
     },
 }
 
-impl AlbedoOptions {
-    /// Tissue and lens as the options describe them.
-    pub fn coat(&self) -> Coat {
-        let Self { refractive_index, ambient, vignetting, .. } = *self;
-        Coat { refractive_index, ambient, vignetting }
-    }
-}
-
 /// Estimate albedo and gains. `mesh` in the template frame, outward orientation; `light` as
 /// calibrated (its length unit that of the mesh).
+///
+/// # Errors
+/// No view, an image or mask of another size than its camera, or no usable part of the surface in any.
 #[doc(alias("eq. 1", "eq. 2"))]
 pub fn estimate_albedo(
     mesh: &Mesh,
@@ -131,7 +80,7 @@ pub fn estimate_albedo(
     let Observed { normals, prepared, spots, exposure } = Observed::of(mesh, views, &model)?;
     let shaded = shaded_normals(mesh, &spots, views, &exposure, &model);
     let mut texels = SurfaceTexels::new(choose_resolution(mesh, &prepared, options));
-    let scene = Scene { mesh, normals: &normals, shaded: &shaded, views: &prepared, model };
+    let scene = AlbedoScene { mesh, normals: &normals, shaded: &shaded, views: &prepared, model };
     let faces: Vec<Vec<Option<Texel>>> = (0..mesh.topology.faces.len())
         .into_par_iter()
         .map(|f| {
@@ -154,7 +103,7 @@ pub fn estimate_albedo(
     }
     let observed = observed as f64 / texels.value.len() as f64;
     fill_unseen(mesh, &mut texels);
-    let Exposure { gains, noise, .. } = exposure;
+    let FittedExposure { gains, noise, .. } = exposure;
     Ok(AlbedoEstimate { texels, gains, noise, observed })
 }
 
@@ -180,8 +129,8 @@ pub fn refine_by_shading(
 struct Observed<'a> {
     normals: Vec<Vector3>,
     prepared: Vec<PreparedView<'a>>,
-    spots: Vec<Spot>,
-    exposure: Exposure,
+    spots: Vec<SurfaceSpot>,
+    exposure: FittedExposure,
 }
 
 impl<'a> Observed<'a> {
@@ -196,7 +145,7 @@ impl<'a> Observed<'a> {
         let prepared = prepare(mesh, views, &options.bounds);
         let spots =
             observe_spots(mesh, &normals, &prepared, light, &options.bounds, options.gain_spots);
-        let exposure = Exposure::solve(&spots, views, model);
+        let exposure = FittedExposure::solve(&spots, views, model);
         Ok(Self { normals, prepared, spots, exposure })
     }
 }
@@ -223,8 +172,9 @@ pub(super) fn check_views(views: &[AlbedoView]) -> Result<(), AlbedoError> {
         return Err(AlbedoError::NoViews);
     }
     for (view, v) in views.iter().enumerate() {
-        let sizes = [Some(v.frame.size), v.valid.map(|m| m.size)];
-        let expected = v.camera.size;
+        let PosedFrame { frame, valid, organ, .. } = v.posed;
+        let sizes = [Some(frame.size), valid.map(|m| m.size), organ.map(|m| m.size)];
+        let expected = v.posed.camera.size;
         if let Some(found) = sizes.into_iter().flatten().find(|&s| s != expected) {
             return Err(AlbedoError::SizeMismatch { view, found, expected });
         }
@@ -232,7 +182,7 @@ pub(super) fn check_views(views: &[AlbedoView]) -> Result<(), AlbedoError> {
     Ok(())
 }
 
-struct Scene<'a> {
+struct AlbedoScene<'a> {
     mesh: &'a Mesh,
     /// Of the mesh: what is seen, and at which angle.
     normals: &'a [Vector3],
@@ -242,8 +192,8 @@ struct Scene<'a> {
     model: KnownLight<'a>,
 }
 
-impl Scene<'_> {
-    fn texel(&self, face: usize, w: [f64; 3], exposure: &Exposure) -> Option<CombinedAlbedo> {
+impl AlbedoScene<'_> {
+    fn texel(&self, face: usize, w: [f64; 3], exposure: &FittedExposure) -> Option<CombinedAlbedo> {
         let (point, normal) = surface_point(self.mesh, self.normals, face, w)?;
         let (_, shaded) = surface_point(self.mesh, self.shaded, face, w)?;
         let KnownLight { light, options } = self.model;
@@ -265,7 +215,7 @@ const TILT_OVER_NOISE: f64 = 2.5;
 
 /// Inverse variance of an observation, up to a factor: an error of the normal changes the brightness
 /// by the tangent of the angle to the light, and light from all around weighs in alike.
-fn trust(o: &Observation) -> f64 {
+fn trust(o: &SpotObservation) -> f64 {
     let cos_squared = o.weight.clamp(1e-3, 1.0);
     let tilt = TILT_OVER_NOISE * TILT_OVER_NOISE * (1.0 / cos_squared - 1.0);
     1.0 / ((1.0 + tilt) * o.point.coords.norm_squared())

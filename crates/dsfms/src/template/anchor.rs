@@ -5,9 +5,8 @@
 //! other and look alike are merged, and of the rest the best spread ones are kept.
 
 use super::Features;
-use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Isometry, Point2, Point3, Vector3, area_normal, point_at};
-use crate::image::Mask;
+use crate::camera::{Camera, CameraModel, PosedFrame};
+use crate::geometry::{Point2, Point3, Vector3, area_normal, point_at};
 use crate::mesh::Mesh;
 use crate::raster::{Raster, rasterize};
 use serde::{Deserialize, Serialize};
@@ -16,12 +15,8 @@ use std::collections::BTreeMap;
 /// Keypoints of one registered frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FeatureView<'a> {
-    /// Camera of the frame.
-    pub camera: &'a CameraModel,
-    /// `camera_from_template`.
-    pub pose: Isometry,
-    /// `true` where the organ is seen; `None` = everywhere the template projects.
-    pub valid: Option<&'a Mask>,
+    /// The frame, `camera_from_template`; keypoints outside its masks are left out.
+    pub posed: PosedFrame<'a>,
     /// Positions, px.
     pub points: &'a [Point2],
     /// One per position.
@@ -57,7 +52,7 @@ impl Default for AnchorOptions {
 }
 
 /// A keypoint on the surface.
-struct Anchor {
+struct FeatureAnchor {
     face: u32,
     barycentric: [f64; 3],
     point: Point3,
@@ -83,30 +78,32 @@ pub fn anchor_features(mesh: &Mesh, views: &[FeatureView], options: &AnchorOptio
     }
 }
 
-fn anchors_of(mesh: &Mesh, view: &FeatureView, options: &AnchorOptions) -> Vec<Anchor> {
-    let positions: Vec<_> = mesh.positions.iter().map(|p| view.pose * p).collect();
-    let raster = rasterize(view.camera, &mesh.topology, &positions);
+fn anchors_of(mesh: &Mesh, view: &FeatureView, options: &AnchorOptions) -> Vec<FeatureAnchor> {
+    let PosedFrame { camera, pose, valid, organ, .. } = view.posed;
+    let positions: Vec<_> = mesh.positions.iter().map(|p| pose * p).collect();
+    let raster = rasterize(camera, &mesh.topology, &positions);
     let contour = raster.discontinuities(0.02).dilate(options.contour_px);
     let posed = mesh.with_positions(positions);
+    let masks = [valid, organ];
     let usable =
-        |p: &Point2| !contour.at_pixel(p) && view.valid.is_none_or(|valid| valid.at_pixel(p));
+        |p: &Point2| !contour.at_pixel(p) && masks.iter().flatten().all(|mask| mask.at_pixel(p));
     view.points
         .iter()
         .zip(view.descriptors)
         .filter(|(pixel, _)| usable(pixel))
         .filter_map(|(pixel, descriptor)| {
-            let (face, barycentric) = sub_pixel(&raster, &posed, view.camera, pixel)?;
+            let (face, barycentric) = sub_pixel(&raster, &posed, camera, pixel)?;
             let corners = posed.corners(face as usize);
             let point = point_at(corners, barycentric);
             let [a, b, c] = corners;
             let normal = area_normal(a, b, c).try_normalize(0.0)?;
             let cosine = -normal.dot(&point.coords) / point.coords.norm();
-            (cosine >= options.grazing_cos).then(|| Anchor {
+            (cosine >= options.grazing_cos).then(|| FeatureAnchor {
                 face,
                 barycentric,
                 point: point_at(mesh.corners(face as usize), barycentric),
                 descriptor: *descriptor,
-                footprint: point.z / view.camera.focal[0],
+                footprint: point.z / camera.focal[0],
                 cosine,
             })
         })
@@ -145,12 +142,12 @@ fn intersect(ray: &Vector3, [a, b, c]: [&Point3; 3]) -> Option<[f64; 3]> {
 }
 
 /// Drop every anchor that lies next to a better one and looks like it.
-fn merge(anchors: Vec<Anchor>, options: &AnchorOptions) -> Vec<Anchor> {
+fn merge(anchors: Vec<FeatureAnchor>, options: &AnchorOptions) -> Vec<FeatureAnchor> {
     let coarsest = anchors.iter().map(|a| a.footprint).fold(0.0, f64::max);
     let cell = (options.merge_px * coarsest).max(1e-300);
     let least = options.merge_deg.to_radians().cos();
     let mut cells: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
-    let mut kept: Vec<Anchor> = Vec::new();
+    let mut kept: Vec<FeatureAnchor> = Vec::new();
     for anchor in anchors {
         let key: [i64; 3] = anchor.point.coords.map(|x| (x / cell).floor() as i64).into();
         let known = neighbours(key).any(|k| {
@@ -184,7 +181,7 @@ fn similarity(a: &[u8; 128], b: &[u8; 128]) -> f64 {
 
 /// At most `limit` anchors, taken in turn from the cells of a grid over the surface, so that no
 /// richly textured corner crowds out the rest.
-fn spread(anchors: Vec<Anchor>, limit: usize) -> Vec<Anchor> {
+fn spread(anchors: Vec<FeatureAnchor>, limit: usize) -> Vec<FeatureAnchor> {
     if anchors.len() <= limit {
         return anchors;
     }
@@ -195,7 +192,7 @@ fn spread(anchors: Vec<Anchor>, limit: usize) -> Vec<Anchor> {
     const CELLS_ACROSS: f64 = 32.0;
     let cell = ((high - low).max() / CELLS_ACROSS).max(1e-300);
     let mut taken: BTreeMap<[i64; 3], usize> = BTreeMap::new();
-    let mut ranked: Vec<(usize, Anchor)> = anchors
+    let mut ranked: Vec<(usize, FeatureAnchor)> = anchors
         .into_iter()
         .map(|a| {
             let key: [i64; 3] = (a.point - low).map(|x| (x / cell) as i64).into();
@@ -236,13 +233,7 @@ mod tests {
         let views: Vec<_> = pictures
             .iter()
             .zip(&pixels)
-            .map(|(p, points)| FeatureView {
-                camera: &p.camera,
-                pose: p.pose,
-                valid: None,
-                points,
-                descriptors: &descriptors,
-            })
+            .map(|(p, points)| FeatureView { posed: p.posed(), points, descriptors: &descriptors })
             .collect();
         let features = anchor_features(&mesh, &views, &AnchorOptions::default());
         assert_eq!(features.faces.len(), 3);
@@ -261,9 +252,7 @@ mod tests {
         let mesh = patch();
         let pictures = pictures(&mesh, &LightModel::Collinear, [1.0; 5]);
         let view = FeatureView {
-            camera: &pictures[0].camera,
-            pose: pictures[0].pose,
-            valid: None,
+            posed: pictures[0].posed(),
             points: &[Point2::new(0.0, 0.0), Point2::new(-5.0, 900.0)],
             descriptors: &[descriptor(0), descriptor(1)],
         };

@@ -51,6 +51,9 @@ pub fn choose_resolution(mesh: &Mesh, texel_size: f64) -> Vec<u16> {
 impl SurfaceTexels {
     /// Sample an image in linear light through UV corners (v upwards, `[0, 1]²`; outside, the
     /// nearest edge pixel), bilinearly at texel centres. Counts as observed once, with no spread.
+    ///
+    /// # Errors
+    /// Counts that differ, or an image without pixels.
     pub fn from_uv_image(
         uv: &[[Point2; 3]],
         image: &ColorImage,
@@ -68,6 +71,9 @@ impl SurfaceTexels {
     }
 
     /// Interpolate one linear RGB value per vertex (grey: three equal ones) over the faces.
+    ///
+    /// # Errors
+    /// Counts that differ, or a value that is negative or not finite.
     pub fn from_vertex_values(
         mesh: &Mesh,
         values: &[[f32; 3]],
@@ -127,6 +133,9 @@ pub struct Baked {
 
 /// Draw surface texels into a square UV image of `size` px, then grow the charts by `margin` px so
 /// that bilinear lookups at seams find colour. Uncovered pixels are black.
+///
+/// # Errors
+/// Texels of another number of faces.
 pub fn bake(
     texels: &SurfaceTexels,
     flattening: &Flattening,

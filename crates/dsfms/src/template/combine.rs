@@ -1,6 +1,6 @@
 //! Albedo of one texel: from one view (eq. 1), and over views (eq. 2 or its robust substitute).
 
-use super::robust::{tukey_mean, tukey_weight};
+use crate::geometry::robust::{tukey_mean, tukey_weight};
 use serde::{Deserialize, Serialize};
 
 /// How the albedos of single views become one.

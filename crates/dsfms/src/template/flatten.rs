@@ -91,6 +91,9 @@ pub enum FlattenError {
 /// are cut along short paths of edges first, and a cut is lengthened where the map would shrink a
 /// part too much. Faces are counter-clockwise in UV unless the map folds there:
 /// [`Flattening::flipped`] counts those.
+///
+/// # Errors
+/// An option out of range, a face without area, or a piece that cannot be cut to a disc.
 #[doc(alias("UV map", "parametrisation", "conformal map", "LSCM", "BFF"))]
 pub fn flatten(mesh: &Mesh, options: &FlattenOptions) -> Result<Flattening, FlattenError> {
     if !(options.max_area_ratio > 1.0 && options.max_area_ratio.is_finite()) {

@@ -1,9 +1,9 @@
 //! Exposure gains under a known light.
 
-use super::albedo::AlbedoOptions;
+use super::albedo_options::AlbedoOptions;
 use super::log_linear::{LogLinear, ShadingModel};
-use super::photometric::{AlbedoView, Observation};
-use super::spots::{Spot, repeated};
+use super::photometric::{AlbedoView, SpotObservation};
+use super::spots::{SurfaceSpot, repeated};
 use crate::geometry::{Point3, Vector3};
 use crate::light::{LightModel, Shade};
 
@@ -15,7 +15,7 @@ pub(super) struct KnownLight<'a> {
 }
 
 impl KnownLight<'_> {
-    pub fn shade(&self, o: &Observation) -> f64 {
+    pub fn shade(&self, o: &SpotObservation) -> f64 {
         self.shade_of(&o.point, &o.normal).value
     }
 
@@ -30,7 +30,7 @@ impl ShadingModel for KnownLight<'_> {
 
     fn at(&self, _: &[f64]) -> Self::At {}
 
-    fn log_shading(&self, o: &Observation, (): &Self::At) -> f64 {
+    fn log_shading(&self, o: &SpotObservation, (): &Self::At) -> f64 {
         self.shade(o).max(1e-6).ln()
     }
 
@@ -44,15 +44,15 @@ impl ShadingModel for KnownLight<'_> {
 }
 
 /// What a known light leaves open.
-pub(super) struct Exposure {
+pub(super) struct FittedExposure {
     /// One a view, geometric mean 1.
     pub gains: Vec<f64>,
     /// Robust relative standard deviation of one observation.
     pub noise: f64,
 }
 
-impl Exposure {
-    pub fn solve(spots: &[Spot], views: &[AlbedoView], model: &KnownLight) -> Self {
+impl FittedExposure {
+    pub fn solve(spots: &[SurfaceSpot], views: &[AlbedoView], model: &KnownLight) -> Self {
         let sigma = model.options.gain_sigma;
         let gain_priors = views.iter().map(|v| (v.gain.max(1e-6).ln(), sigma)).collect();
         let fit = LogLinear { model, spots: &repeated(spots), gain_priors }.solve(&[]);

@@ -10,8 +10,8 @@
 //! quadratic priors on `g` and `θ` is minimised by Levenberg–Marquardt on `(θ, g)`; every `a_i` is
 //! the robust mean of its spot's residuals and leaves by its Schur complement (variable projection).
 
-use super::photometric::Observation;
-use super::robust::{robust_scale, tukey_loss, tukey_mean, tukey_weight};
+use super::photometric::SpotObservation;
+use crate::geometry::robust::{robust_scale, tukey_loss, tukey_mean, tukey_weight};
 use crate::solver::{Options, Problem, Step, minimize};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -28,7 +28,7 @@ pub(super) trait ShadingModel: Sync {
     /// The model at θ.
     fn at(&self, theta: &[f64]) -> Self::At;
     /// `ln m`; finite for every θ.
-    fn log_shading(&self, observation: &Observation, at: &Self::At) -> f64;
+    fn log_shading(&self, observation: &SpotObservation, at: &Self::At) -> f64;
     /// Steps for central differences, one per parameter.
     fn steps(&self) -> Vec<f64>;
     /// Prior mean and standard deviation of every parameter.
@@ -41,7 +41,7 @@ pub(super) trait ShadingModel: Sync {
 pub(super) struct LogLinear<'a, M> {
     pub model: &'a M,
     /// One entry per surface spot.
-    pub spots: &'a [Vec<Observation>],
+    pub spots: &'a [Vec<SpotObservation>],
     /// Prior mean and standard deviation of every view's log gain.
     pub gain_priors: Vec<(f64, f64)>,
 }
@@ -72,7 +72,7 @@ impl<M: ShadingModel> LogLinear<'_, M> {
         for _ in 0..4 {
             scale = self.scale(&x, scale).clamp(SCALE_FLOOR, scale);
             let model = (DMatrix::zeros(0, 0), DVector::zeros(0));
-            x = minimize(&mut Round { fit: self, scale, model }, x, &options).0;
+            x = minimize(&mut LogRound { fit: self, scale, model }, x, &options).0;
         }
         let scale = self.scale(&x, scale).max(SCALE_FLOOR);
         let log_gains = x.split_off(theta.len());
@@ -89,7 +89,7 @@ impl<M: ShadingModel> LogLinear<'_, M> {
         (per_spot.iter().sum(), self.spots.iter().map(Vec::len).sum())
     }
 
-    fn per_spot<T: Send>(&self, f: impl Fn(&[Observation]) -> T + Sync) -> Vec<T> {
+    fn per_spot<T: Send>(&self, f: impl Fn(&[SpotObservation]) -> T + Sync) -> Vec<T> {
         self.spots.par_iter().map(|spot| f(spot)).collect()
     }
 
@@ -98,7 +98,13 @@ impl<M: ShadingModel> LogLinear<'_, M> {
     }
 
     /// Residuals of one spot with its own log albedo removed.
-    fn residuals(&self, spot: &[Observation], at: &M::At, gains: &[f64], scale: f64) -> Vec<f64> {
+    fn residuals(
+        &self,
+        spot: &[SpotObservation],
+        at: &M::At,
+        gains: &[f64],
+        scale: f64,
+    ) -> Vec<f64> {
         let mut r: Vec<f64> = spot
             .iter()
             .map(|o| o.grey().ln() - self.model.log_shading(o, at) - gains[o.view])
@@ -160,7 +166,7 @@ impl<M: ShadingModel> LogLinear<'_, M> {
     }
 
     /// The model at θ and at one step to both sides of every parameter.
-    fn around(&self, theta: &[f64]) -> Around<M::At> {
+    fn around(&self, theta: &[f64]) -> CentralDifferences<M::At> {
         let moved = |j: usize, step: f64| {
             let mut moved = theta.to_vec();
             moved[j] += step;
@@ -169,14 +175,14 @@ impl<M: ShadingModel> LogLinear<'_, M> {
         let steps = self.model.steps();
         let sides =
             steps.iter().enumerate().map(|(j, &h)| (moved(j, h), moved(j, -h), h)).collect();
-        Around { centre: self.model.at(theta), sides }
+        CentralDifferences { centre: self.model.at(theta), sides }
     }
 
     /// Rows of one spot.
     fn rows(
         &self,
-        spot: &[Observation],
-        around: &Around<M::At>,
+        spot: &[SpotObservation],
+        around: &CentralDifferences<M::At>,
         x: &[f64],
         scale: f64,
     ) -> SpotRows {
@@ -192,7 +198,7 @@ impl<M: ShadingModel> LogLinear<'_, M> {
                 let mut entries: Vec<(usize, f64)> = slopes.enumerate().collect();
                 entries.push((k + o.view, 1.0));
                 let weight = o.weight * tukey_weight(r, scale) / (scale * scale);
-                Row { entries, residual: r, weight }
+                LogRow { entries, residual: r, weight }
             })
             .collect();
         SpotRows::new(rows)
@@ -200,14 +206,14 @@ impl<M: ShadingModel> LogLinear<'_, M> {
 }
 
 /// The fit under one noise.
-struct Round<'a, 'b, M> {
+struct LogRound<'a, 'b, M> {
     fit: &'a LogLinear<'b, M>,
     scale: f64,
     /// Gauss–Newton matrix and descent direction.
     model: (DMatrix<f64>, DVector<f64>),
 }
 
-impl<M: ShadingModel> Problem for Round<'_, '_, M> {
+impl<M: ShadingModel> Problem for LogRound<'_, '_, M> {
     /// θ, then log gains.
     type State = Vec<f64>;
 
@@ -241,13 +247,13 @@ impl<M: ShadingModel> Problem for Round<'_, '_, M> {
 }
 
 /// A model and its neighbours for central differences: up, down, step.
-struct Around<T> {
+struct CentralDifferences<T> {
     centre: T,
     sides: Vec<(T, T, f64)>,
 }
 
 /// One linearised observation: sparse derivative of the prediction, residual, weight.
-struct Row {
+struct LogRow {
     entries: Vec<(usize, f64)>,
     residual: f64,
     weight: f64,
@@ -255,17 +261,17 @@ struct Row {
 
 /// The rows of one spot and their weighted mean, which its own albedo takes away.
 struct SpotRows {
-    rows: Vec<Row>,
+    rows: Vec<LogRow>,
     mean: Vec<(usize, f64)>,
     weight: f64,
 }
 
 impl SpotRows {
-    fn new(rows: Vec<Row>) -> Self {
+    fn new(rows: Vec<LogRow>) -> Self {
         let weight: f64 = rows.iter().map(|r| r.weight).sum();
         let mut mean: Vec<(usize, f64)> = Vec::new();
         if weight > 0.0 {
-            let shares = |r: &Row| r.weight / weight;
+            let shares = |r: &LogRow| r.weight / weight;
             let all = rows.iter().flat_map(|r| r.entries.iter().map(|(i, v)| (*i, v * shares(r))));
             mean = all.collect();
             mean.sort_by_key(|entry| entry.0);
@@ -302,7 +308,7 @@ mod tests {
 
     #[test]
     fn a_spot_takes_its_mean_away_by_hand() {
-        let row = |entries: &[(usize, f64)], residual, weight| Row {
+        let row = |entries: &[(usize, f64)], residual, weight| LogRow {
             entries: entries.to_vec(),
             residual,
             weight,
@@ -312,7 +318,7 @@ mod tests {
             row(&[(0, -1.0), (2, 1.0)], -0.1, 3.0),
             row(&[(0, 0.5), (3, 1.0)], 0.2, 2.0),
         ];
-        let dense = |r: &Row| {
+        let dense = |r: &LogRow| {
             let mut v = DVector::zeros(4);
             r.entries.iter().for_each(|&(i, e)| v[i] = e);
             v

@@ -1,6 +1,7 @@
 //! The template: rest surface, flattening, texture, albedo, descriptors (paper §4, §5).
 
 pub mod albedo;
+mod albedo_options;
 pub mod anchor;
 pub mod bake;
 mod combine;
@@ -11,7 +12,6 @@ mod log_linear;
 mod normal_map;
 pub mod photometric;
 mod relief;
-mod robust;
 pub mod scale;
 pub mod scale_mesh;
 mod spots;

@@ -2,28 +2,22 @@
 //! believed: saturation and its halo, the specular lobe, grazing light, predicted contours,
 //! occlusion, masks.
 
-use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Isometry, Point2, Point3, Vector3};
-use crate::image::{Frame, Mask, distance::distance_to, saturation};
+use crate::camera::{Camera, CameraModel, PosedFrame};
+use crate::geometry::{Point2, Point3, Vector3};
+use crate::image::{Mask, distance::distance_to, nearest_pixel, saturation, within_centres};
 use crate::light::{Light, LightModel};
 use crate::mesh::Mesh;
-use crate::raster::{Raster, rasterize};
+use crate::raster::{OCCLUSION_TOLERANCE, Raster, rasterize};
 use serde::{Deserialize, Serialize};
 
 /// One registered exploration frame, as the photometric steps need it.
 #[derive(Clone, Copy, Debug)]
 pub struct AlbedoView<'a> {
-    /// The frame as it was decoded: a fifth of what it would take in linear light.
-    pub frame: &'a Frame,
+    /// The frame as it was decoded (a fifth of what it would take in linear light), its camera,
+    /// `camera_from_template`, and where the organ may be measured: inside both masks.
+    pub posed: PosedFrame<'a>,
     /// Linear light of every encoded value ([`ToneCurve::table`](crate::image::ToneCurve::table)).
     pub tone: &'a [f32; 256],
-    /// `true` where the organ may be measured (viewport, no instrument, organ outline); `None` =
-    /// everywhere.
-    pub valid: Option<&'a Mask>,
-    /// Camera of the frame.
-    pub camera: &'a CameraModel,
-    /// `camera_from_template`.
-    pub pose: Isometry,
     /// First guess of the exposure gain, e.g. from the file's exposure data; 1 when nothing is known.
     pub gain: f64,
 }
@@ -66,12 +60,9 @@ impl Default for ObservationBounds {
     }
 }
 
-/// A surface point counts as seen when it lies within this of the z-buffer, relative to its depth.
-const OCCLUSION_TOLERANCE: f64 = 0.01;
-
 /// Brightness of one surface point in one frame.
 #[derive(Clone, Copy, Debug)]
-pub struct Observation {
+pub struct SpotObservation {
     /// Index of the view.
     pub view: usize,
     /// The surface point in camera axes.
@@ -84,7 +75,7 @@ pub struct Observation {
     pub weight: f64,
 }
 
-impl Observation {
+impl SpotObservation {
     /// Mean of the three channels.
     pub fn grey(&self) -> f64 {
         (self.rgb[0] + self.rgb[1] + self.rgb[2]) / 3.0
@@ -103,17 +94,18 @@ pub(super) struct PreparedView<'a> {
 
 impl<'a> PreparedView<'a> {
     pub fn new(mesh: &Mesh, view: &'a AlbedoView<'a>, bounds: &ObservationBounds) -> Self {
-        let positions: Vec<_> = mesh.positions.iter().map(|p| view.pose * p).collect();
-        let raster = rasterize(view.camera, &mesh.topology, &positions);
+        let PosedFrame { camera, pose, .. } = view.posed;
+        let positions: Vec<_> = mesh.positions.iter().map(|p| pose * p).collect();
+        let raster = rasterize(camera, &mesh.topology, &positions);
         let usable = usable_pixels(view, &raster, bounds);
         let depth = |(&z, usable)| if usable { z as f32 } else { f32::NEG_INFINITY };
-        let footprint = footprints(view.camera, &raster, mesh.topology.faces.len());
+        let footprint = footprints(camera, &raster, mesh.topology.faces.len());
         Self { view, depth: raster.depth.iter().zip(usable).map(depth).collect(), footprint }
     }
 
     /// A direction of the template frame in camera axes.
     pub fn turned(&self, direction: &Vector3) -> Vector3 {
-        self.view.pose * direction
+        self.view.posed.pose * direction
     }
 
     /// What this view says about a surface point given in the template frame.
@@ -124,16 +116,18 @@ impl<'a> PreparedView<'a> {
         normal: &Vector3,
         light: &LightModel,
         bounds: &ObservationBounds,
-    ) -> Option<Observation> {
-        let point = self.view.pose * point;
-        let normal = self.view.pose * normal;
+    ) -> Option<SpotObservation> {
+        let point = self.view.posed.pose * point;
+        let normal = self.view.posed.pose * normal;
         // Most views see most of the surface from behind or not at all: the cheapest question first.
         let seen = -normal.dot(&point.coords) / point.coords.norm();
         if seen.is_nan() || seen < bounds.grazing_cos {
             return None;
         }
-        let pixel = self.view.camera.project(&point)?.pixel;
-        let surface = f64::from(self.depth[nearest(&pixel, self.view.camera.size)?]);
+        let camera = self.view.posed.camera;
+        let pixel = camera.project(&point)?.pixel;
+        let [x, y] = nearest_pixel(&pixel, camera.size)?;
+        let surface = f64::from(self.depth[y * camera.size[0] + x]);
         if point.z > surface + OCCLUSION_TOLERANCE * point.z {
             return None;
         }
@@ -148,7 +142,7 @@ impl<'a> PreparedView<'a> {
         if !(grey >= bounds.darkest && brightest <= bounds.brightest) {
             return None;
         }
-        Some(Observation { view: index, point, normal, rgb, weight: lit * seen })
+        Some(SpotObservation { view: index, point, normal, rgb, weight: lit * seen })
     }
 }
 
@@ -160,13 +154,14 @@ fn towards_light(half: &Vector3, point: &Point3) -> Vector3 {
 
 fn usable_pixels(view: &AlbedoView, raster: &Raster, bounds: &ObservationBounds) -> Vec<bool> {
     let contour = distance_to(&raster.discontinuities(bounds.relative_jump));
-    let saturated = distance_to(&saturation(view.frame));
-    let masked = view.valid.map(|valid| distance_to(&valid.complement()));
+    let saturated = distance_to(&saturation(view.posed.frame));
+    let away = |mask: Option<&Mask>| mask.map(|mask| distance_to(&mask.complement()));
+    let masked = [away(view.posed.valid), away(view.posed.organ)];
     (0..contour.data.len())
         .map(|i| {
             contour.data[i] >= bounds.contour_px as f32
                 && saturated.data[i] >= bounds.halo_px as f32
-                && masked.as_ref().is_none_or(|d| d.data[i] >= bounds.mask_px as f32)
+                && masked.iter().flatten().all(|d| d.data[i] >= bounds.mask_px as f32)
         })
         .collect()
 }
@@ -184,16 +179,11 @@ fn footprints(camera: &CameraModel, raster: &Raster, faces: usize) -> Vec<f64> {
     footprint
 }
 
-fn nearest(p: &Point2, size: [usize; 2]) -> Option<usize> {
-    let (x, y) = (p.x.round(), p.y.round());
-    (x >= 0.0 && y >= 0.0 && x < size[0] as f64 && y < size[1] as f64)
-        .then(|| y as usize * size[0] + x as usize)
-}
-
 /// Bilinear RGB in linear light; `None` outside the rectangle of pixel centres.
 fn sample_rgb(view: &AlbedoView, p: &Point2) -> Option<[f64; 3]> {
-    let [w, h] = view.frame.size;
-    if !(p.x >= 0.0 && p.y >= 0.0 && p.x <= w as f64 - 1.0 && p.y <= h as f64 - 1.0) {
+    let frame = view.posed.frame;
+    let [w, h] = frame.size;
+    if !within_centres(p, frame.size) {
         return None;
     }
     let (x0, y0) = (p.x as usize, p.y as usize);
@@ -203,7 +193,7 @@ fn sample_rgb(view: &AlbedoView, p: &Point2) -> Option<[f64; 3]> {
     let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
     let mut rgb = [0.0; 3];
     for ((x, y), weight) in corners.into_iter().zip(weights) {
-        let pixel = view.frame.rgb[y * w + x].map(|v| view.tone[v as usize]);
+        let pixel = frame.rgb[y * w + x].map(|v| view.tone[v as usize]);
         (0..3).for_each(|c| rgb[c] += weight * f64::from(pixel[c]));
     }
     Some(rgb)
@@ -212,6 +202,8 @@ fn sample_rgb(view: &AlbedoView, p: &Point2) -> Option<[f64; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Isometry;
+    use crate::image::Frame;
     use crate::light::{PointLight, Spot};
 
     #[test]
@@ -233,20 +225,9 @@ mod tests {
         let rgb = vec![[0; 3], [255, 0, 0], [0, 128, 0], [0, 0, 64]];
         let frame = Frame { name: "f".into(), size: [2, 2], rgb };
         let tone = std::array::from_fn(|v| v as f32 / 64.0);
-        let camera = CameraModel {
-            size: [2, 2],
-            focal: [1.0; 2],
-            centre: [0.5; 2],
-            lens: crate::camera::Lens::Pinhole,
-        };
-        let view = AlbedoView {
-            frame: &frame,
-            tone: &tone,
-            valid: None,
-            camera: &camera,
-            pose: Isometry::identity(),
-            gain: 1.0,
-        };
+        let camera = CameraModel::pinhole([2, 2], [1.0; 2], [0.5; 2]);
+        let posed = PosedFrame::new(&frame, &camera, Isometry::identity());
+        let view = AlbedoView { posed, tone: &tone, gain: 1.0 };
         let at = |x, y| sample_rgb(&view, &Point2::new(x, y));
         assert_eq!(at(0.5, 0.5), Some([255.0 / 256.0, 0.5, 0.25]));
         assert_eq!(at(1.0, 1.0), Some([0.0, 0.0, 1.0]));

@@ -15,15 +15,17 @@
 //! more): brightness says little of where it is. Gauss–Newton with Tukey's weights, inner steps by
 //! conjugate gradients.
 
-use super::known_light::{Exposure, KnownLight};
+mod block;
+
+use super::known_light::{FittedExposure, KnownLight};
 use super::normal_map::NormalMap;
 use super::photometric::AlbedoView;
-use super::robust::{robust_scale, tukey_mean, tukey_weight, weighted_median};
-use super::spots::{Spot, smoothed_normals};
+use super::spots::{SurfaceSpot, smoothed_normals};
 use crate::geometry::{Point3, Vector3};
 use crate::mesh::Mesh;
 use crate::solver::conjugate_gradients::{Goal, System, conjugate_gradients};
-use nalgebra::{Matrix4, Vector4};
+use block::{ReliefRow, SpotBlock, block, scales};
+use nalgebra::Vector4;
 use rayon::prelude::*;
 
 /// Bending: one over the square of the angle, rad, by which a corrected surface kinks at an edge
@@ -32,25 +34,22 @@ const BENDING: f64 = 300.0;
 /// Holding, times the surface's area, on a mesh of 1000 vertices: displacements of a 57th of the
 /// root of the area.
 const HOLDING: f64 = 3200.0;
-/// Spots that share one albedo, of the 6000 that are spread over the surface.
-const PATCH: f64 = 20.0;
 /// Largest correction of a normal, rad (10 degrees): with narrow parallax an error of the light model
 /// would ask for more.
 const LARGEST_TILT: f64 = 0.175;
-/// Least noise of a brightness, and least spread of albedos.
-const NOISE_FLOOR: f64 = 0.005;
-const SPREAD_FLOOR: f64 = 0.02;
 /// Largest displacement, standard deviations; nor more than an edge, whatever is known.
 const FARTHEST: f64 = 3.0;
+/// Of Gauss–Newton, a bound on time.
 const ROUNDS: usize = 6;
+/// Of conjugate gradients; a bound on time.
 const STEPS: usize = 100;
 
 /// Vertex normals as the shading of all views has them, smoothed as the mesh's own.
 pub(super) fn shaded_normals(
     mesh: &Mesh,
-    spots: &[Spot],
+    spots: &[SurfaceSpot],
     views: &[AlbedoView],
-    exposure: &Exposure,
+    exposure: &FittedExposure,
     model: &KnownLight,
 ) -> Vec<Vector3> {
     let relief = Relief::new(mesh, spots, views, exposure, model);
@@ -64,9 +63,9 @@ pub(super) fn shaded_normals(
 pub(super) fn shaded_surface(
     mesh: &Mesh,
     sigma: &[f64],
-    spots: &[Spot],
+    spots: &[SurfaceSpot],
     views: &[AlbedoView],
-    exposure: &Exposure,
+    exposure: &FittedExposure,
     model: &KnownLight,
 ) -> Vec<Point3> {
     let mut relief = Relief::new(mesh, spots, views, exposure, model);
@@ -93,7 +92,7 @@ fn limited(normal: &Vector3, own: &Vector3) -> Vector3 {
 
 struct Relief<'a> {
     mesh: &'a Mesh,
-    spots: &'a [Spot],
+    spots: &'a [SurfaceSpot],
     views: &'a [AlbedoView<'a>],
     gains: &'a [f64],
     model: &'a KnownLight<'a>,
@@ -105,33 +104,12 @@ struct Relief<'a> {
     holding: Vec<f64>,
 }
 
-/// Brightness at a spot less the model's, and the slope with the spot's summed vertex normals.
-struct Row {
-    residual: f64,
-    slope: Vector3,
-    trust: f64,
-}
-
-/// A linearised spot: over (change of the normal, mean albedo) `½ xᵀKx − gᵀx`, its own albedo
-/// eliminated.
-struct Block {
-    matrix: Matrix4<f64>,
-    right: Vector4<f64>,
-}
-
-/// Noise and albedos as the last round found them.
-struct Scales {
-    noise: f64,
-    mean: f64,
-    spread: f64,
-}
-
 impl<'a> Relief<'a> {
     fn new(
         mesh: &'a Mesh,
-        spots: &'a [Spot],
+        spots: &'a [SurfaceSpot],
         views: &'a [AlbedoView<'a>],
-        exposure: &'a Exposure,
+        exposure: &'a FittedExposure,
         model: &'a KnownLight<'a>,
     ) -> Self {
         let (count, area) = (mesh.positions.len(), mesh.face_areas().iter().sum::<f64>());
@@ -161,7 +139,7 @@ impl<'a> Relief<'a> {
         for _ in 0..ROUNDS {
             unknowns[count] = scales.mean;
             let changes = map.forward(&unknowns[..count]);
-            let blocks: Vec<Block> = rows
+            let blocks: Vec<SpotBlock> = rows
                 .par_iter()
                 .zip(self.spots)
                 .map(|(rows, spot)| block(rows, &self.at(spot, &changes), &scales))
@@ -169,7 +147,7 @@ impl<'a> Relief<'a> {
             self.step(&map, &blocks, &mut unknowns);
             map = self.map(&unknowns[..count]);
             rows = self.rows(map.normals());
-            scales = self::scales(&rows, scales.noise).unwrap_or(scales);
+            scales = block::scales(&rows, scales.noise).unwrap_or(scales);
         }
         unknowns.truncate(count);
         (unknowns, map.normals().to_vec())
@@ -184,12 +162,12 @@ impl<'a> Relief<'a> {
     }
 
     /// A vector of the vertices at a spot.
-    fn at(&self, spot: &Spot, values: &[Vector3]) -> Vector3 {
+    fn at(&self, spot: &SurfaceSpot, values: &[Vector3]) -> Vector3 {
         let corners = self.mesh.topology.faces[spot.face];
         corners.iter().zip(spot.weights).map(|(&v, w)| values[v as usize] * w).sum()
     }
 
-    fn rows(&self, normals: &[Vector3]) -> Vec<Vec<Row>> {
+    fn rows(&self, normals: &[Vector3]) -> Vec<Vec<ReliefRow>> {
         self.spots
             .par_iter()
             .map(|spot| {
@@ -198,13 +176,13 @@ impl<'a> Relief<'a> {
                 spot.seen
                     .iter()
                     .filter_map(|o| {
-                        let rotation = self.views[o.view].pose.rotation;
+                        let rotation = self.views[o.view].posed.pose.rotation;
                         let shade = self.model.shade_of(&o.point, &(rotation * normal));
                         let light = self.gains[o.view] * shade.value;
                         let slope = rotation.inverse() * (shade.d_normal / shade.value);
                         let slope = (slope - normal * normal.dot(&slope)) / length;
                         let residual = (o.grey() / light).ln();
-                        let row = Row { residual, slope, trust: o.weight };
+                        let row = ReliefRow { residual, slope, trust: o.weight };
                         (light > 0.0 && residual.is_finite() && slope.norm().is_finite())
                             .then_some(row)
                     })
@@ -235,7 +213,7 @@ impl<'a> Relief<'a> {
     }
 
     /// The normal matrix times the unknowns: displacements, then the mean albedo.
-    fn apply(&self, map: &NormalMap, blocks: &[Block], x: &[f64]) -> Vec<f64> {
+    fn apply(&self, map: &NormalMap, blocks: &[SpotBlock], x: &[f64]) -> Vec<f64> {
         let (h, mean) = x.split_at(x.len() - 1);
         let changes = map.forward(h);
         let forces = self
@@ -262,7 +240,7 @@ impl<'a> Relief<'a> {
     }
 
     /// About the diagonal of the normal matrix.
-    fn diagonal(&self, blocks: &[Block]) -> Vec<f64> {
+    fn diagonal(&self, blocks: &[SpotBlock]) -> Vec<f64> {
         let bending = 1.2 * BENDING / (self.edge * self.edge);
         let mut diagonal: Vec<f64> = self.holding.iter().map(|hold| bending + hold).collect();
         let mut mean = f64::MIN_POSITIVE;
@@ -278,25 +256,25 @@ impl<'a> Relief<'a> {
     }
 
     /// Gauss–Newton's displacements and mean albedo, from those before.
-    fn step(&self, map: &NormalMap, blocks: &[Block], x: &mut [f64]) {
+    fn step(&self, map: &NormalMap, blocks: &[SpotBlock], x: &mut [f64]) {
         let mut residual = self.gather(map, &blocks.iter().map(|b| b.right).collect::<Vec<_>>());
         let applied = self.apply(map, blocks, x);
         residual.iter_mut().zip(applied).for_each(|(r, a)| *r -= a);
         let diagonal = self.diagonal(blocks);
-        let mut normal = Normal { relief: self, map, blocks, diagonal: &diagonal };
+        let mut normal = ReliefSystem { relief: self, map, blocks, diagonal: &diagonal };
         conjugate_gradients(&mut normal, x, &mut residual, Goal::Share(1e-8), STEPS);
     }
 }
 
 /// The normal matrix at a linearisation.
-struct Normal<'a> {
+struct ReliefSystem<'a> {
     relief: &'a Relief<'a>,
     map: &'a NormalMap<'a>,
-    blocks: &'a [Block],
+    blocks: &'a [SpotBlock],
     diagonal: &'a [f64],
 }
 
-impl System<f64> for Normal<'_> {
+impl System<f64> for ReliefSystem<'_> {
     fn apply(&mut self, x: &[f64], out: &mut [f64]) {
         out.copy_from_slice(&self.relief.apply(self.map, self.blocks, x));
     }
@@ -304,59 +282,6 @@ impl System<f64> for Normal<'_> {
     fn precondition(&mut self, r: &[f64], out: &mut [f64]) {
         out.iter_mut().zip(r.iter().zip(self.diagonal)).for_each(|(out, (r, d))| *out = r / d);
     }
-}
-
-/// Robust albedo of a spot from its rows alone, and their weights.
-fn own_albedo(rows: &[Row], noise: f64) -> (f64, Vec<f64>) {
-    let mut samples: Vec<_> = rows.iter().map(|r| (r.residual, r.trust)).collect();
-    let centre = tukey_mean(&mut samples, noise);
-    let weight = |r: &Row| r.trust * tukey_weight(r.residual - centre, noise) / (noise * noise);
-    (centre, rows.iter().map(weight).collect())
-}
-
-/// `None` where no spot has two views: nothing to compare.
-fn scales(rows: &[Vec<Row>], noise: f64) -> Option<Scales> {
-    let noise = noise.max(NOISE_FLOOR);
-    let repeated: Vec<(f64, &Vec<Row>)> = rows
-        .iter()
-        .filter(|rows| rows.len() > 1)
-        .map(|rows| (own_albedo(rows, noise).0, rows))
-        .collect();
-    let mut albedos: Vec<(f64, f64)> = repeated.iter().map(|(a, _)| (*a, 1.0)).collect();
-    let mean = weighted_median(&mut albedos);
-    let spread = robust_scale(albedos.iter().map(|a| a.0 - mean)).max(SPREAD_FLOOR);
-    let residuals = repeated.iter().flat_map(|(albedo, rows)| {
-        let unbias = (rows.len() as f64 / (rows.len() as f64 - 1.0)).sqrt();
-        rows.iter().map(move |r| (r.residual - albedo) * unbias)
-    });
-    let noise = robust_scale(residuals).max(NOISE_FLOOR);
-    (mean.is_finite() && noise.is_finite()).then_some(Scales { noise, mean, spread })
-}
-
-/// The mean albedo is one more observation of the spot's; together they lose their weighted mean.
-/// `change`: of the normal so far, about which the rows are linear.
-fn block(rows: &[Row], change: &Vector3, scales: &Scales) -> Block {
-    let (albedo, mut weights) = own_albedo(rows, scales.noise);
-    let mut lines: Vec<(Vector4<f64>, f64)> =
-        rows.iter().map(|r| (r.slope.push(0.0), r.residual + r.slope.dot(change))).collect();
-    if albedo.is_finite() {
-        lines.push((Vector4::new(0.0, 0.0, 0.0, -1.0), 0.0));
-        let likely = tukey_weight(albedo - scales.mean, scales.spread);
-        weights.push(likely / (PATCH * scales.spread * scales.spread));
-    }
-    let total: f64 = weights.iter().sum();
-    let (mut matrix, mut right) = (Matrix4::zeros(), Vector4::zeros());
-    if total > 0.0 {
-        let all = || lines.iter().zip(&weights);
-        let slope = all().map(|(l, w)| l.0 * *w).sum::<Vector4<f64>>() / total;
-        let value = all().map(|(l, w)| l.1 * w).sum::<f64>() / total;
-        for ((s, y), w) in all() {
-            let s = s - slope;
-            matrix += s * s.transpose() * *w;
-            right += s * ((y - value) * w);
-        }
-    }
-    Block { matrix, right }
 }
 
 #[cfg(test)]
@@ -376,7 +301,7 @@ mod tests {
     /// `look` makes of that.
     fn seen<T>(
         views: usize,
-        look: impl Fn(&Mesh, &[Spot], &[AlbedoView], &Exposure, &KnownLight) -> T,
+        look: impl Fn(&Mesh, &[SurfaceSpot], &[AlbedoView], &FittedExposure, &KnownLight) -> T,
     ) -> (Mesh, Mesh, T) {
         let truth = patch();
         let light = LightModel::Point(PointLight {
@@ -395,7 +320,7 @@ mod tests {
         let normals = smoothed_normals(&mesh, 0);
         let prepared = prepare(&mesh, &views, &options.bounds);
         let spots = observe_spots(&mesh, &normals, &prepared, &light, &options.bounds, 2000);
-        let exposure = Exposure { gains: vec![1.0; views.len()], noise: 0.05 };
+        let exposure = FittedExposure { gains: vec![1.0; views.len()], noise: 0.05 };
         let found = look(&mesh, &spots, &views, &exposure, &model);
         (truth, mesh, found)
     }
@@ -445,21 +370,5 @@ mod tests {
     fn one_view_says_nothing_to_compare() {
         let [_, mesh, found] = corrected(1);
         assert!(rms_angle(&mesh, &found) < 1e-12);
-    }
-
-    #[test]
-    fn a_block_by_hand() {
-        let row = |residual, trust| Row { residual, slope: Vector3::x(), trust };
-        // Equal residuals 0.1 about a mean albedo of 0: noise 0.1, spread 0.1.
-        let rows = [row(0.1, 1.0), row(0.1, 1.0)];
-        let scales = Scales { noise: 0.1, mean: 0.1, spread: 0.1 };
-        let block = block(&rows, &Vector3::zeros(), &scales);
-        // Weights 100, 100 and 100/P: of z = (y − x, y − x, μ) about its mean.
-        let (own, prior) = (200.0, 100.0 / PATCH);
-        let harmonic = own * prior / (own + prior);
-        assert!((block.matrix.m11 - harmonic).abs() < 1e-9 * harmonic);
-        assert!((block.matrix.m44 - harmonic).abs() < 1e-9 * harmonic);
-        assert!((block.matrix.m14 - harmonic).abs() < 1e-9 * harmonic);
-        assert!((block.right.x - 0.1 * harmonic).abs() < 1e-9);
     }
 }

@@ -106,6 +106,9 @@ pub struct ScaleScene<'a> {
 }
 
 /// Millimetres per unit; `None` without references.
+///
+/// # Errors
+/// A reference that cannot be found in the scene, or whose length makes no sense.
 #[doc(alias = "metric scale")]
 pub fn find_scale(
     scene: &ScaleScene,
@@ -187,7 +190,6 @@ fn first_hit(mesh: &Mesh, origin: &Point3, ray: &Vector3) -> Option<Point3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Lens;
     use crate::mesh::shapes;
 
     fn scene(check: impl Fn(&ScaleScene)) {
@@ -196,12 +198,7 @@ mod tests {
             vec![p(-5., -5.), p(5., -5.), p(5., 5.), p(-5., 5.)],
             vec![[0, 2, 1], [0, 3, 2]],
         );
-        let camera = CameraModel {
-            size: [101, 101],
-            focal: [100.0; 2],
-            centre: [50.0; 2],
-            lens: Lens::Pinhole,
-        };
+        let camera = CameraModel::pinhole([101, 101], [100.0; 2], [50.0; 2]);
         let poses = [("a.b", Isometry::identity()), ("c", Isometry::translation(-3.0, 4.0, 0.0))];
         check(&ScaleScene { mesh: &mesh, camera: &camera, poses: &poses });
     }

@@ -30,10 +30,13 @@ const MAX_MISFIT: f64 = 0.05;
 
 /// Millimetres per unit of `found`, from `metric` (mm, any place, outward orientation; it may show
 /// more of the organ).
+///
+/// # Errors
+/// Surfaces that do not fit each other in one way only.
 #[doc(alias = "ICP")]
 pub fn fit_to_mesh(found: &Mesh, metric: &Mesh) -> Result<Scale, ScaleError> {
     let closest = ClosestPoints::new(metric);
-    let fit = |points: &[Oriented]| Fit { points: points.to_vec(), metric, closest: &closest };
+    let fit = |points: &[Oriented]| ScaleFit { points: points.to_vec(), metric, closest: &closest };
     let (coarse, fine) = (fit(&oriented(found, POINTS[0])), fit(&oriented(found, POINTS[1])));
     let mut tried: Vec<(f64, Similarity)> = starts(&coarse.points, &oriented(metric, 2000))
         .into_par_iter()
@@ -108,31 +111,31 @@ fn any_across(axis: &Unit<Vector3>) -> Unit<Vector3> {
     Unit::new_normalize(axis.cross(&other))
 }
 
-struct Fit<'a> {
+struct ScaleFit<'a> {
     points: Vec<Oriented>,
     metric: &'a Mesh,
     closest: &'a ClosestPoints<'a>,
 }
 
 /// A point of the reconstruction, where it is laid, the normal there, and the distance.
-struct Pair {
+struct PointPair {
     from: Point3,
     to: Point3,
     normal: Vector3,
     distance: f64,
 }
 
-impl Fit<'_> {
+impl ScaleFit<'_> {
     /// The best [`KEPT`] of the pairs whose normals agree.
-    fn pairs(&self, placed: &Similarity) -> Vec<Pair> {
+    fn pairs(&self, placed: &Similarity) -> Vec<PointPair> {
         let pair = |(p, n): &Oriented| {
             let hit = self.closest.closest(&(placed * p))?;
             let [a, b, c] = self.metric.corners(hit.face as usize);
             let normal = normal(a, b, c)?;
             let agree = normal.dot(&(placed.isometry.rotation * n)) > MIN_COSINE;
-            agree.then_some(Pair { from: *p, to: hit.point, normal, distance: hit.distance })
+            agree.then_some(PointPair { from: *p, to: hit.point, normal, distance: hit.distance })
         };
-        let mut pairs: Vec<Pair> = self.points.iter().filter_map(pair).collect();
+        let mut pairs: Vec<PointPair> = self.points.iter().filter_map(pair).collect();
         pairs.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         pairs.truncate((KEPT * self.points.len() as f64) as usize);
         pairs

@@ -1,7 +1,7 @@
 //! Surface spots on which gains and light are estimated: spread evenly by area, the same for the
 //! same mesh.
 
-use super::photometric::{AlbedoView, Observation, ObservationBounds, PreparedView};
+use super::photometric::{AlbedoView, ObservationBounds, PreparedView, SpotObservation};
 use crate::geometry::{Point3, Vector3, point_at};
 use crate::light::LightModel;
 use crate::mesh::{Mesh, Topology, normals::vertex_normals};
@@ -30,10 +30,10 @@ pub(super) fn smooth_once(topology: &Topology, values: &[Vector3]) -> Vec<Vector
 }
 
 /// A point of the surface and what the views say of it.
-pub(super) struct Spot {
+pub(super) struct SurfaceSpot {
     pub face: usize,
     pub weights: [f64; 3],
-    pub seen: Vec<Observation>,
+    pub seen: Vec<SpotObservation>,
 }
 
 /// Position and interpolated unit normal at a point of a face; `None` where normals cancel.
@@ -85,7 +85,7 @@ pub(super) fn observe_spots(
     light: &LightModel,
     bounds: &ObservationBounds,
     count: usize,
-) -> Vec<Spot> {
+) -> Vec<SurfaceSpot> {
     even_points(mesh, count)
         .into_par_iter()
         .filter_map(|(face, weights)| {
@@ -96,17 +96,17 @@ pub(super) fn observe_spots(
                 .filter_map(|(v, view)| view.observe(v, &point, &normal, light, bounds))
                 .collect();
             thin(&mut seen);
-            (!seen.is_empty()).then_some(Spot { face, weights, seen })
+            (!seen.is_empty()).then_some(SurfaceSpot { face, weights, seen })
         })
         .collect()
 }
 
 /// What is seen of the spots that at least two views see.
-pub(super) fn repeated(spots: &[Spot]) -> Vec<Vec<Observation>> {
+pub(super) fn repeated(spots: &[SurfaceSpot]) -> Vec<Vec<SpotObservation>> {
     spots.iter().filter(|s| s.seen.len() >= 2).map(|s| s.seen.clone()).collect()
 }
 
-fn thin(seen: &mut Vec<Observation>) {
+fn thin(seen: &mut Vec<SpotObservation>) {
     let n = seen.len();
     if n > MAX_VIEWS_PER_SPOT {
         *seen = (0..MAX_VIEWS_PER_SPOT).map(|i| seen[i * n / MAX_VIEWS_PER_SPOT]).collect();

@@ -3,7 +3,7 @@
 use super::albedo::AlbedoOptions;
 use super::photometric::{AlbedoView, ObservationBounds};
 use super::spots::{smoothed_normals, surface_point};
-use crate::camera::{CameraModel, Lens};
+use crate::camera::{CameraModel, PosedFrame};
 use crate::geometry::{Isometry, Point3, Vector3};
 use crate::image::{Frame, ToneCurve};
 use crate::light::{Coat, LightModel};
@@ -22,14 +22,11 @@ pub struct Picture {
 
 impl Picture {
     pub fn view(&self) -> AlbedoView<'_> {
-        AlbedoView {
-            frame: &self.frame,
-            tone: &self.tone,
-            valid: None,
-            camera: &self.camera,
-            pose: self.pose,
-            gain: 1.0,
-        }
+        AlbedoView { posed: self.posed(), tone: &self.tone, gain: 1.0 }
+    }
+
+    pub fn posed(&self) -> PosedFrame<'_> {
+        PosedFrame::new(&self.frame, &self.camera, self.pose)
     }
 }
 
@@ -75,8 +72,7 @@ pub fn pictures_of(mesh: &Mesh, light: &LightModel, coat: Coat, gains: [f64; 5])
 }
 
 fn picture(mesh: &Mesh, light: &LightModel, coat: Coat, pose: Isometry, gain: f64) -> Picture {
-    let camera =
-        CameraModel { size: SIZE, focal: [90.0; 2], centre: [47.0, 36.0], lens: Lens::Pinhole };
+    let camera = CameraModel::pinhole(SIZE, [90.0; 2], [47.0, 36.0]);
     let positions: Vec<_> = mesh.positions.iter().map(|p| pose * p).collect();
     let raster = rasterize(&camera, &mesh.topology, &positions);
     let normals = smoothed_normals(mesh, 0);

@@ -1,7 +1,7 @@
 //! Texel resolution, texels nobody saw, and the albedo seen by a camera.
 
 use super::SurfaceTexels;
-use super::albedo::AlbedoOptions;
+use super::albedo_options::AlbedoOptions;
 use super::photometric::PreparedView;
 use crate::geometry::{Point3, point_at};
 use crate::image::{ColorImage, Mask};

@@ -1,52 +1,38 @@
 //! The look of the surface in the frames themselves: from the best view of each face, and blended
 //! over all views.
 
-use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Isometry, Point2, Point3, area_normal, point_at};
-use crate::image::{Frame, Mask, saturation};
+use crate::camera::{Camera, PosedFrame};
+use crate::geometry::{Point2, Point3, area_normal, point_at};
+use crate::image::{Frame, saturation, within_centres};
 use crate::mesh::Mesh;
-use crate::raster::rasterize;
+use crate::raster::{OCCLUSION_TOLERANCE, rasterize};
 use rayon::prelude::*;
-
-/// One registered frame.
-#[derive(Clone, Copy, Debug)]
-pub struct TextureView<'a> {
-    /// The image.
-    pub frame: &'a Frame,
-    /// Its camera.
-    pub camera: &'a CameraModel,
-    /// `camera_from_template`.
-    pub pose: Isometry,
-    /// `true` where the image may be used.
-    pub valid: Option<&'a Mask>,
-}
 
 /// Colours of surface points.
 pub struct Texture<'a> {
     mesh: &'a Mesh,
-    views: Vec<Prepared<'a>>,
+    views: Vec<TexturedView<'a>>,
     /// Best view of every face.
     best: Vec<Option<u32>>,
 }
 
-struct Prepared<'a> {
-    view: TextureView<'a>,
+struct TexturedView<'a> {
+    view: PosedFrame<'a>,
     positions: Vec<Point3>,
     /// Depth of the surface at every pixel; minus infinity where the pixel must not be used.
     depth: Vec<f32>,
 }
 
-/// A point counts as seen within this of the z-buffer, relative to its depth.
-const OCCLUSION_TOLERANCE: f64 = 0.01;
 /// Least cosine between the normal and the sightline.
 const MIN_COSINE: f64 = 0.2;
 /// Sharpness of blending: the power of a view's resolution on the surface.
 const BLEND_POWER: i32 = 2;
 
 impl<'a> Texture<'a> {
-    /// Prepare all views of a surface.
-    pub fn new(mesh: &'a Mesh, views: &[TextureView<'a>]) -> Self {
-        let views: Vec<Prepared> = views.par_iter().map(|v| Prepared::new(mesh, *v)).collect();
+    /// Prepare all views of a surface, `camera_from_template`; pixels outside their masks are not used.
+    pub fn new(mesh: &'a Mesh, views: &[PosedFrame<'a>]) -> Self {
+        let views: Vec<TexturedView> =
+            views.par_iter().map(|v| TexturedView::new(mesh, *v)).collect();
         let best = (0..mesh.topology.faces.len()).into_par_iter().map(|f| best(&views, mesh, f));
         let best = best.collect();
         Self { mesh, views, best }
@@ -75,9 +61,9 @@ impl<'a> Texture<'a> {
     }
 }
 
-fn best(views: &[Prepared], mesh: &Mesh, face: usize) -> Option<u32> {
+fn best(views: &[TexturedView], mesh: &Mesh, face: usize) -> Option<u32> {
     let inside = [[0.9, 0.05, 0.05], [0.05, 0.9, 0.05], [0.05, 0.05, 0.9], [1.0 / 3.0; 3]];
-    let score = |view: &Prepared| -> Option<f64> {
+    let score = |view: &TexturedView| -> Option<f64> {
         let all: Option<Vec<f64>> =
             inside.iter().map(|&b| Some(view.sample(mesh, face, b)?.0)).collect();
         all.map(|all| all.iter().sum())
@@ -87,12 +73,13 @@ fn best(views: &[Prepared], mesh: &Mesh, face: usize) -> Option<u32> {
     scores.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))).map(|s| s.1)
 }
 
-impl<'a> Prepared<'a> {
-    fn new(mesh: &Mesh, view: TextureView<'a>) -> Self {
+impl<'a> TexturedView<'a> {
+    fn new(mesh: &Mesh, view: PosedFrame<'a>) -> Self {
         let positions: Vec<Point3> = mesh.positions.iter().map(|p| view.pose * p).collect();
         let raster = rasterize(view.camera, &mesh.topology, &positions);
         let saturated = saturation(view.frame);
-        let usable = |i: usize| view.valid.is_none_or(|m| m.data[i]) && !saturated.data[i];
+        let masks = [view.valid, view.organ];
+        let usable = |i: usize| masks.iter().flatten().all(|m| m.data[i]) && !saturated.data[i];
         let depth = |(i, &z): (usize, &f64)| if usable(i) { z as f32 } else { f32::NEG_INFINITY };
         let depth = raster.depth.iter().enumerate().map(depth).collect();
         Self { view, positions, depth }
@@ -106,15 +93,11 @@ impl<'a> Prepared<'a> {
         let [a, b, c] = corners;
         let cosine = -area_normal(a, b, c).try_normalize(0.0)?.dot(&point.coords.normalize());
         let pixel = self.view.camera.project(&point)?.pixel;
-        let [w, h] = self.view.camera.size;
-        let inside = pixel.x >= 0.0
-            && pixel.y >= 0.0
-            && pixel.x <= w as f64 - 1.0
-            && pixel.y <= h as f64 - 1.0;
-        if cosine < MIN_COSINE || !inside {
+        let size = self.view.camera.size;
+        if cosine < MIN_COSINE || !within_centres(&pixel, size) {
             return None;
         }
-        let nearest = pixel.y.round() as usize * w + pixel.x.round() as usize;
+        let nearest = pixel.y.round() as usize * size[0] + pixel.x.round() as usize;
         let seen = point.z <= f64::from(self.depth[nearest]) * (1.0 + OCCLUSION_TOLERANCE);
         seen.then(|| (cosine / (point.z * point.z), bilinear(self.view.frame, &pixel)))
     }
@@ -136,7 +119,8 @@ fn bilinear(frame: &Frame, p: &Point2) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Lens;
+    use crate::camera::CameraModel;
+    use crate::geometry::Isometry;
     use crate::mesh::shapes;
 
     #[test]
@@ -146,12 +130,7 @@ mod tests {
             vec![p(-1., -1.), p(1., -1.), p(1., 1.), p(-1., 1.)],
             vec![[0, 2, 1], [0, 3, 2]],
         );
-        let camera = CameraModel {
-            size: [41, 41],
-            focal: [100.0; 2],
-            centre: [20.0; 2],
-            lens: Lens::Pinhole,
-        };
+        let camera = CameraModel::pinhole([41, 41], [100.0; 2], [20.0; 2]);
         let plain = |value: u8| Frame {
             name: String::new(),
             size: [41, 41],
@@ -160,12 +139,7 @@ mod tests {
         let (far, near) = (plain(50), plain(200));
         let mut glare = plain(200);
         glare.rgb.fill([255; 3]);
-        let view = |frame, z| TextureView {
-            frame,
-            camera: &camera,
-            pose: Isometry::translation(0.0, 0.0, z),
-            valid: None,
-        };
+        let view = |frame, z| PosedFrame::new(frame, &camera, Isometry::translation(0.0, 0.0, z));
         let both = [view(&far, 10.0), view(&near, 0.0)];
         let centre = [1.0 / 3.0; 3];
         let texture = Texture::new(&mesh, &both);
@@ -177,7 +151,7 @@ mod tests {
         let texture = Texture::new(&mesh, &bright);
         assert_eq!(texture.best(0, centre), Some([50, 100, 100]));
         let none = [both[0]]
-            .map(|v| TextureView { pose: Isometry::rotation(nalgebra::Vector3::x() * 3.0), ..v });
+            .map(|v| PosedFrame { pose: Isometry::rotation(nalgebra::Vector3::x() * 3.0), ..v });
         assert_eq!(Texture::new(&mesh, &none).best(0, centre), None);
     }
 }

@@ -35,12 +35,12 @@ impl Tracker<'_> {
         let memory = &mut self.memory.register;
         let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
         let scene = clock.time("register", || Scene::new(self.camera, rest, rigid));
-        let body = Body::new(&scene, &self.deformable);
+        let body = Body::new(&scene, &self.deformable, options.register.anchor);
         let on_body = body.matches(&matches);
         let coarse = clock.time("register", || {
             register_in(memory, body.scene(), &on_body, &posed, &options.register)
         });
-        let mut draft = Draft::of(&body, &posed, &matches, &coarse, options.register.anchor);
+        let mut draft = Draft::of(&body, &posed, &matches, &coarse);
         if let Some(photo) = self.photograph(view, &draft.vertices) {
             let kept = coarse.kept.iter().zip(&*on_body).filter(|m| *m.0);
             let kept: Vec<Match> = kept.map(|m| *m.1).collect();
@@ -50,7 +50,7 @@ impl Tracker<'_> {
                 joined.vertices = options
                     .comparison(&body, &kept, &photo)
                     .kept(&body.scene().posed, joined.vertices);
-                joined.settled(&body, options.register.anchor)
+                joined.settled(&body)
             });
             draft.shown = Shown { at_matches: joined.at_matches, changed: joined.exposure_changed };
             (draft.vertices, draft.ambient) = (joined.vertices, joined.ambient);
@@ -157,7 +157,7 @@ impl Tracker<'_> {
             let (rigid, visible) = (near.rigid.clone(), near.visible.clone());
             Scene::seen(self.camera, rest, rigid, visible, self.laplacian.clone())
         });
-        let body = Body::new(&scene, &self.deformable);
+        let body = Body::new(&scene, &self.deformable, self.options.reconstruct.register.anchor);
         let draft = match self.photograph(view, &near.shape) {
             None => {
                 let (memory, start) = (&mut memory.register, body.restricted(&near.shape));
@@ -166,7 +166,7 @@ impl Tracker<'_> {
                     let on_body = body.matches(&matches);
                     register_near(memory, body.scene(), &on_body, &near.posed, &start, options)
                 });
-                Draft::of(&body, &near.posed, &matches, &coarse, options.anchor)
+                Draft::of(&body, &near.posed, &matches, &coarse)
             }
             Some(photo) => clock.time("joint", || {
                 self.shaded(&mut memory.video, &body, &matches, &near, &photo, origin)
@@ -274,8 +274,8 @@ struct Start {
 }
 
 impl Draft {
-    fn of(body: &Body, posed: &Posed, matches: &[Match], coarse: &Registered, anchor: f64) -> Self {
-        let settled = body.settled(coarse.vertices.clone(), anchor);
+    fn of(body: &Body, posed: &Posed, matches: &[Match], coarse: &Registered) -> Self {
+        let settled = body.settled(coarse.vertices.clone());
         let mut draft = Self {
             vertices: body.carried(&settled).into_owned(),
             pose: posed.pose,

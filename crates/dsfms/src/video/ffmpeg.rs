@@ -1,7 +1,7 @@
 //! Any other video, through an installed `ffmpeg` that writes PPM pictures into a pipe.
 
 use super::ppm::{Ended, pictures};
-use super::{Picture, VideoError};
+use super::{DecodedPicture, VideoError};
 use std::io::BufReader;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -11,7 +11,7 @@ pub(super) fn decode(
     program: &str,
     path: &Path,
     reason: &str,
-    each: &mut dyn FnMut(usize, Picture) -> bool,
+    each: &mut dyn FnMut(usize, DecodedPicture) -> bool,
 ) -> Result<(), VideoError> {
     let read = |source| VideoError::Read { path: path.into(), source };
     // Into a file: a pipe that nobody empties would stop ffmpeg.
@@ -33,7 +33,7 @@ pub(super) fn decode(
     let mut index = 0;
     let mut each = |size, rgb| {
         index += 1;
-        each(index - 1, Picture { size, rgb })
+        each(index - 1, DecodedPicture { size, rgb })
     };
     let pictures = child
         .stdout

@@ -29,7 +29,7 @@ struct Walked {
 
 /// What the beginning of the buffer is.
 #[derive(Debug, PartialEq, Eq)]
-enum Found {
+enum Scanned {
     /// A whole picture of so many bytes.
     Whole(usize),
     /// More bytes are needed.
@@ -53,35 +53,35 @@ impl<R: Read> Pictures<R> {
         loop {
             self.skip_to_start();
             let found = match self.buffer.len() {
-                0 | 1 => Found::Part,
+                0 | 1 => Scanned::Part,
                 _ => scan(&self.buffer, &mut self.walked),
             };
-            if found != Found::Part || self.buffer.len() > MOST_BYTES || self.ended {
+            if found != Scanned::Part || self.buffer.len() > MOST_BYTES || self.ended {
                 self.walked = Walked::default();
             }
             match found {
-                Found::Whole(length) => {
+                Scanned::Whole(length) => {
                     let rest = self.buffer.split_off(length);
                     return Ok(Some(Ok(std::mem::replace(&mut self.buffer, rest))));
                 }
-                Found::Broken(at, reason) => {
+                Scanned::Broken(at, reason) => {
                     self.buffer.drain(..at.max(2));
                     return Ok(Some(Err(reason)));
                 }
-                Found::Part if self.buffer.len() > MOST_BYTES => {
+                Scanned::Part if self.buffer.len() > MOST_BYTES => {
                     self.buffer.clear();
                     return Ok(Some(Err(format!(
                         "no JPEG picture ends within {MOST_BYTES} bytes"
                     ))));
                 }
-                Found::Part if self.ended => {
+                Scanned::Part if self.ended => {
                     let bytes = self.buffer.len();
                     self.buffer.clear();
                     let cut =
                         || Err(format!("the stream ends within a JPEG picture ({bytes} bytes)"));
                     return Ok((bytes > 1).then(cut));
                 }
-                Found::Part => self.fill()?,
+                Scanned::Part => self.fill()?,
             }
         }
     }
@@ -110,27 +110,27 @@ impl<R: Read> Pictures<R> {
 }
 
 /// Walk the segments of a picture that starts the buffer, from where the last walk ended.
-fn scan(bytes: &[u8], walked: &mut Walked) -> Found {
+fn scan(bytes: &[u8], walked: &mut Walked) -> Scanned {
     let mut at = walked.at.max(2);
     loop {
         if walked.coded {
             let Some(end) = coded_end(bytes, at) else {
                 // The last byte may be the first of a marker.
                 walked.at = at.max(bytes.len().saturating_sub(1));
-                return Found::Part;
+                return Scanned::Part;
             };
             (at, walked.coded) = (end, false);
         }
         walked.at = at;
-        let Some(&[mark, kind]) = bytes.get(at..at + 2) else { return Found::Part };
+        let Some(&[mark, kind]) = bytes.get(at..at + 2) else { return Scanned::Part };
         match (mark, kind) {
             (0xFF, 0xFF) => at += 1,
-            (0xFF, 0xD9) => return Found::Whole(at + 2),
+            (0xFF, 0xD9) => return Scanned::Whole(at + 2),
             (0xFF, 0xD8) => return cut_off(at),
             // Without content: TEM and the restart markers.
             (0xFF, 0x01 | 0xD0..=0xD7) => at += 2,
             (0xFF, 0xC0..=0xFE) => {
-                let Some(&[high, low]) = bytes.get(at + 2..at + 4) else { return Found::Part };
+                let Some(&[high, low]) = bytes.get(at + 2..at + 4) else { return Scanned::Part };
                 let length = usize::from(high) << 8 | usize::from(low);
                 if length < 2 {
                     return broken(at);
@@ -144,7 +144,7 @@ fn scan(bytes: &[u8], walked: &mut Walked) -> Found {
                     }
                 }
                 if content.is_none() {
-                    return Found::Part;
+                    return Scanned::Part;
                 }
                 at += 2 + length;
                 walked.coded = kind == 0xDA;
@@ -154,12 +154,12 @@ fn scan(bytes: &[u8], walked: &mut Walked) -> Found {
     }
 }
 
-fn cut_off(at: usize) -> Found {
-    Found::Broken(at, "a JPEG picture is cut off where the next begins".into())
+fn cut_off(at: usize) -> Scanned {
+    Scanned::Broken(at, "a JPEG picture is cut off where the next begins".into())
 }
 
-fn broken(at: usize) -> Found {
-    Found::Broken(at, format!("no JPEG marker at byte {at} of a picture: the data are damaged"))
+fn broken(at: usize) -> Scanned {
+    Scanned::Broken(at, format!("no JPEG marker at byte {at} of a picture: the data are damaged"))
 }
 
 /// The first marker after entropy-coded data, in which `FF00` is a value and `FFD0` to `FFD7` restart.

@@ -45,6 +45,9 @@ impl Default for VideoOptions {
 
 impl VideoOptions {
     /// Check every bound.
+    ///
+    /// # Errors
+    /// The first option out of range, by name.
     pub fn validate(&self) -> Result<(), VideoError> {
         let bad = |reason: &str| Err(VideoError::Options(reason.into()));
         if self.max_frames == 0 {
@@ -103,12 +106,12 @@ pub enum VideoError {
 }
 
 /// One decoded picture.
-struct Picture {
+struct DecodedPicture {
     size: [usize; 2],
     rgb: Vec<[u8; 3]>,
 }
 
-impl Picture {
+impl DecodedPicture {
     fn into_frame(self, number: usize) -> Frame {
         Frame { name: frame_name(number), size: self.size, rgb: self.rgb }
     }
@@ -160,6 +163,9 @@ pub fn select_frames(path: &Path, options: &VideoOptions) -> Result<Vec<Frame>, 
 
 /// [`select_frames`], telling after each decoded frame how many are done and, where the container
 /// says so, how many there are.
+///
+/// # Errors
+/// As [`select_frames`].
 pub fn select_reporting(
     path: &Path,
     options: &VideoOptions,
@@ -203,7 +209,7 @@ pub fn each_frame(path: &Path, each: &mut dyn FnMut(VideoFrame) -> bool) -> Resu
     let reason = match mp4::open(BufReader::new(file)) {
         Ok(stream) => {
             let total = Some(stream.frame_count());
-            let decoded = stream.decode(&mut |mp4::Shown { content, number, rests_on }| {
+            let decoded = stream.decode(&mut |mp4::ShownPicture { content, number, rests_on }| {
                 given += 1;
                 let content = content.map(|picture| picture.into_frame(number));
                 each(VideoFrame { number, total, content, rests_on })
@@ -211,8 +217,8 @@ pub fn each_frame(path: &Path, each: &mut dyn FnMut(VideoFrame) -> bool) -> Resu
             match decoded {
                 Ok(()) if given == 0 => return Err(VideoError::Empty { path: path.into() }),
                 Ok(()) => return Ok(()),
-                Err(mp4::Stop::Unsupported(reason)) if given == 0 => reason,
-                Err(mp4::Stop::Unsupported(reason) | mp4::Stop::Damaged(reason)) => {
+                Err(mp4::DecodeStop::Unsupported(reason)) if given == 0 => reason,
+                Err(mp4::DecodeStop::Unsupported(reason) | mp4::DecodeStop::Damaged(reason)) => {
                     return Err(damaged(reason));
                 }
             }
@@ -231,6 +237,9 @@ pub fn frame_rate(path: &Path) -> Option<f64> {
 }
 
 /// Decode an mp4 file in memory and count pictures and losses; for tests of damaged input.
+///
+/// # Errors
+/// Why nothing is decoded.
 #[doc(hidden)]
 pub fn count_frames(bytes: &[u8]) -> Result<[usize; 2], String> {
     let mut counts = [0; 2];
@@ -241,7 +250,7 @@ pub fn count_frames(bytes: &[u8]) -> Result<[usize; 2], String> {
     });
     match decoded {
         Ok(()) => Ok(counts),
-        Err(mp4::Stop::Unsupported(reason) | mp4::Stop::Damaged(reason)) => Err(reason),
+        Err(mp4::DecodeStop::Unsupported(reason) | mp4::DecodeStop::Damaged(reason)) => Err(reason),
     }
 }
 

@@ -1,6 +1,6 @@
 //! A clip of known truth: a moving camera over tissue that is pushed and pulled.
 
-use dsfms::camera::{Camera, CameraModel, Lens};
+use dsfms::camera::{Camera, CameraModel, Lens, PosedFrame};
 use dsfms::geometry::{Isometry, Point3, Vector2, Vector3, point_at};
 use dsfms::image::Frame;
 use dsfms::light::{LightModel, PointLight, Spot};
@@ -168,8 +168,10 @@ fn photograph(mesh: &Mesh, albedo: &SurfaceTexels, k: u64) -> Frame {
 fn features(rest: &Mesh, albedo: &SurfaceTexels) -> dsfms::template::Features {
     let pose = pose(0);
     let posed = rest.with_positions(rest.positions.iter().map(|p| pose * p).collect());
-    let found = detect(&photograph(&posed, albedo, 1000), None, &SfmOptions::default());
+    let look = photograph(&posed, albedo, 1000);
+    let found = detect(&look, None, &SfmOptions::default());
     let (points, descriptors) = (&found.points[..], &found.descriptors[..]);
-    let view = FeatureView { camera: &CAMERA, pose, valid: None, points, descriptors };
+    let posed = PosedFrame::new(&look, &CAMERA, pose);
+    let view = FeatureView { posed, points, descriptors };
     anchor_features(rest, &[view], &AnchorOptions::default())
 }

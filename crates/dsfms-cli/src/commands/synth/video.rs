@@ -21,7 +21,7 @@ use dsfms::io::ply::{PlyExtras, Precision, write_ply};
 use dsfms::io::template::write_template;
 use dsfms::pipeline::{Exploration, Progress, TemplateOptions, template_from_posed_frames};
 use dsfms::synth::ClipOptions;
-use dsfms::synth::clip::{Clip, EXPLORATION, Moment, RATE, Shot};
+use dsfms::synth::clip::{Clip, ClipFrame, ClipMoment, EXPLORATION, RATE};
 use dsfms::template::LengthUnit;
 use rayon::prelude::*;
 use serde_json::json;
@@ -163,7 +163,7 @@ fn frames(args: &VideoArgs, clip: &Clip, progress: &Paced) -> anyhow::Result<Vec
         .to_owned();
     for first in (0..count).step_by(BATCH) {
         progress.step("frames", first, count);
-        let batch: Vec<(Moment, Shot)> = (first..(first + BATCH).min(count))
+        let batch: Vec<(ClipMoment, ClipFrame)> = (first..(first + BATCH).min(count))
             .into_par_iter()
             .map(|k| {
                 let moment = clip.moment(k);

@@ -224,12 +224,7 @@ mod tests {
 
     #[test]
     fn frames_of_other_cameras_are_brought_to_the_common_one() {
-        let camera = |focal: f64| CameraModel {
-            size: [8, 6],
-            focal: [focal; 2],
-            centre: [3.5, 2.5],
-            lens: dsfms::camera::Lens::Pinhole,
-        };
+        let camera = |focal: f64| CameraModel::pinhole([8, 6], [focal; 2], [3.5, 2.5]);
         let frame = Frame { name: "f".into(), size: [8, 6], rgb: vec![[50; 3]; 48] };
         let organ = Some(Mask::filled([8, 6], true));
         let same = brought((frame.clone(), None, organ.clone()), &camera(10.0), &camera(10.0));

@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Blocks found before in one pattern: most stencils come again from solve to solve.
 #[derive(Default)]
-pub(super) struct Known {
+pub(super) struct KnownSlots {
     /// Of all stencils of the term at a place in the objective, where there was one.
-    terms: Mutex<HashMap<usize, Found>>,
+    terms: Mutex<HashMap<usize, LocatedTerm>>,
     /// Of single wide stencils: a dozen vertices have 78 blocks to find.
     wide: Mutex<HashMap<Box<[u32]>, Slots>>,
 }
@@ -16,7 +16,7 @@ pub(super) struct Known {
 /// Block indices of every pair (a ≥ b) of one or more stencils, in order.
 pub(super) type Slots = Arc<[u32]>;
 
-struct Found {
+struct LocatedTerm {
     /// Vertices of the stencils, one after the other.
     vertices: Vec<u32>,
     /// How many there are in each.
@@ -24,7 +24,7 @@ struct Found {
     slots: Slots,
 }
 
-impl Found {
+impl LocatedTerm {
     fn is_of<'t>(&self, stencils: impl ExactSizeIterator<Item = &'t [u32]>) -> bool {
         let mut rest = &self.vertices[..];
         let mut next = |(stencil, &size): (&[u32], &u32)| {
@@ -36,7 +36,7 @@ impl Found {
     }
 }
 
-impl Known {
+impl KnownSlots {
     const NARROW: usize = 4;
 
     /// The blocks of the term at a place in the objective; `None` where a pair has none.
@@ -62,7 +62,7 @@ impl Known {
             self.append(pattern, stencil, &mut slots)?;
         }
         let slots: Slots = slots.into();
-        let found = Found {
+        let found = LocatedTerm {
             vertices: stencils.clone().flatten().copied().collect(),
             sizes: stencils.map(|s| s.len() as u32).collect(),
             slots: Arc::clone(&slots),

@@ -1,5 +1,5 @@
 use super::*;
-use crate::camera::{CameraModel, Lens};
+use crate::camera::CameraModel;
 use crate::energy::Jacobian;
 use crate::energy::check::bent_patch;
 use crate::energy::{GlobalsPrior, Motion, RestFaces, Shearing, Smoothing, Stretch};
@@ -11,12 +11,7 @@ use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
 fn camera() -> CameraModel {
-    CameraModel {
-        size: [640, 480],
-        focal: [600.0, 600.0],
-        centre: [319.5, 239.5],
-        lens: Lens::Pinhole,
-    }
+    CameraModel::pinhole([640, 480], [600.0, 600.0], [319.5, 239.5])
 }
 
 /// A sheet of 40 × 40 mm, gently bent, 80 mm in front of the camera.
@@ -181,7 +176,7 @@ fn a_reserved_workspace_holds_every_block_that_may_come() {
 fn blocks_are_found_again_and_others_are_not_mistaken_for_them() {
     let stencils: [&[u32]; 3] = [&[0, 1, 2], &[2, 3], &[0, 1, 2, 3, 4, 5]];
     let pattern = Pattern::new(6, stencils.into_iter());
-    let known = Known::default();
+    let known = KnownSlots::default();
     let first = known.locate(&pattern, 0, stencils[..2].iter().copied()).unwrap();
     let again = known.locate(&pattern, 0, stencils[..2].iter().copied()).unwrap();
     assert!(Arc::ptr_eq(&first, &again));

@@ -1,7 +1,7 @@
 //! One weighted, robustified term: its cost, and its part of gradient and normal matrix.
 
 use super::Unknowns;
-use super::known::{Known, Slots};
+use super::known::{KnownSlots, Slots};
 use crate::energy::{EnergyTerm, Jacobian};
 use crate::geometry::{Point3, Vector3};
 use crate::solver::normal_equations::Accumulator;
@@ -16,7 +16,7 @@ pub(super) trait Weighted: Send + Sync {
     /// Whether its part of the normal matrix is constant and one number for a pair of vertices.
     fn is_isotropic(&self) -> bool;
     /// Find the blocks of the term at this place in the objective; `false` where one has none.
-    fn locate(&mut self, pattern: &Pattern, known: &Known, place: usize) -> bool;
+    fn locate(&mut self, pattern: &Pattern, known: &KnownSlots, place: usize) -> bool;
     fn accumulate_isotropic(&self, values: &mut [f64]);
     fn cost(&self, state: &Unknowns) -> Option<f64>;
     /// Add blocks to the sums; their cost, `None` where one is infeasible.
@@ -85,7 +85,7 @@ impl<const R: usize, T: EnergyTerm<R>> Weighted for WeightedTerm<R, T> {
         self.loss == Loss::Squared && self.term.isotropic(0).is_some()
     }
 
-    fn locate(&mut self, pattern: &Pattern, known: &Known, place: usize) -> bool {
+    fn locate(&mut self, pattern: &Pattern, known: &KnownSlots, place: usize) -> bool {
         let stencils = (0..self.term.count()).map(|i| self.term.stencil(i));
         let found = known.locate(pattern, place, stencils);
         let all = found.is_some();

@@ -124,6 +124,9 @@ fn checked(path: &Path, file: CameraFile) -> Result<CameraFile, InputError> {
 }
 
 /// Write a camera file as JSON; [`read_camera`] gives the same value back.
+///
+/// # Errors
+/// A file that cannot be written.
 pub fn write_camera(path: &Path, file: &CameraFile) -> Result<(), InputError> {
     let text = serde_json::to_string_pretty(&json::write(file))
         .map_err(|error| InputError::format(path, error.to_string()))?;

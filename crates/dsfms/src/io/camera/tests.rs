@@ -21,12 +21,7 @@ fn with(field: &str) -> String {
 }
 
 fn plain() -> CameraModel {
-    CameraModel {
-        size: [640, 480],
-        focal: [548.0, 549.0],
-        centre: [316.4, 243.2],
-        lens: Lens::Pinhole,
-    }
+    CameraModel::pinhole([640, 480], [548.0, 549.0], [316.4, 243.2])
 }
 
 #[test]

@@ -7,7 +7,7 @@ const MOST_DEPTH: usize = 16;
 
 /// The content of `opencv_storage`; or the 1-based line and what is wrong there.
 pub(super) fn parse(text: &str) -> Result<Value, (usize, String)> {
-    let mut reader = Reader { text, at: 0 };
+    let mut reader = XmlReader { text, at: 0 };
     // Elements that are open: name, members, text.
     let mut open: Vec<(String, Map<String, Value>, String)> = Vec::new();
     loop {
@@ -60,12 +60,12 @@ fn leaf(name: &str, text: &str) -> Value {
     }
 }
 
-struct Reader<'a> {
+struct XmlReader<'a> {
     text: &'a str,
     at: usize,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> XmlReader<'a> {
     fn problem(&self, problem: &str) -> (usize, String) {
         (1 + self.text[..self.at].matches('\n').count(), problem.into())
     }

@@ -3,7 +3,7 @@
 use crate::camera::{CameraModel, Lens, LensKind};
 
 /// A model of COLMAP that can be expressed here.
-struct Model {
+struct ColmapLens {
     number: i32,
     /// Its lens is the one that this name tells ([`LensKind::told`]).
     name: &'static str,
@@ -13,7 +13,7 @@ struct Model {
     coefficients: &'static [&'static str],
 }
 
-impl Model {
+impl ColmapLens {
     const fn new(
         number: i32,
         name: &'static str,
@@ -38,14 +38,14 @@ impl Model {
 }
 
 /// Of those that hold a camera the first is written.
-const MODELS: [Model; 7] = [
-    Model::new(0, "SIMPLE_PINHOLE", 1, &[]),
-    Model::new(1, "PINHOLE", 2, &[]),
-    Model::new(2, "SIMPLE_RADIAL", 1, &["k1"]),
-    Model::new(3, "RADIAL", 1, &["k1", "k2"]),
-    Model::new(4, "OPENCV", 2, &["k1", "k2", "p1", "p2"]),
-    Model::new(5, "OPENCV_FISHEYE", 2, &["k1", "k2", "k3", "k4"]),
-    Model::new(6, "FULL_OPENCV", 2, &["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"]),
+const MODELS: [ColmapLens; 7] = [
+    ColmapLens::new(0, "SIMPLE_PINHOLE", 1, &[]),
+    ColmapLens::new(1, "PINHOLE", 2, &[]),
+    ColmapLens::new(2, "SIMPLE_RADIAL", 1, &["k1"]),
+    ColmapLens::new(3, "RADIAL", 1, &["k1", "k2"]),
+    ColmapLens::new(4, "OPENCV", 2, &["k1", "k2", "p1", "p2"]),
+    ColmapLens::new(5, "OPENCV_FISHEYE", 2, &["k1", "k2", "k3", "k4"]),
+    ColmapLens::new(6, "FULL_OPENCV", 2, &["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"]),
 ];
 
 /// Name and parameter count of a model number.

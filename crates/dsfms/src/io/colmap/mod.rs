@@ -89,6 +89,9 @@ pub(super) fn file_in(folder: &Path, part: &str) -> Result<PathBuf, InputError> 
 
 /// Read the model of a folder; `points3D` may be missing. Every reference from an image to a point
 /// and back is checked.
+///
+/// # Errors
+/// A file that is missing or damaged, or a reference to what is not there.
 pub fn read_model(folder: &Path) -> Result<ColmapModel, InputError> {
     let images = file_in(folder, "images")?;
     let points = file_in(folder, "points3D").ok();
@@ -102,16 +105,25 @@ pub fn read_model(folder: &Path) -> Result<ColmapModel, InputError> {
 }
 
 /// Cameras of `cameras.bin` or `cameras.txt`.
+///
+/// # Errors
+/// A file that is missing or damaged.
 pub fn read_cameras(path: &Path) -> Result<Vec<ColmapCamera>, InputError> {
     if is_binary(path) { binary::read_cameras(path) } else { text::read_cameras(path) }
 }
 
 /// Images of `images.bin` or `images.txt`.
+///
+/// # Errors
+/// A file that is missing or damaged.
 pub fn read_images(path: &Path) -> Result<Vec<ColmapImage>, InputError> {
     if is_binary(path) { binary::read_images(path) } else { text::read_images(path) }
 }
 
 /// Points of `points3D.bin` or `points3D.txt`.
+///
+/// # Errors
+/// A file that is missing or damaged.
 pub fn read_points(path: &Path) -> Result<Vec<ColmapPoint>, InputError> {
     if is_binary(path) { binary::read_points(path) } else { text::read_points(path) }
 }
@@ -121,6 +133,9 @@ pub(super) fn is_binary(path: &Path) -> bool {
 }
 
 /// Write a model into a folder, which is created where missing.
+///
+/// # Errors
+/// A folder or file that cannot be written.
 pub fn write_model(folder: &Path, model: &ColmapModel, format: Format) -> Result<(), WriteError> {
     match format {
         Format::Text => text::write(folder, model),

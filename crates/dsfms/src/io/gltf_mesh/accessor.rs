@@ -1,8 +1,8 @@
 //! Numbers out of the buffers of a glTF file.
 
 use super::super::base64::from_base64;
-use super::super::mesh::FormatError;
-use super::document::{Accessor, Document, Part};
+use super::super::raw_mesh::FormatError;
+use super::document::{Accessor, Document, SparsePart};
 use super::malformed;
 use crate::guard;
 use std::borrow::Cow;
@@ -137,8 +137,9 @@ impl<'a> Arrays<'a> {
             };
         };
         let narrow = width(sparse.indices.component_type.unwrap_or(UNSIGNED_INT))?;
-        let part =
-            |part: &Part, size| self.steps(part.buffer_view, part.byte_offset, size, sparse.count);
+        let part = |part: &SparsePart, size| {
+            self.steps(part.buffer_view, part.byte_offset, size, sparse.count)
+        };
         let (places, news) = (part(&sparse.indices, narrow)?, part(&sparse.values, size)?);
         for (place, new) in places.each(narrow).zip(news.each(size)) {
             let place = whole(place) as usize;

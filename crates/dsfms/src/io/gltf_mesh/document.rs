@@ -1,6 +1,6 @@
 //! The JSON of a glTF file, and the container of a `.glb`.
 
-use super::super::mesh::{FormatError, MeshUnit};
+use super::super::raw_mesh::{FormatError, MeshUnit};
 use super::{VERTEX, malformed};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -15,11 +15,11 @@ pub(super) struct Document {
     asset: Option<Asset>,
     extensions_required: Vec<String>,
     scene: Option<usize>,
-    scenes: Vec<Scene>,
-    pub(super) nodes: Vec<Node>,
-    meshes: Vec<Mesh>,
+    scenes: Vec<SceneNodes>,
+    pub(super) nodes: Vec<SceneNode>,
+    meshes: Vec<Primitives>,
     pub(super) accessors: Vec<Accessor>,
-    pub(super) buffer_views: Vec<View>,
+    pub(super) buffer_views: Vec<BufferView>,
     pub(super) buffers: Vec<Buffer>,
 }
 
@@ -33,13 +33,13 @@ struct Asset {
 
 #[derive(Deserialize, Default)]
 #[serde(default)]
-struct Scene {
+struct SceneNodes {
     nodes: Vec<usize>,
 }
 
 #[derive(Deserialize, Default)]
 #[serde(default)]
-pub(super) struct Node {
+pub(super) struct SceneNode {
     pub(super) children: Vec<usize>,
     mesh: Option<usize>,
     pub(super) matrix: Option<[f64; 16]>,
@@ -49,7 +49,7 @@ pub(super) struct Node {
 }
 
 #[derive(Deserialize)]
-struct Mesh {
+struct Primitives {
     primitives: Vec<Primitive>,
 }
 
@@ -79,13 +79,13 @@ pub(super) struct Accessor {
 #[derive(Deserialize)]
 pub(super) struct Sparse {
     pub(super) count: usize,
-    pub(super) indices: Part,
-    pub(super) values: Part,
+    pub(super) indices: SparsePart,
+    pub(super) values: SparsePart,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub(super) struct Part {
+pub(super) struct SparsePart {
     pub(super) buffer_view: usize,
     #[serde(default)]
     pub(super) byte_offset: usize,
@@ -94,7 +94,7 @@ pub(super) struct Part {
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub(super) struct View {
+pub(super) struct BufferView {
     pub(super) buffer: usize,
     #[serde(default)]
     pub(super) byte_offset: usize,
@@ -186,7 +186,7 @@ impl Document {
     }
 
     /// What a node shows.
-    pub(super) fn primitives(&self, node: &Node) -> Result<&[Primitive], FormatError> {
+    pub(super) fn primitives(&self, node: &SceneNode) -> Result<&[Primitive], FormatError> {
         let Some(mesh) = node.mesh else { return Ok(&[]) };
         let found = self.meshes.get(mesh).map(|m| m.primitives.as_slice());
         found.ok_or_else(|| malformed(format!("mesh {mesh} does not exist")))

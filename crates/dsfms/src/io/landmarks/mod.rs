@@ -25,7 +25,7 @@ use std::path::Path;
 
 /// Where a landmark is on its mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Place {
+pub enum MarkPlace {
     /// A vertex, from 0.
     Vertex(usize),
     /// A point, in the numbers of the mesh file.
@@ -38,7 +38,7 @@ pub struct Mark {
     /// Its name; `1`, `2`, … where the file has none.
     pub name: String,
     /// Where it is.
-    pub place: Place,
+    pub place: MarkPlace,
 }
 
 /// A landmark on both meshes.
@@ -47,12 +47,12 @@ pub struct PickedPair {
     /// Its name.
     pub name: String,
     /// On the preoperative mesh.
-    pub ct: Place,
+    pub ct: MarkPlace,
     /// On the template.
-    pub template: Place,
+    pub template: MarkPlace,
 }
 
-impl Place {
+impl MarkPlace {
     /// The point itself, on a mesh of these vertices; points of the file times `factor`.
     ///
     /// # Errors
@@ -111,15 +111,15 @@ fn pairs_of_json(path: &Path, value: &Value) -> Result<Vec<PickedPair>, InputErr
     list.iter().enumerate().map(pair).collect()
 }
 
-fn place_of_json(value: &Value) -> Result<Place, String> {
+fn place_of_json(value: &Value) -> Result<MarkPlace, String> {
     let wrong = || format!("is {value}; expected [x, y, z] or a vertex number");
     if let Some(vertex) = value.as_u64() {
-        return usize::try_from(vertex).map(Place::Vertex).map_err(|_| wrong());
+        return usize::try_from(vertex).map(MarkPlace::Vertex).map_err(|_| wrong());
     }
     let list = value.as_array().filter(|l| l.len() == 3).ok_or_else(wrong)?;
     let numbers: Option<Vec<f64>> = list.iter().map(Value::as_f64).collect();
     let numbers = numbers.filter(|n| n.iter().all(|x| x.is_finite())).ok_or_else(wrong)?;
-    Ok(Place::Point(Point3::new(numbers[0], numbers[1], numbers[2])))
+    Ok(MarkPlace::Point(Point3::new(numbers[0], numbers[1], numbers[2])))
 }
 
 /// Pairs of the landmarks of two files: by name where each name stands once in its file and at least three stand

@@ -1,7 +1,7 @@
 //! Landmarks of one surface as other programs save them.
 
 use super::table::{finite, marks};
-use super::{InputError, Mark, Place, parse_json, read_text};
+use super::{InputError, Mark, MarkPlace, parse_json, read_text};
 use crate::geometry::Point3;
 use serde_json::Value;
 use std::path::Path;
@@ -70,13 +70,13 @@ fn markups(path: &Path, value: &Value, axes: Axes) -> Result<Vec<Mark>, InputErr
                 continue;
             }
             let position = point.get("position").map(super::place_of_json);
-            let Some(Ok(Place::Point(at))) = position else {
+            let Some(Ok(MarkPlace::Point(at))) = position else {
                 let field = field(&format!("controlPoints[{i}].position"));
                 return Err(InputError::field(path, field, "expected three numbers"));
             };
             let name = point.get("label").and_then(Value::as_str).filter(|n| !n.is_empty());
             let name = name.map_or_else(|| (found.len() + 1).to_string(), str::to_owned);
-            found.push(Mark { name, place: Place::Point(own.to(axes, at)) });
+            found.push(Mark { name, place: MarkPlace::Point(own.to(axes, at)) });
         }
     }
     Ok(found)
@@ -101,7 +101,7 @@ fn fcsv(path: &Path, text: &str, axes: Axes) -> Result<Vec<Mark>, InputError> {
         let at = Point3::new(number(x)?, number(y)?, number(z)?);
         let name = rest.get(7).filter(|n| !n.is_empty());
         let name = name.map_or_else(|| (found.len() + 1).to_string(), |n| (*n).to_owned());
-        found.push(Mark { name, place: Place::Point(own.to(axes, at)) });
+        found.push(Mark { name, place: MarkPlace::Point(own.to(axes, at)) });
     }
     Ok(found)
 }
@@ -126,7 +126,7 @@ fn picked_points(path: &Path, text: &str) -> Result<Vec<Mark>, InputError> {
         let at = Point3::new(number("x")?, number("y")?, number("z")?);
         let name = attribute("name").filter(|n| !n.is_empty());
         let name = name.map_or_else(|| (k + 1).to_string(), str::to_owned);
-        found.push(Mark { name, place: Place::Point(at) });
+        found.push(Mark { name, place: MarkPlace::Point(at) });
     }
     Ok(found)
 }

@@ -1,6 +1,6 @@
 //! Landmarks as CSV with a header, columns found by name.
 
-use super::{InputError, Mark, PickedPair, Place};
+use super::{InputError, Mark, MarkPlace, PickedPair};
 use crate::geometry::Point3;
 use std::path::Path;
 
@@ -55,16 +55,16 @@ enum PlaceColumns {
 }
 
 impl PlaceColumns {
-    fn read(&self, row: &[&str]) -> Result<Place, String> {
+    fn read(&self, row: &[&str]) -> Result<MarkPlace, String> {
         match self {
             Self::Vertex(column) => row[*column]
                 .parse()
-                .map(Place::Vertex)
+                .map(MarkPlace::Vertex)
                 .map_err(|_| format!("{:?} is no vertex number", row[*column])),
             Self::Point(columns) => {
                 let number = |c: usize| finite(row[c]);
                 let [x, y, z] = columns.map(number);
-                Ok(Place::Point(Point3::new(x?, y?, z?)))
+                Ok(MarkPlace::Point(Point3::new(x?, y?, z?)))
             }
         }
     }

@@ -7,11 +7,11 @@ fn file(name: &str, text: &str) -> (tempfile::TempDir, std::path::PathBuf) {
     (folder, path)
 }
 
-fn point(x: f64, y: f64, z: f64) -> Place {
-    Place::Point(Point3::new(x, y, z))
+fn point(x: f64, y: f64, z: f64) -> MarkPlace {
+    MarkPlace::Point(Point3::new(x, y, z))
 }
 
-fn mark(name: &str, place: Place) -> Mark {
+fn mark(name: &str, place: MarkPlace) -> Mark {
     Mark { name: name.into(), place }
 }
 
@@ -23,14 +23,14 @@ fn pairs_come_as_points_and_vertices() {
     );
     let found = read_pairs(&path).unwrap();
     assert_eq!((found[0].name.as_str(), found[1].name.as_str()), ("fundus", "2"));
-    assert_eq!((found[0].ct, found[0].template), (point(1., 2., 3.), Place::Vertex(7)));
+    assert_eq!((found[0].ct, found[0].template), (point(1., 2., 3.), MarkPlace::Vertex(7)));
     assert_eq!(found[1].ct, point(4.5, 5., -60.));
     let (_folder, json) =
         file("a.json", r#"{"pairs": [{"name": "fundus", "ct": [1, 2, 3], "template": 7}]}"#);
     assert_eq!(read_pairs(&json).unwrap(), found[..1]);
-    assert_eq!(Place::Vertex(1).on(&[Point3::origin(); 2], 10.0), Ok(Point3::origin()));
+    assert_eq!(MarkPlace::Vertex(1).on(&[Point3::origin(); 2], 10.0), Ok(Point3::origin()));
     assert_eq!(point(1., 0., 2.).on(&[], 10.0), Ok(Point3::new(10., 0., 20.)));
-    assert!(Place::Vertex(2).on(&[Point3::origin(); 2], 1.0).unwrap_err().contains("has 2"));
+    assert!(MarkPlace::Vertex(2).on(&[Point3::origin(); 2], 1.0).unwrap_err().contains("has 2"));
 }
 
 #[test]
@@ -90,16 +90,16 @@ fn meshlab_s_points_are_read() {
 #[test]
 fn marks_pair_by_name_else_by_order() {
     let marks = |names: &[&str]| -> Vec<Mark> {
-        names.iter().enumerate().map(|(k, n)| mark(n, Place::Vertex(k))).collect()
+        names.iter().enumerate().map(|(k, n)| mark(n, MarkPlace::Vertex(k))).collect()
     };
     let paths = [Path::new("ct.csv"), Path::new("t.csv")];
     let (pairs, alone) =
         pair_up(paths, marks(&["a", "b", "c", "d"]), marks(&["d", "c", "b", "x"])).unwrap();
     assert_eq!(pairs.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["b", "c", "d"]);
-    assert_eq!((pairs[0].ct, pairs[0].template), (Place::Vertex(1), Place::Vertex(2)));
+    assert_eq!((pairs[0].ct, pairs[0].template), (MarkPlace::Vertex(1), MarkPlace::Vertex(2)));
     assert_eq!(alone, ["a", "x"]);
     let (pairs, _) = pair_up(paths, marks(&["a", "b"]), marks(&["x", "y"])).unwrap();
-    assert_eq!((pairs[1].ct, pairs[1].template), (Place::Vertex(1), Place::Vertex(1)));
+    assert_eq!((pairs[1].ct, pairs[1].template), (MarkPlace::Vertex(1), MarkPlace::Vertex(1)));
     let error = pair_up(paths, marks(&["a", "b"]), marks(&["x"])).unwrap_err().to_string();
     assert!(error.contains("ct.csv") && error.contains("t.csv holds 1"), "{error}");
 }

@@ -1,16 +1,16 @@
 //! Legacy `.vtk`: a title, then keywords with arrays, as text or as big-endian numbers.
 
-use super::super::mesh::{FormatError, MeshUnit, RawMesh};
+use super::super::raw_mesh::{FormatError, MeshUnit, RawMesh};
 use super::{MOST, malformed, surface};
 
 /// The bytes that are left.
-struct Reader<'a> {
+struct LegacyReader<'a> {
     bytes: &'a [u8],
     binary: bool,
 }
 
 pub(in super::super) fn read(bytes: &[u8]) -> Result<RawMesh, FormatError> {
-    let mut reader = Reader { bytes, binary: false };
+    let mut reader = LegacyReader { bytes, binary: false };
     let version = reader.line();
     if !version.starts_with("# vtk DataFile") {
         return malformed("its first line is not '# vtk DataFile Version …'");
@@ -58,7 +58,7 @@ fn number(word: &str) -> Result<usize, FormatError> {
     }
 }
 
-impl Reader<'_> {
+impl LegacyReader<'_> {
     fn line(&mut self) -> String {
         let end = self.bytes.iter().position(|&b| b == b'\n').unwrap_or(self.bytes.len());
         let line = String::from_utf8_lossy(&self.bytes[..end]).trim_end().to_string();

@@ -1,7 +1,7 @@
 //! XML `.vtp`: one piece with points and polygons. Tags are looked for in order, nothing else of XML.
 
 use super::super::base64::from_base64;
-use super::super::mesh::{FormatError, MeshUnit, RawMesh};
+use super::super::raw_mesh::{FormatError, MeshUnit, RawMesh};
 use super::{MOST, malformed, surface};
 use flate2::read::ZlibDecoder;
 use std::io::Read;

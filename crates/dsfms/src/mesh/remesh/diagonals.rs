@@ -33,7 +33,7 @@ pub fn fit_diagonals(mesh: &Mesh, dense: &Mesh) -> Mesh {
     let dense = ClosestPoints::new(dense);
     let mut topology = Arc::clone(&mesh.topology);
     for _ in 0..ROUNDS {
-        let round = Round { topology: &topology, positions: &mesh.positions, dense: &dense };
+        let round = FlipRound { topology: &topology, positions: &mesh.positions, dense: &dense };
         let flips = round.flips();
         if flips.is_empty() {
             break;
@@ -48,13 +48,13 @@ pub fn fit_diagonals(mesh: &Mesh, dense: &Mesh) -> Mesh {
     Mesh { topology, positions: mesh.positions.clone() }
 }
 
-struct Round<'a> {
+struct FlipRound<'a> {
     topology: &'a Topology,
     positions: &'a [Point3],
     dense: &'a ClosestPoints<'a>,
 }
 
-impl Round<'_> {
+impl FlipRound<'_> {
     /// Edges to flip with their quadrilaterals, those of most gain first, none beside another.
     fn flips(&self) -> Vec<(usize, [u32; 4])> {
         let gain = |edge| {
@@ -197,7 +197,8 @@ mod tests {
         assert_eq!(boundary_loops(&fitted.topology), boundary_loops(&mesh.topology));
         let closest = ClosestPoints::new(&dense);
         let misfit = |m: &Mesh| {
-            let round = Round { topology: &m.topology, positions: &m.positions, dense: &closest };
+            let round =
+                FlipRound { topology: &m.topology, positions: &m.positions, dense: &closest };
             m.topology.faces.iter().map(|&f| round.misfit(f)).sum::<f64>()
         };
         assert!(misfit(&fitted) < 0.95 * misfit(&mesh), "{} {}", misfit(&fitted), misfit(&mesh));
@@ -222,7 +223,8 @@ mod tests {
         let p = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(Point3::from);
         let mesh = shapes::mesh(p.to_vec(), vec![[0, 1, 2]]);
         let closest = ClosestPoints::new(&dense);
-        let round = Round { topology: &mesh.topology, positions: &mesh.positions, dense: &closest };
+        let round =
+            FlipRound { topology: &mesh.topology, positions: &mesh.positions, dense: &closest };
         let area = mesh.face_areas()[0];
         assert!((round.misfit([0, 1, 2]) / area - (1.0 / 6.0 - 1.0 / 20.0)).abs() < 1e-12);
     }

@@ -5,13 +5,13 @@ use crate::mesh::Mesh;
 use crate::mesh::boundary::boundary_loops;
 
 /// The input's boundary, onto which boundary vertices are projected.
-pub(super) struct Outline {
+pub(super) struct FixedEdges {
     segments: Vec<[Point3; 2]>,
     /// Per vertex of the input: a corner of the boundary.
     pub corners: Vec<bool>,
 }
 
-impl Outline {
+impl FixedEdges {
     pub fn new(mesh: &Mesh, corner_deg: f64, length: f64) -> Self {
         let mut segments = Vec::new();
         let mut corners = vec![false; mesh.positions.len()];

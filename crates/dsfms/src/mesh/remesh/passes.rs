@@ -1,7 +1,7 @@
 //! The four passes of a remeshing round. Each works on the adjacency at its start and leaves alone
 //! what it has already touched, so the order of the edges alone decides the result.
 
-use super::{Outline, Working};
+use super::{FixedEdges, WorkingMesh};
 use crate::geometry::{Point3, Vector3, area_normal};
 use crate::mesh::Topology;
 use crate::mesh::normals::vertex_normals;
@@ -9,7 +9,7 @@ use crate::mesh::surface_points::ClosestPoints;
 
 /// Split every edge longer than `longest` (times what is wanted there) in the middle, until there is
 /// none (at most 8 halvings).
-pub(super) fn split(work: &mut Working, longest: f64) {
+pub(super) fn split(work: &mut WorkingMesh, longest: f64) {
     for _ in 0..8 {
         let topology = work.topology();
         let mut middle = vec![u32::MAX; topology.edges.len()];
@@ -65,7 +65,7 @@ fn subdivide(points: &[Point3], face: [u32; 3], middles: [u32; 3], out: &mut Vec
 
 /// Collapse edges shorter than `shortest` (times what is wanted there), shortest first, where that keeps
 /// the topology, turns no face over and makes no edge longer than `longest`.
-pub(super) fn collapse(work: &mut Working, shortest: f64, longest: f64) {
+pub(super) fn collapse(work: &mut WorkingMesh, shortest: f64, longest: f64) {
     for _ in 0..10 {
         let topology = work.topology();
         let length = |&[a, b]: &[u32; 2]| {
@@ -99,7 +99,7 @@ pub(super) fn collapse(work: &mut Working, shortest: f64, longest: f64) {
 }
 
 /// Which end of an edge stays and where; `None` where a collapse would change the topology.
-fn plan(work: &Working, t: &Topology, edge: usize) -> Option<(u32, u32, Point3)> {
+fn plan(work: &WorkingMesh, t: &Topology, edge: usize) -> Option<(u32, u32, Point3)> {
     let [a, b] = t.edges[edge];
     let open = t.edge_faces[edge][1] == u32::MAX;
     let on = |v: u32| t.boundary[v as usize];
@@ -126,7 +126,7 @@ fn plan(work: &Working, t: &Topology, edge: usize) -> Option<(u32, u32, Point3)>
 }
 
 /// No face around the edge turns over or becomes a needle, no edge becomes too long.
-fn harmless(work: &Working, t: &Topology, ends: [u32; 2], place: Point3, longest: f64) -> bool {
+fn harmless(work: &WorkingMesh, t: &Topology, ends: [u32; 2], place: Point3, longest: f64) -> bool {
     let moved = |v: u32| if ends.contains(&v) { place } else { work.positions[v as usize] };
     let size = |v: u32| work.edge_size(v, ends[0]).min(work.edge_size(v, ends[1]));
     ends.iter().all(|&end| {
@@ -150,7 +150,7 @@ fn harmless(work: &Working, t: &Topology, ends: [u32; 2], place: Point3, longest
 }
 
 /// Apply collapses and renumber what is left, in order.
-fn merge(work: &mut Working, gone: &[u32]) {
+fn merge(work: &mut WorkingMesh, gone: &[u32]) {
     let mut name = vec![0u32; gone.len()];
     let mut next = 0;
     for v in 0..gone.len() {
@@ -175,7 +175,7 @@ fn merge(work: &mut Working, gone: &[u32]) {
 }
 
 /// Flip edges towards six neighbours a vertex (four on the boundary).
-pub(super) fn flip(work: &mut Working) {
+pub(super) fn flip(work: &mut WorkingMesh) {
     for _ in 0..6 {
         let topology = work.topology();
         let mut touched = vec![false; topology.vertex_count];
@@ -197,7 +197,7 @@ pub(super) fn flip(work: &mut Working) {
     }
 }
 
-fn improves(work: &Working, t: &Topology, [a, b, c, d]: [u32; 4]) -> bool {
+fn improves(work: &WorkingMesh, t: &Topology, [a, b, c, d]: [u32; 4]) -> bool {
     if t.edge_index(c, d).is_some() {
         return false;
     }
@@ -222,7 +222,7 @@ fn improves(work: &Working, t: &Topology, [a, b, c, d]: [u32; 4]) -> bool {
 
 /// Move every vertex towards the centre of its neighbours within the tangent plane, then onto the
 /// input surface; boundary vertices along the boundary, corners not at all.
-pub(super) fn smooth(work: &mut Working, surface: &ClosestPoints, outline: &Outline) {
+pub(super) fn smooth(work: &mut WorkingMesh, surface: &ClosestPoints, outline: &FixedEdges) {
     let topology = work.topology();
     for _ in 0..3 {
         let normals = vertex_normals(&topology, &work.positions);
@@ -247,7 +247,7 @@ pub(super) fn smooth(work: &mut Working, surface: &ClosestPoints, outline: &Outl
 /// To the mean of the neighbouring faces' centres, weighted by their areas and by the density under
 /// which a centroidal Voronoi tessellation has cells of the size wanted, its power −4 (Du, Faber and
 /// Gunzburger 1999).
-fn to_centre(work: &Working, t: &Topology, v: usize) -> Vector3 {
+fn to_centre(work: &WorkingMesh, t: &Topology, v: usize) -> Vector3 {
     let (mut sum, mut weight) = (Vector3::zeros(), 0.0);
     for &f in &t.vertex_faces[v] {
         let [a, b, c] = t.faces[f as usize].map(|i| work.positions[i as usize]);
@@ -260,7 +260,7 @@ fn to_centre(work: &Working, t: &Topology, v: usize) -> Vector3 {
 }
 
 /// To the middle of the two boundary neighbours.
-fn along_boundary(work: &Working, t: &Topology, v: usize) -> Vector3 {
+fn along_boundary(work: &WorkingMesh, t: &Topology, v: usize) -> Vector3 {
     let neighbours: Vec<Vector3> = t.one_ring[v]
         .iter()
         .filter(|&&w| t.edge_index(v as u32, w).is_some_and(|e| t.edge_faces[e][1] == u32::MAX))

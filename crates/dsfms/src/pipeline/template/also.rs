@@ -7,7 +7,8 @@ use super::Exploration;
 use crate::geometry::{Point2, Point3, median};
 use crate::sfm::random::Random;
 use crate::sfm::{
-    Features2d, Reconstruction, ScenePoint, SfmOptions, detect, error_px, match_descriptors, resect,
+    Features2d, ScenePoint, SfmOptions, SparseReconstruction, detect, error_px, match_descriptors,
+    resect,
 };
 use rayon::prelude::*;
 
@@ -22,7 +23,7 @@ const WRONG: f64 = 0.15;
 /// Sparse points, and the logarithm of one more than the px that they moved in the median deformed frame.
 pub(super) fn moved(
     exploration: &Exploration,
-    sparse: &Reconstruction,
+    sparse: &SparseReconstruction,
     options: &SfmOptions,
 ) -> Vec<(Point3, f64)> {
     let described: Vec<(usize, [u8; 128])> = (sparse.points.iter().enumerate())
@@ -41,7 +42,7 @@ pub(super) fn moved(
 }
 
 /// That of its first sighting that has one.
-fn descriptor(point: &ScenePoint, sparse: &Reconstruction) -> Option<[u8; 128]> {
+fn descriptor(point: &ScenePoint, sparse: &SparseReconstruction) -> Option<[u8; 128]> {
     let of =
         |frame: usize, feature: usize| sparse.features[frame].descriptors.get(feature).copied();
     point.track.iter().find_map(|seen| of(seen.frame, seen.feature))
@@ -53,7 +54,7 @@ fn in_frame(
     width: usize,
     task: u64,
     described: &[(usize, [u8; 128])],
-    sparse: &Reconstruction,
+    sparse: &SparseReconstruction,
     options: &SfmOptions,
 ) -> Vec<(usize, f64)> {
     let known: Vec<[u8; 128]> = described.iter().map(|d| d.1).collect();
@@ -86,18 +87,13 @@ const ALSO: u64 = 0xa150_0000;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{Camera, CameraModel, Lens};
+    use crate::camera::{Camera, CameraModel};
     use crate::geometry::Isometry;
     use crate::sfm::TrackedPixel;
 
     #[test]
     fn points_that_move_with_none_of_the_others_are_off_by_what_they_moved() {
-        let camera = CameraModel {
-            size: [640, 480],
-            focal: [500.0; 2],
-            centre: [319.5, 239.5],
-            lens: Lens::Pinhole,
-        };
+        let camera = CameraModel::pinhole([640, 480], [500.0; 2], [319.5, 239.5]);
         let mut random = Random::new(3, 0);
         let mut draw = |least: f64, most: f64| {
             least + (most - least) * random.below(1 << 20) as f64 / f64::from(1 << 20)
@@ -125,7 +121,7 @@ mod tests {
             points,
         };
         let known = features(vec![Point2::origin(); 80]);
-        let sparse = Reconstruction {
+        let sparse = SparseReconstruction {
             poses: vec![Some(Isometry::identity())],
             rejected: Vec::new(),
             models: Vec::new(),

@@ -85,17 +85,11 @@ pub(super) fn pick(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Lens;
     use crate::mesh::shapes;
 
     #[test]
     fn the_clicked_piece_stays() {
-        let camera = CameraModel {
-            size: [101, 101],
-            focal: [100.0; 2],
-            centre: [50.0; 2],
-            lens: Lens::Pinhole,
-        };
+        let camera = CameraModel::pinhole([101, 101], [100.0; 2], [50.0; 2]);
         // A small plate at depth 10 on the left, a larger one behind it.
         let p = Point3::new;
         let near = [p(-3., -1., 10.), p(-1., -1., 10.), p(-1., 1., 10.), p(-3., 1., 10.)];

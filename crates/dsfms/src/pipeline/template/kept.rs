@@ -74,8 +74,8 @@ mod tests {
 
     #[test]
     fn whatever_a_stage_depends_on_changes_its_key() {
-        use crate::checkpoint::{Keep, tests::Memory};
-        let store = Memory::default();
+        use crate::checkpoint::{Keep, tests::MemoryStore};
+        let store = MemoryStore::default();
         let camera = crate::synth::Case::example(1).camera;
         let frame = Frame { name: "a".into(), size: [2, 1], rgb: vec![[7; 3]; 2] };
         let key = |change: Change| {

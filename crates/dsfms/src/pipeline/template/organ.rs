@@ -1,12 +1,12 @@
 //! Which part of the frames is the organ: what is taken, and what else may be meant.
 
+use super::guess::{OrganGuess, guess_of};
 use super::organ_scene::OrganScene;
 use super::strokes::seeds;
 use super::surface::Scene;
 use super::{OrganClick, OrganStroke, TemplateError, also};
 use crate::dense::{
-    Border, DenseOptions, DepthMap, Labelling, Parting, PosedFrame, Seeds, outlines, overlap,
-    surface,
+    DenseOptions, DepthMap, Labelling, Parting, PosedFrame, Seeds, overlap, surface,
 };
 use crate::geometry::Point3;
 use crate::image::Mask;
@@ -37,24 +37,9 @@ impl FoundOrgan {
     }
 }
 
-/// A part of the frames that may be the organ.
-#[derive(Clone, Debug)]
-pub struct OrganGuess {
-    /// Name of every frame that shows it, and where: `true` = organ.
-    pub masks: Vec<(String, Mask)>,
-    /// Its outline in these frames, and how clearly it is marked.
-    pub borders: Vec<Vec<Border>>,
-    /// Share of its outline along which depth steps: where it is small all is one surface.
-    pub stepping: f64,
-    /// Share along which depth steps or the image changes: where it is small the outline is a guess.
-    pub marked: f64,
-    /// A click that gives this part; `None` where none was found.
-    pub click: Option<OrganClick>,
-}
-
 /// What the frames tell of the organ.
 #[derive(Default)]
-pub(super) struct Told {
+pub(super) struct ToldOrgan {
     /// See [`super::BuiltTemplate::organ`].
     pub(super) organ: Option<FoundOrgan>,
     /// The surface around it.
@@ -88,7 +73,7 @@ impl Scene<'_> {
         maps: &[DepthMap],
         scene: OrganScene,
         options: &DenseOptions,
-    ) -> Result<Told, TemplateError> {
+    ) -> Result<ToldOrgan, TemplateError> {
         let seeds = seeds(&scene.strokes, &self.named, maps, self.camera)?;
         let parting = Parting::new(&self.views, maps, &seeds, &scene.moved);
         let own = parting.best();
@@ -103,7 +88,7 @@ impl Scene<'_> {
                     self.progress.warn(
                         "depth steps along little of any outline: all that was seen is taken for the organ",
                     );
-                    return Ok(Told { scene: Some(scene), ..Told::default() });
+                    return Ok(ToldOrgan { scene: Some(scene), ..ToldOrgan::default() });
                 }
                 // Nothing ends there: what another prior found does.
                 parts.remove(0);
@@ -117,7 +102,7 @@ impl Scene<'_> {
             self.progress.warn(&found.told(said));
         }
         let around = taken.then(|| self.around(&parts[0].masks, maps, options)).flatten();
-        Ok(Told { organ: Some(found), around, scene: Some(scene) })
+        Ok(ToldOrgan { organ: Some(found), around, scene: Some(scene) })
     }
 
     /// By what the organ is told: depth, what moved, and what was clicked and drawn.
@@ -186,22 +171,6 @@ impl Scene<'_> {
         let seen = surface(&views, &maps, &options).ok()?;
         remesh(&seen.mesh, vertices, &self.options.remesh).ok()
     }
-}
-
-/// A labelling as outlines in the frames that show some of it.
-pub(super) fn guess_of(
-    part: &Labelling,
-    views: &[PosedFrame],
-    maps: &[DepthMap],
-    click: Option<OrganClick>,
-) -> OrganGuess {
-    let outlines = outlines(&part.masks, views, maps);
-    let shown = views.iter().zip(outlines).zip(&part.borders);
-    let shown = shown.filter(|((_, mask), _)| mask.data.contains(&true));
-    let (masks, borders) = shown
-        .map(|((view, mask), border)| ((view.frame.name.clone(), mask), border.clone()))
-        .unzip();
-    OrganGuess { masks, borders, stepping: part.stepping, marked: part.marked, click }
 }
 
 impl FoundOrgan {
@@ -288,12 +257,7 @@ mod tests {
         };
         let part = |masks| Labelling { masks, stepping: 1.0, marked: 1.0, borders: vec![vec![]] };
         let map = crate::dense::DepthMap {
-            camera: crate::camera::CameraModel {
-                size: [30, 20],
-                focal: [20.0; 2],
-                centre: [15.0, 10.0],
-                lens: crate::camera::Lens::Pinhole,
-            },
+            camera: crate::camera::CameraModel::pinhole([30, 20], [20.0; 2], [15.0, 10.0]),
             pose: crate::geometry::Isometry::identity(),
             depth: vec![5.0; 600],
             normal: vec![[0.0, 0.0, -1.0]; 600],

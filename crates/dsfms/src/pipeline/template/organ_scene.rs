@@ -1,8 +1,8 @@
 //! What tells the organ from the rest, kept: other strokes give another part without stereo.
 
-use super::organ::guess_of;
+use super::TemplateError;
+use super::guess::{OrganGuess, guess_of};
 use super::strokes::{OrganStroke, seeds};
-use super::{OrganGuess, TemplateError};
 use crate::camera::CameraModel;
 use crate::checkpoint::digest;
 use crate::dense::{Colours, DepthMap, Parting, PosedFrame};

@@ -78,7 +78,6 @@ pub(super) fn trim(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Lens;
     use crate::mesh::shapes;
 
     /// Two square plates that face the camera: a near one, and a wider one behind it.
@@ -94,12 +93,7 @@ mod tests {
 
     #[test]
     fn the_nearest_surface_inside_the_outline_stays() {
-        let camera = CameraModel {
-            size: [101, 101],
-            focal: [100.0; 2],
-            centre: [50.0; 2],
-            lens: Lens::Pinhole,
-        };
+        let camera = CameraModel::pinhole([101, 101], [100.0; 2], [50.0; 2]);
         let poses = [("a", Isometry::identity())];
         let square = |low: f64, high: f64| OrganOutline {
             frame: "a.png".into(),

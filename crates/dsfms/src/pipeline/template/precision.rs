@@ -2,7 +2,7 @@
 
 use crate::geometry::median;
 use crate::image::Frame;
-use crate::sfm::{Covariance, Reconstruction};
+use crate::sfm::{Covariance, SparseReconstruction};
 use crate::template::LengthUnit;
 use serde::Serialize;
 
@@ -37,7 +37,7 @@ impl SparsePrecision {
     /// Of the frames with poses in a reconstruction.
     pub(super) fn of(
         covariance: &Covariance,
-        sparse: &Reconstruction,
+        sparse: &SparseReconstruction,
         frames: &[Frame],
         unit: LengthUnit,
     ) -> Self {

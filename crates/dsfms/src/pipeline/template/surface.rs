@@ -1,6 +1,6 @@
 //! The surface that stereo saw, as the template's mesh.
 
-use super::organ::Told;
+use super::organ::ToldOrgan;
 use super::{Exploration, FoundOrgan, TemplateError, TemplateOptions, click, kept, named, outline};
 use crate::camera::CameraModel;
 use crate::checkpoint::Keep;
@@ -12,7 +12,7 @@ use crate::mesh::Mesh;
 use crate::mesh::remesh::{fit_diagonals, remesh};
 use crate::mesh::surface_points::ClosestPoints;
 use crate::pipeline::{Progress, logging};
-use crate::sfm::Reconstruction;
+use crate::sfm::SparseReconstruction;
 use rayon::prelude::*;
 
 /// The mesh of a template and how well its place is known.
@@ -21,14 +21,14 @@ pub(super) struct Surface {
     /// See [`crate::template::Template::sigma`].
     pub sigma: Vec<f64>,
     /// What the frames tell of the organ, and what is around it.
-    pub told: Told,
+    pub told: ToldOrgan,
 }
 
 /// Stereo on the registered frames, the organ of what it saw, remeshed. `points` are those of
 /// structure from motion.
 pub(super) fn dense_mesh(
     exploration: &Exploration,
-    sparse: &Reconstruction,
+    sparse: &SparseReconstruction,
     points: &[Point3],
     options: &TemplateOptions,
     progress: &dyn Progress,
@@ -98,7 +98,7 @@ const COARSE_ALL: usize = 1000;
 /// The registered frames and what structure from motion knows of them.
 pub(super) struct Scene<'a> {
     pub(super) exploration: &'a Exploration<'a>,
-    pub(super) sparse: &'a Reconstruction,
+    pub(super) sparse: &'a SparseReconstruction,
     pub(super) camera: &'a CameraModel,
     pub(super) views: Vec<PosedFrame<'a>>,
     points: &'a [Point3],
@@ -125,16 +125,16 @@ impl Scene<'_> {
     }
 
     /// The organ as the frames tell it from what lies behind, and that; see [`super::BuiltTemplate::organ`].
-    fn organ(&self, options: &DenseOptions) -> Result<Told, TemplateError> {
+    fn organ(&self, options: &DenseOptions) -> Result<ToldOrgan, TemplateError> {
         if self.said() {
-            return Ok(Told::default());
+            return Ok(ToldOrgan::default());
         }
         let coarse = self.coarser(options);
         let maps = self.stereo(&self.views, &coarse, "coarse stereo")?;
         let alone = self.options.click.is_some() && self.options.strokes.is_empty();
         let scene = self.kept(&maps);
         if alone && self.piece_alone(&maps, &coarse)? {
-            return Ok(Told { scene: Some(scene), ..Told::default() });
+            return Ok(ToldOrgan { scene: Some(scene), ..ToldOrgan::default() });
         }
         self.progress.step("organ", 0, 1);
         let found = self.outlined(&maps, scene, &coarse);

@@ -1,6 +1,6 @@
 //! How the exploration frames look beside the template made from them: the measure for later frames.
 
-use super::views::{Registered, Views};
+use super::views::{RegisteredFrame, Views};
 use crate::geometry::{Point3, median};
 use crate::image::{Mask, Picture};
 use crate::template::Template;
@@ -13,9 +13,13 @@ const FRAMES: usize = 12;
 
 impl Views<'_> {
     /// Look at some of the frames; `None` where nothing can be compared.
-    pub(super) fn usual(&self, template: &Template, registered: &[Registered]) -> Option<Usual> {
+    pub(super) fn usual(
+        &self,
+        template: &Template,
+        registered: &[RegisteredFrame],
+    ) -> Option<Usual> {
         let every = registered.len().div_ceil(FRAMES).max(1);
-        let some: Vec<&Registered> = registered.iter().step_by(every).collect();
+        let some: Vec<&RegisteredFrame> = registered.iter().step_by(every).collect();
         let found: Vec<Appearance> =
             some.into_par_iter().filter_map(|r| self.appearance(template, r)).collect();
         let of = |value: &dyn Fn(&Appearance) -> Option<f64>| {
@@ -38,7 +42,7 @@ impl Views<'_> {
         usual.is_plausible().then_some(usual)
     }
 
-    fn appearance(&self, template: &Template, r: &Registered) -> Option<Appearance> {
+    fn appearance(&self, template: &Template, r: &RegisteredFrame) -> Option<Appearance> {
         let camera = self.exploration.camera;
         let picture = Picture::of(&self.exploration.frames[r.frame], self.exploration.tone);
         let whole = || Mask::filled(camera.size, true);
@@ -57,7 +61,7 @@ impl Views<'_> {
     }
 
     /// Median depth of what a frame sees.
-    fn depth(&self, template: &Template, r: &Registered) -> Option<f64> {
+    fn depth(&self, template: &Template, r: &RegisteredFrame) -> Option<f64> {
         let seen = self.visible(r, &template.mesh);
         let depths = seen.iter().zip(&template.mesh.positions).filter(|(seen, _)| **seen);
         median(&mut depths.map(|(_, p)| (r.pose * p).z).collect::<Vec<f64>>())

@@ -1,12 +1,12 @@
 //! Everything on the surface that comes from the registered frames.
 
 use super::{Exploration, TemplateError, TemplateOptions, try_flatten};
-use crate::camera::Camera;
+use crate::camera::{Camera, PosedFrame};
 use crate::geometry::{Isometry, Point3};
 use crate::image::Mask;
 use crate::mesh::{Mesh, Topology};
 use crate::pipeline::{Progress, logging};
-use crate::raster::{rasterize, visible_vertices};
+use crate::raster::{OCCLUSION_TOLERANCE, rasterize, visible_vertices};
 use crate::sfm::Features2d;
 use crate::template::albedo::{AlbedoOptions, estimate_albedo, refine_by_shading};
 use crate::template::anchor::{FeatureView, anchor_features};
@@ -25,7 +25,7 @@ pub(super) struct Views<'a> {
 }
 
 /// A registered frame.
-pub(super) struct Registered {
+pub(super) struct RegisteredFrame {
     pub(super) frame: usize,
     pub(super) pose: Isometry,
 }
@@ -87,25 +87,33 @@ impl Views<'_> {
         Ok((template, Some(light)))
     }
 
-    fn registered(&self) -> Vec<Registered> {
-        let one =
-            |(frame, pose): (usize, &Option<Isometry>)| Some(Registered { frame, pose: (*pose)? });
+    fn registered(&self) -> Vec<RegisteredFrame> {
+        let one = |(frame, pose): (usize, &Option<Isometry>)| {
+            Some(RegisteredFrame { frame, pose: (*pose)? })
+        };
         self.poses.iter().enumerate().filter_map(one).collect()
     }
 
-    fn albedo_view<'v>(&'v self, registered: &Registered, tone: &'v [f32; 256]) -> AlbedoView<'v> {
-        AlbedoView {
+    fn albedo_view<'v>(
+        &'v self,
+        registered: &RegisteredFrame,
+        tone: &'v [f32; 256],
+    ) -> AlbedoView<'v> {
+        AlbedoView { posed: self.posed(registered), tone, gain: 1.0 }
+    }
+
+    fn posed(&self, registered: &RegisteredFrame) -> PosedFrame<'_> {
+        PosedFrame {
             frame: &self.exploration.frames[registered.frame],
-            tone,
-            valid: self.usable[registered.frame].as_ref(),
             camera: self.exploration.camera,
             pose: registered.pose,
-            gain: 1.0,
+            valid: self.usable[registered.frame].as_ref(),
+            organ: None,
         }
     }
 
-    fn named(&self, registered: &[Registered], gains: &[f64]) -> Vec<View> {
-        let view = |(r, &gain): (&Registered, &f64)| View {
+    fn named(&self, registered: &[RegisteredFrame], gains: &[f64]) -> Vec<View> {
+        let view = |(r, &gain): (&RegisteredFrame, &f64)| View {
             name: self.exploration.frames[r.frame].name.clone(),
             camera_from_template: r.pose,
             gain,
@@ -114,11 +122,9 @@ impl Views<'_> {
         registered.iter().zip(gains).map(view).collect()
     }
 
-    fn feature_views(&self, registered: &[Registered]) -> Vec<FeatureView<'_>> {
-        let view = |r: &Registered| FeatureView {
-            camera: self.exploration.camera,
-            pose: r.pose,
-            valid: self.usable[r.frame].as_ref(),
+    fn feature_views(&self, registered: &[RegisteredFrame]) -> Vec<FeatureView<'_>> {
+        let view = |r: &RegisteredFrame| FeatureView {
+            posed: self.posed(r),
             points: &self.features[r.frame].points,
             descriptors: &self.features[r.frame].descriptors,
         };
@@ -126,7 +132,7 @@ impl Views<'_> {
     }
 
     /// The vertices that one view sees, inside its mask.
-    pub(super) fn visible(&self, registered: &Registered, mesh: &Mesh) -> Vec<bool> {
+    pub(super) fn visible(&self, registered: &RegisteredFrame, mesh: &Mesh) -> Vec<bool> {
         let camera = self.exploration.camera;
         let positions: Vec<Point3> = mesh.positions.iter().map(|p| registered.pose * p).collect();
         let raster = rasterize(camera, &mesh.topology, &positions);
@@ -141,9 +147,6 @@ impl Views<'_> {
         visible
     }
 }
-
-/// A vertex counts as seen when it lies within this of the z-buffer, relative to the depth.
-const OCCLUSION_TOLERANCE: f64 = 0.01;
 
 fn seen_counts(topology: &Topology, visible: &[Vec<bool>]) -> Vec<u32> {
     let count = |v: usize| visible.iter().filter(|view| view[v]).count() as u32;

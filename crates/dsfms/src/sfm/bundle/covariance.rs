@@ -17,10 +17,10 @@
 //! times sightings over redundancy. Errors that neighbouring sightings share, and wrong intrinsics that
 //! were not refined, are not in it: real errors are larger where there are any.
 
-use super::super::schur::{self, Layout, PointBlock, Row};
+use super::super::schur::{self, BundleLayout, BundleRow, PointBlock};
 use super::{
-    Bundle, BundleError, BundleOptions, Eliminate, Prior, check_cameras, count_infeasible,
-    linearise, sort, squared_error,
+    Bundle, BundleError, BundleOptions, Eliminate, IntrinsicsPrior, check_cameras,
+    count_infeasible, linearise, sort, squared_error,
 };
 use crate::geometry::Point3;
 use crate::sfm::intrinsics;
@@ -75,16 +75,18 @@ pub fn covariance(bundle: &Bundle, options: &BundleOptions) -> Result<Covariance
     for camera in &mut bundle.cameras {
         *camera = intrinsics::prepared(camera, &options.refine);
     }
-    let layout = Layout::whole(&bundle, &options.refine.active());
+    let layout = BundleLayout::whole(&bundle, &options.refine.active());
     let variance = variance(&bundle, &layout, options.loss)?;
     // The prior is known, the noise of the sightings measured.
-    let prior: Vec<(f64, f64)> =
-        Prior::new(&bundle, options).weights().map(|weight| (weight * variance, 0.0)).collect();
+    let prior: Vec<(f64, f64)> = IntrinsicsPrior::new(&bundle, options)
+        .weights()
+        .map(|weight| (weight * variance, 0.0))
+        .collect();
     let rows = linearise(&bundle, Loss::Squared);
     let mut normal = schur::reduced(&rows, &layout, &prior).ok_or(BundleError::Undetermined)?;
     normal.fill_upper_triangle_with_lower_triangle();
     let kept = pseudo_inverse(&bundle, normal).ok_or(BundleError::Undetermined)? * variance;
-    let spans: Vec<&[Row]> = rows.chunk_by(|a, b| a.point == b.point).collect();
+    let spans: Vec<&[BundleRow]> = rows.chunk_by(|a, b| a.point == b.point).collect();
     let of_points: Vec<(usize, Option<Matrix3<f64>>)> = spans
         .par_iter()
         .map(|rows| (rows[0].point, of_point(&layout.point_block(rows), &kept, variance)))
@@ -98,7 +100,7 @@ pub fn covariance(bundle: &Bundle, options: &BundleOptions) -> Result<Covariance
 }
 
 /// `v`, after checking that there are more sightings than unknowns.
-fn variance(bundle: &Bundle, layout: &Layout, loss: Loss) -> Result<f64, BundleError> {
+fn variance(bundle: &Bundle, layout: &BundleLayout, loss: Loss) -> Result<f64, BundleError> {
     let count = bundle.observations.len();
     let unknowns = layout.kept() + 3 * bundle.points.len();
     let redundancy = (2 * count + GAUGE).saturating_sub(unknowns);

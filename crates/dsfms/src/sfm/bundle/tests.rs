@@ -1,17 +1,13 @@
 use super::*;
 use crate::camera::Lens;
-use crate::geometry::{Vector3, align_similarity};
+use crate::geometry::{Isometry, Point3, Vector3, align_similarity};
+use crate::sfm::RefineIntrinsics;
 use crate::sfm::random::Random;
 use crate::sfm::triangulation::centre_of;
 
 /// Eight cameras on an arc about 80 points, seen without noise.
 pub(super) fn scene() -> Bundle {
-    let camera = CameraModel {
-        size: [640, 480],
-        focal: [548.0, 549.0],
-        centre: [316.4, 243.2],
-        lens: Lens::Pinhole,
-    };
+    let camera = CameraModel::pinhole([640, 480], [548.0, 549.0], [316.4, 243.2]);
     let mut random = Random::new(1, 0);
     let mut unit = || random.below(1_000_000) as f64 / 1e6 - 0.5;
     let points: Vec<_> =
@@ -119,7 +115,7 @@ fn either_elimination_gives_the_same_step() {
     scale_focal(&mut bundle.cameras[0], 1.01);
     // Not every view sees every point.
     bundle.observations.retain(|o| (o.view + 3 * o.point) % 5 != 0);
-    let mut layout = Layout::new(&bundle, &[0, 1]);
+    let mut layout = BundleLayout::new(&bundle, &[0, 1]);
     assert_eq!(layout.eliminate, Eliminate::Points);
     let mut steps = Vec::new();
     for eliminate in [Eliminate::Points, Eliminate::Poses] {
@@ -169,7 +165,7 @@ fn the_step_solves_the_dense_normal_equations() {
     let mut bundle = disturbed(&zooming());
     bundle.points.truncate(9);
     bundle.observations.retain(|o| o.point < 9 && (o.view + o.point) % 4 != 1);
-    let mut layout = Layout::new(&bundle, &[0, 3]);
+    let mut layout = BundleLayout::new(&bundle, &[0, 3]);
     let (views, cameras) = (bundle.poses.len(), bundle.cameras.len());
     let at_cameras = 6 * views + 3 * 9;
     let unknowns = at_cameras + 2 * cameras;
@@ -187,11 +183,11 @@ fn the_step_solves_the_dense_normal_equations() {
             let all: Vec<f64> = b.observations.iter().flat_map(|o| one(o).data.0[0]).collect();
             nalgebra::DVector::from_vec(all)
         };
-        let mut own = Layout::new(&bundle, &[0, 3]);
+        let mut own = BundleLayout::new(&bundle, &[0, 3]);
         own.eliminate = eliminate;
         let adjustment = Adjustment {
             layout: own,
-            prior: Prior::new(&bundle, &tight()),
+            prior: IntrinsicsPrior::new(&bundle, &tight()),
             loss: Loss::Squared,
             rows: Vec::new(),
             normal: Vec::new(),
@@ -229,7 +225,7 @@ fn many_views_of_few_points_converge_too() {
     truth.points.truncate(12);
     truth.observations.retain(|o| o.point < 12);
     let mut bundle = disturbed(&truth);
-    assert_eq!(Layout::new(&bundle, &[]).eliminate, Eliminate::Poses);
+    assert_eq!(BundleLayout::new(&bundle, &[]).eliminate, Eliminate::Poses);
     let summary = adjust(&mut bundle, &BundleOptions::default()).unwrap();
     assert!(summary.cost().1 < 1e-12 * summary.cost().0, "{summary:?}");
     assert!(centre_error(&bundle, &truth) < 1e-6);

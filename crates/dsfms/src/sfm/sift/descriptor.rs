@@ -1,7 +1,7 @@
 //! Histograms of gradients in 4 × 4 cells around a keypoint, turned with it.
 
 use super::extrema::Extremum;
-use super::orientation::{Gradients, ROW, bell};
+use super::orientation::{OctaveGradients, ROW, bell};
 use super::scale_space::Octave;
 use std::f32::consts::TAU;
 
@@ -40,7 +40,7 @@ fn gather(octave: &Octave, e: &Extremum, angle: f32, cell: f32, reach: usize) ->
     let (cos, sin) = (angle.cos() / cell, angle.sin() / cell);
     let bell = bell(reach, 0.5 * CELLS as f32 * cell);
     let mut histogram: Histogram = [[[0.0; DIRECTIONS]; CELLS + 2]; CELLS + 2];
-    let mut gradients = Gradients::new();
+    let mut gradients = OctaveGradients::new();
     let (top, bottom) = (cy.saturating_sub(reach).max(1), (cy + reach).min(h - 2));
     for y in top..=bottom {
         let dy = y as f32 - cy as f32;

@@ -13,13 +13,13 @@ const PEAK: f32 = 0.8;
 pub(super) const ROW: usize = 96;
 
 /// Magnitude and direction of the gradient along a part of a row.
-pub(super) struct Gradients {
+pub(super) struct OctaveGradients {
     pub magnitude: [f32; ROW],
     /// Radians from +x towards +y (down), `-π` to `π`.
     pub angle: [f32; ROW],
 }
 
-impl Gradients {
+impl OctaveGradients {
     pub fn new() -> Self {
         Self { magnitude: [0.0; ROW], angle: [0.0; ROW] }
     }
@@ -72,7 +72,7 @@ pub(super) fn dominant(octave: &Octave, e: &Extremum) -> Vec<f32> {
     let (left, right) = (cx.saturating_sub(reach).max(1), (cx + reach).min(w - 2));
     let (top, bottom) = (cy.saturating_sub(reach).max(1), (cy + reach).min(h - 2));
     let mut raw = [0.0f32; BINS];
-    let mut gradients = Gradients::new();
+    let mut gradients = OctaveGradients::new();
     for y in top..=bottom {
         let count = (right + 1 - left).min(ROW);
         gradients.fill(&octave.layers[layer], w, [left, y], count);

@@ -19,7 +19,7 @@ pub(super) struct Instrument {
 }
 
 /// A point of its surface.
-pub(super) struct Hit {
+pub(super) struct InstrumentHit {
     pub point: Point3,
     normal: Vector3,
     /// Distance from the tip along the axis, mm.
@@ -39,7 +39,7 @@ impl Instrument {
     }
 
     /// First meeting with the ray `origin + t direction` (unit) between 0 and `limit`.
-    pub fn hit(&self, origin: &Point3, direction: &Vector3, limit: f64) -> Option<Hit> {
+    pub fn hit(&self, origin: &Point3, direction: &Vector3, limit: f64) -> Option<InstrumentHit> {
         let t = self.cylinder(origin, direction).or_else(|| self.cap(origin, direction))?;
         if !(t > 1e-6 && t < limit) {
             return None;
@@ -47,7 +47,7 @@ impl Instrument {
         let point = origin + direction * t;
         let behind = (point - self.tip).dot(&self.along);
         let foot = self.tip + self.along * behind.max(0.0);
-        Some(Hit { point, normal: (point - foot) / RADIUS, behind })
+        Some(InstrumentHit { point, normal: (point - foot) / RADIUS, behind })
     }
 
     fn cylinder(&self, origin: &Point3, direction: &Vector3) -> Option<f64> {
@@ -84,7 +84,7 @@ fn first_root(a: f64, b: f64, c: f64) -> Option<f64> {
     (a > 1e-12 && discriminant >= 0.0).then(|| (-b - discriminant.sqrt()) / a)
 }
 
-impl Hit {
+impl InstrumentHit {
     /// Brightness of the metal, linear, before exposure: bright jaws, dark shaft, a hard highlight.
     pub fn brightness(&self, light: &LightModel) -> [f64; 3] {
         let jaws = self.behind < JAWS;

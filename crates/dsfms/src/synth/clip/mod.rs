@@ -29,7 +29,7 @@ use instrument::Instrument;
 use path::{CameraPath, smooth};
 use photo::{Conditions, Set, photograph};
 use serde::{Deserialize, Serialize};
-use tissue::{Palette, Texture};
+use tissue::{Palette, TissueTexture};
 
 /// Frames a second.
 pub const RATE: f64 = 25.0;
@@ -80,7 +80,7 @@ pub struct Clip {
 
 /// What is true of one frame.
 #[derive(Clone, Debug)]
-pub struct Moment {
+pub struct ClipMoment {
     /// `camera_from_template`.
     pub pose: Isometry,
     /// Vertices in camera axes, mm.
@@ -96,7 +96,7 @@ pub struct Moment {
 
 /// A picture with what hides the organ in it.
 #[derive(Clone, Debug)]
-pub struct Shot {
+pub struct ClipFrame {
     /// The picture.
     pub frame: Frame,
     /// `true` where an instrument is seen.
@@ -140,13 +140,13 @@ impl Clip {
     }
 
     /// What is true of frame `k`.
-    pub fn moment(&self, k: usize) -> Moment {
+    pub fn moment(&self, k: usize) -> ClipMoment {
         let pose = self.path.pose(k);
         let shape = self.shape(k);
         let displacement =
             shape.iter().zip(&self.rest.positions).map(|(a, b)| (a - b).norm()).collect();
         let instruments = self.instruments(k, &shape, &pose);
-        Moment {
+        ClipMoment {
             pose,
             displacement,
             vertices: shape.iter().map(|p| pose * p).collect(),
@@ -157,16 +157,16 @@ impl Clip {
     }
 
     /// The picture of a moment, named `frame_NNN`.
-    pub fn shoot(&self, k: usize, moment: &Moment) -> Shot {
+    pub fn shoot(&self, k: usize, moment: &ClipMoment) -> ClipFrame {
         let seed = self.options.seed ^ ((k as u64 + 1) << 20);
         let conditions = Conditions { gain: moment.gain, covered: moment.covered, seed };
         self.shot(format!("frame_{k:03}"), moment, &conditions)
     }
 
     /// Exploration frame `i` of [`EXPLORATION`]: the organ at rest, no instrument, one exposure.
-    pub fn explore(&self, i: usize) -> (Moment, Shot) {
+    pub fn explore(&self, i: usize) -> (ClipMoment, ClipFrame) {
         let pose = CameraPath::exploration(i, EXPLORATION);
-        let moment = Moment {
+        let moment = ClipMoment {
             pose,
             vertices: self.rest.positions.iter().map(|p| pose * p).collect(),
             displacement: vec![0.0; self.rest.positions.len()],
@@ -215,7 +215,7 @@ impl Clip {
         holding.chain(passing).map(|i| i.moved(pose)).collect()
     }
 
-    fn shot(&self, name: String, moment: &Moment, conditions: &Conditions) -> Shot {
+    fn shot(&self, name: String, moment: &ClipMoment, conditions: &Conditions) -> ClipFrame {
         let scene = self.set.posed(&moment.vertices, &moment.pose);
         let raster = rasterize(&self.camera, &scene.topology, &scene.positions);
         let (frame, instrument) = photograph(
@@ -233,7 +233,7 @@ impl Clip {
             *seen && !conditions.covered && moment.instruments.iter().all(|i| !i.hides(p))
         };
         let visible = moment.vertices.iter().zip(&seen).map(clear).collect();
-        Shot { frame, instrument, visible }
+        ClipFrame { frame, instrument, visible }
     }
 }
 
@@ -285,8 +285,8 @@ fn set(organ: &Mesh, seed: u64) -> Set {
     Set {
         organ_faces,
         mesh: Mesh::new(rest, faces).expect("two manifold pieces"),
-        organ: Texture::new([reach; 2], 0.06, Palette::ORGAN, seed),
-        wall: Texture::new([WALL[0], WALL[1]], 0.25, Palette::WALL, seed ^ 0x3A11),
+        organ: TissueTexture::new([reach; 2], 0.06, Palette::ORGAN, seed),
+        wall: TissueTexture::new([WALL[0], WALL[1]], 0.25, Palette::WALL, seed ^ 0x3A11),
     }
 }
 
@@ -295,6 +295,7 @@ const WALL: [f64; 2] = [170.0, 150.0];
 
 /// A bumpy wall behind the organ, facing −z.
 fn wall(depth: f64, seed: u64) -> (Vec<Point3>, Vec<[u32; 3]>) {
+    /// Bumps of 38 mm come out round.
     const CELLS: usize = 56;
     let at = |i: usize, j: usize| {
         let along = |k: usize, half: f64| half * (2.0 * k as f64 / CELLS as f64 - 1.0);

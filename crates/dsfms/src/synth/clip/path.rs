@@ -32,7 +32,7 @@ impl Wave {
 
 /// Where the camera stands and looks.
 #[derive(Clone, Copy, Debug)]
-struct View {
+struct PathView {
     /// Angles about the vertical and the horizontal, rad.
     yaw: f64,
     tilt: f64,
@@ -43,7 +43,7 @@ struct View {
     target: [f64; 2],
 }
 
-impl View {
+impl PathView {
     /// `camera_from_template`.
     fn pose(&self) -> Isometry {
         let target = Point3::new(self.target[0], self.target[1], 0.0);
@@ -86,7 +86,7 @@ impl CameraPath {
         // A hand trembles at 8 to 10 Hz.
         let [shake_x, shake_y] = std::array::from_fn(|i| self.tremor[i].at(60.0 * t));
         let jump = if k >= self.cut { self.jump } else { [0.0, 0.0, 0.0, 1.0] };
-        let view = View {
+        let view = PathView {
             yaw: 0.22 * yaw + jump[0],
             tilt: 0.16 * tilt + jump[1],
             distance: (72.0 + 8.0 * distance) * jump[3],
@@ -101,7 +101,7 @@ impl CameraPath {
         let share = (i as f64 + 0.5) / n as f64;
         // The golden angle spreads the views evenly.
         let (radius, turn) = (0.61 * share.sqrt(), 2.399_963 * i as f64);
-        let view = View {
+        let view = PathView {
             yaw: radius * turn.cos(),
             tilt: radius * turn.sin(),
             distance: 66.0 + 8.0 * (1.7 * i as f64).sin(),

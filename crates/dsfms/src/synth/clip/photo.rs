@@ -1,7 +1,7 @@
 //! One picture: organ, wall and instruments under the light, through lens, sensor and tone curve.
 
 use super::instrument::Instrument;
-use super::tissue::{Texture, noise};
+use super::tissue::{TissueTexture, noise};
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point3, Vector3, point_at};
 use crate::image::filter::blur;
@@ -36,8 +36,8 @@ pub(super) struct Set {
     /// The organ's faces come first, its vertices too.
     pub organ_faces: usize,
     pub mesh: Mesh,
-    pub organ: Texture,
-    pub wall: Texture,
+    pub organ: TissueTexture,
+    pub wall: TissueTexture,
 }
 
 impl Set {

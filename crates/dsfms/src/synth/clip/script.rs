@@ -14,7 +14,7 @@ const COVERED: usize = 10;
 /// What happens in a clip.
 #[derive(Clone, Debug)]
 pub struct Script {
-    pub(super) manipulations: Vec<Plan>,
+    pub(super) manipulations: Vec<ClipPlan>,
     pub(super) passes: Vec<Pass>,
     /// Frames with the lens covered: first and the one after the last.
     pub occlusion: [usize; 2],
@@ -27,7 +27,7 @@ pub struct Script {
 
 /// The course of one push or pull.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Plan {
+pub(super) struct ClipPlan {
     /// Towards the outside of the organ.
     pub pull: bool,
     /// Rise from and fall to zero, frames; a fall of no length is a cut.
@@ -37,7 +37,7 @@ pub(super) struct Plan {
     tool: bool,
 }
 
-impl Plan {
+impl ClipPlan {
     /// Share of the full deformation at frame `k`.
     pub fn amount(&self, k: usize) -> f64 {
         let at = |[from, to]: [f64; 2]| match to > from {
@@ -127,7 +127,7 @@ impl Script {
         // No two clips keep the same time.
         let mut at = |share: f64| (n * (share + 0.02 * (uniform(&mut random) - 0.5))).round();
         let cut = at(0.70);
-        let plan = |pull, rise, fall, tool| Plan { pull, rise, fall, tool };
+        let plan = |pull, rise, fall, tool| ClipPlan { pull, rise, fall, tool };
         let manipulations = vec![
             plan(true, [at(0.08), at(0.14)], [at(0.24), at(0.30)], true),
             plan(false, [at(0.27), at(0.34)], [at(0.44), at(0.52)], false),

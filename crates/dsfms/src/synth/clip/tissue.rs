@@ -30,7 +30,7 @@ impl Palette {
 
 /// A picture over `[-half, half]`, mm.
 #[derive(Clone, Debug)]
-pub(super) struct Texture {
+pub(super) struct TissueTexture {
     half: [f64; 2],
     step: f64,
     albedo: ColorImage,
@@ -38,7 +38,7 @@ pub(super) struct Texture {
     bump: Plane,
 }
 
-impl Texture {
+impl TissueTexture {
     pub fn new(half: [f64; 2], step: f64, palette: Palette, seed: u64) -> Self {
         let size = half.map(|h| (2.0 * h / step).ceil() as usize + 1);
         let place = |i: usize| {

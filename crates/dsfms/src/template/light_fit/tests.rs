@@ -3,6 +3,8 @@
 use super::super::albedo::{AlbedoOptions, estimate_albedo};
 use super::super::test_scene::{Picture, bounds, patch, pictures, pictures_of, true_albedo};
 use super::*;
+use crate::geometry::Point3;
+use crate::light::{Coat, PointLight, Spot};
 
 const LIGHT_PLACE: [f64; 3] = [2.0, -4.0, 1.0];
 

@@ -16,7 +16,7 @@ impl<'a> Iterator for Boxes<'a> {
         if bytes.len() < 8 {
             return None;
         }
-        let header = match Header::parse(bytes, bytes.len() as u64) {
+        let header = match BoxHeader::parse(bytes, bytes.len() as u64) {
             Ok(header) => header,
             Err(reason) => {
                 self.0 = &[];
@@ -30,7 +30,7 @@ impl<'a> Iterator for Boxes<'a> {
 }
 
 /// Where a box lies, counted from its first byte.
-pub(super) struct Header {
+pub(super) struct BoxHeader {
     pub(super) kind: Kind,
     /// First byte of the content.
     pub(super) start: u64,
@@ -38,10 +38,10 @@ pub(super) struct Header {
     pub(super) length: u64,
 }
 
-impl Header {
+impl BoxHeader {
     /// From the first 8 to 16 bytes of a box, of which at most `room` bytes are there.
     pub(super) fn parse(bytes: &[u8], room: u64) -> Result<Self, String> {
-        let mut fields = Fields(bytes);
+        let mut fields = BoxFields(bytes);
         let short = u64::from(fields.u32()?);
         let kind = fields.take()?;
         let (start, length) = match short {
@@ -86,9 +86,9 @@ pub(super) fn descend<'a>(mut bytes: &'a [u8], path: &[Kind]) -> Result<Option<&
 
 /// Big-endian numbers one after the other.
 #[derive(Clone, Copy)]
-pub(super) struct Fields<'a>(pub(super) &'a [u8]);
+pub(super) struct BoxFields<'a>(pub(super) &'a [u8]);
 
-impl<'a> Fields<'a> {
+impl<'a> BoxFields<'a> {
     pub(super) fn take<const N: usize>(&mut self) -> Result<[u8; N], String> {
         let Some((first, rest)) = self.0.split_first_chunk::<N>() else {
             return Err("a box ends within its fields (truncated file)".into());

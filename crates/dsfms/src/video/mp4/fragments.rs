@@ -1,7 +1,7 @@
 //! Movie fragments (`moof`): the samples of files that are written while they are recorded.
 
-use super::boxes::{Boxes, Fields, child};
-use super::samples::{MOST_SAMPLES, Sample};
+use super::boxes::{BoxFields, Boxes, child};
+use super::samples::{CodedSample, MOST_SAMPLES};
 
 /// What a fragment leaves unsaid (`trex`, then `tfhd`).
 #[derive(Clone, Copy, Default)]
@@ -20,7 +20,7 @@ impl Defaults {
         let Some(mvex) = child(moov, *b"mvex")? else { return Ok(Self::default()) };
         for found in Boxes(mvex) {
             let (kind, content) = found?;
-            let mut fields = Fields(content);
+            let mut fields = BoxFields(content);
             if kind == *b"trex" && fields.full().is_ok() && fields.u32()? == track {
                 fields.u32()?;
                 let (duration, size, flags) = (fields.u32()?, fields.u32()?, fields.u32()?);
@@ -38,7 +38,7 @@ pub(super) fn read(
     track: u32,
     defaults: Defaults,
     now: &mut u64,
-    samples: &mut Vec<Sample>,
+    samples: &mut Vec<CodedSample>,
 ) -> Result<(), String> {
     for found in Boxes(moof) {
         let (kind, traf) = found?;
@@ -50,7 +50,7 @@ pub(super) fn read(
             continue;
         }
         if let Some(tfdt) = child(traf, *b"tfdt")? {
-            let mut fields = Fields(tfdt);
+            let mut fields = BoxFields(tfdt);
             let (version, _) = fields.full()?;
             // Two thirds of a century at any usual tick: the sums below stay within 64 bits.
             let decode = if version == 1 { fields.u64()? } else { u64::from(fields.u32()?) };
@@ -74,7 +74,7 @@ fn header(
     mut defaults: Defaults,
 ) -> Result<Option<(u32, u64, Defaults)>, String> {
     let Some(tfhd) = child(traf, *b"tfhd")? else { return Ok(None) };
-    let mut fields = Fields(tfhd);
+    let mut fields = BoxFields(tfhd);
     let (_, flags) = fields.full()?;
     let track = fields.u32()?;
     let base = if flags & 0x1 != 0 { fields.u64()? } else { start };
@@ -98,9 +98,9 @@ fn run(
     follows: u64,
     defaults: Defaults,
     now: &mut u64,
-    samples: &mut Vec<Sample>,
+    samples: &mut Vec<CodedSample>,
 ) -> Result<u64, String> {
-    let mut fields = Fields(trun);
+    let mut fields = BoxFields(trun);
     let (_, flags) = fields.full()?;
     let count = fields.u32()? as usize;
     if count > MOST_SAMPLES - samples.len().min(MOST_SAMPLES) {
@@ -119,7 +119,7 @@ fn run(
         let own = value(0x400, defaults.flags)?;
         let shift = i64::from(value(0x800, 0)? as i32);
         let key = first.take().unwrap_or(own) & NOT_KEY == 0;
-        samples.push(Sample { offset, size, time: *now as i64 + shift, key });
+        samples.push(CodedSample { offset, size, time: *now as i64 + shift, key });
         offset = offset.saturating_add(u64::from(size));
         *now += u64::from(duration);
     }

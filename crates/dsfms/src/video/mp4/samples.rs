@@ -1,13 +1,13 @@
 //! The sample table of a track: where every coded picture lies, and when it is shown.
 
-use super::boxes::{Fields, child, word};
+use super::boxes::{BoxFields, child, word};
 
 /// Most coded pictures of a video: 19 hours at 30 frames a second.
 pub(super) const MOST_SAMPLES: usize = 1 << 21;
 
 /// A coded picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Sample {
+pub(super) struct CodedSample {
     /// Place in the file, bytes.
     pub(super) offset: u64,
     pub(super) size: u32,
@@ -18,7 +18,7 @@ pub(super) struct Sample {
 }
 
 /// The samples of `stbl` and the ticks that they last.
-pub(super) fn read(stbl: &[u8]) -> Result<(Vec<Sample>, u64), String> {
+pub(super) fn read(stbl: &[u8]) -> Result<(Vec<CodedSample>, u64), String> {
     let sizes = Sizes::read(stbl)?;
     let mut samples = Vec::with_capacity(sizes.count.min(MOST_SAMPLES));
     place(stbl, &sizes, &mut samples)?;
@@ -27,7 +27,7 @@ pub(super) fn read(stbl: &[u8]) -> Result<(Vec<Sample>, u64), String> {
     }
     let ticks = times(stbl, &mut samples)?;
     if let Some(stss) = child(stbl, *b"stss")? {
-        let mut fields = Fields(stss);
+        let mut fields = BoxFields(stss);
         fields.full()?;
         for entry in fields.table::<4>("stss")? {
             let number = u32::from_be_bytes(*entry) as usize;
@@ -54,7 +54,7 @@ impl<'a> Sizes<'a> {
             // A fragmented file has its samples elsewhere.
             return Ok(Self { count: 0, common: 0, each: &[] });
         };
-        let mut fields = Fields(stsz);
+        let mut fields = BoxFields(stsz);
         fields.full()?;
         let common = fields.u32()?;
         let mut peek = fields;
@@ -72,9 +72,9 @@ impl<'a> Sizes<'a> {
 }
 
 /// Offsets from the chunks (`stco` or `co64`) and the samples in each (`stsc`).
-fn place(stbl: &[u8], sizes: &Sizes, samples: &mut Vec<Sample>) -> Result<(), String> {
+fn place(stbl: &[u8], sizes: &Sizes, samples: &mut Vec<CodedSample>) -> Result<(), String> {
     let Some(stsc) = child(stbl, *b"stsc")? else { return Ok(()) };
-    let mut fields = Fields(stsc);
+    let mut fields = BoxFields(stsc);
     fields.full()?;
     let runs = fields.table::<12>("stsc")?;
     let mut run = 0;
@@ -90,7 +90,7 @@ fn place(stbl: &[u8], sizes: &Sizes, samples: &mut Vec<Sample>) -> Result<(), St
                 return Ok(());
             }
             let size = sizes.of(samples.len());
-            samples.push(Sample { offset, size, time: 0, key: false });
+            samples.push(CodedSample { offset, size, time: 0, key: false });
             offset = offset.saturating_add(u64::from(size));
         }
     }
@@ -105,7 +105,7 @@ fn chunks(stbl: &[u8]) -> Result<Vec<u64>, String> {
             None => return Ok(Vec::new()),
         },
     };
-    let mut fields = Fields(content);
+    let mut fields = BoxFields(content);
     fields.full()?;
     Ok(if wide {
         fields.table::<8>("co64")?.iter().map(|entry| u64::from_be_bytes(*entry)).collect()
@@ -115,10 +115,10 @@ fn chunks(stbl: &[u8]) -> Result<Vec<u64>, String> {
 }
 
 /// Times of showing: durations (`stts`) summed, moved by `ctts`. Returns the sum of the durations.
-fn times(stbl: &[u8], samples: &mut [Sample]) -> Result<u64, String> {
+fn times(stbl: &[u8], samples: &mut [CodedSample]) -> Result<u64, String> {
     let entries = |kind| -> Result<(u8, &[[u8; 8]]), String> {
         let Some(content) = child(stbl, kind)? else { return Ok((0, &[])) };
-        let mut fields = Fields(content);
+        let mut fields = BoxFields(content);
         let (version, _) = fields.full()?;
         Ok((version, fields.table::<8>("stts or ctts")?))
     };

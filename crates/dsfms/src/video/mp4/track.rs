@@ -1,8 +1,8 @@
 //! The video track of an mp4 file, found box by box without reading the pictures.
 
-use super::boxes::{Boxes, Fields, Header, Kind, child, descend};
+use super::boxes::{BoxFields, BoxHeader, Boxes, Kind, child, descend};
 use super::fragments::{self, Defaults};
-use super::samples::{self, Sample};
+use super::samples::{self, CodedSample};
 use std::io::{Read, Seek, SeekFrom};
 
 /// Most bytes of the boxes that describe a video (`moov`, and all `moof` together).
@@ -18,7 +18,7 @@ pub(super) struct Track {
     /// The parameter sets of H.264 (`avcC`).
     pub(super) config: Option<Vec<u8>>,
     /// In decoding order.
-    pub(super) samples: Vec<Sample>,
+    pub(super) samples: Vec<CodedSample>,
     /// Of all samples.
     pub(super) seconds: Option<f64>,
 }
@@ -90,13 +90,13 @@ impl Track {
 }
 
 /// The header of the box at byte `at`; `None` at the end, where less than a header may remain.
-fn top(source: &mut (impl Read + Seek), at: u64, length: u64) -> Result<Option<Header>, String> {
+fn top(source: &mut (impl Read + Seek), at: u64, length: u64) -> Result<Option<BoxHeader>, String> {
     let room = length.saturating_sub(at);
     if room < 8 {
         return Ok(None);
     }
     let bytes = read_at(source, at, room.min(16))?;
-    Header::parse(&bytes, room).map(Some).map_err(|reason| format!("no mp4 file ({reason})"))
+    BoxHeader::parse(&bytes, room).map(Some).map_err(|reason| format!("no mp4 file ({reason})"))
 }
 
 /// Bytes of the file; the caller has bounded `count`.
@@ -121,7 +121,7 @@ fn is_video(trak: &[u8]) -> Result<bool, String> {
 
 fn track_id(trak: &[u8]) -> Result<u32, String> {
     let Some(tkhd) = child(trak, *b"tkhd")? else { return Ok(0) };
-    let mut fields = Fields(tkhd);
+    let mut fields = BoxFields(tkhd);
     let (version, _) = fields.full()?;
     if version == 1 {
         fields.take::<16>()?;
@@ -133,7 +133,7 @@ fn track_id(trak: &[u8]) -> Result<u32, String> {
 
 fn timescale(trak: &[u8]) -> Result<Option<u32>, String> {
     let Some(mdhd) = descend(trak, &[*b"mdia", *b"mdhd"])? else { return Ok(None) };
-    let mut fields = Fields(mdhd);
+    let mut fields = BoxFields(mdhd);
     let (version, _) = fields.full()?;
     if version == 1 {
         fields.take::<16>()?;
@@ -149,7 +149,7 @@ const ENTRY: usize = 78;
 /// Kind of the first sample entry, and its `avcC`.
 fn coding(stbl: &[u8]) -> Result<(Kind, Option<Vec<u8>>), String> {
     let missing = || "it does not say how its video is coded".to_owned();
-    let mut fields = Fields(child(stbl, *b"stsd")?.ok_or_else(missing)?);
+    let mut fields = BoxFields(child(stbl, *b"stsd")?.ok_or_else(missing)?);
     fields.full()?;
     fields.u32()?;
     let (kind, entry) = Boxes(fields.0).next().ok_or_else(missing)??;

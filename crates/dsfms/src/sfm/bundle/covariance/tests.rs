@@ -48,7 +48,7 @@ fn blocks_are_those_of_the_dense_inverse() {
         normal += full.transpose() * full;
     }
     normal[(poses, poses)] +=
-        found.variance * Prior::new(&bundle, &options).weights().next().unwrap();
+        found.variance * IntrinsicsPrior::new(&bundle, &options).weights().next().unwrap();
     let (mut constraint, radius) = gauge(&bundle, kept).unwrap();
     for v in 0..4 {
         let mut rows = constraint.rows_mut(6 * v, 3);

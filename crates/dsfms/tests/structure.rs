@@ -1,0 +1,233 @@
+//! Inside the rooms of ARCHITECTURE.md: no two files need each other, and no two types have one name.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Files that need each other, by the first of them; a file and the one that holds its `mod` line are one room
+/// and do not count.
+const CIRCLES: [&str; 7] = [
+    "dense/cells.rs",
+    "pipeline/reconstruct.rs",
+    "pipeline/template/organ.rs",
+    "refine/depth_prior.rs",
+    "refine/evidence.rs",
+    "register/coarse.rs",
+    "track/judged.rs",
+];
+/// Names of two types.
+const SHARED: [&str; 14] = [
+    "Cell",
+    "Deformation",
+    "Evidence",
+    "Level",
+    "Look",
+    "Neighbours",
+    "Part",
+    "Plane",
+    "Prior",
+    "Problem",
+    "Scene",
+    "Surface",
+    "VideoOptions",
+    "View",
+];
+
+/// `["sfm", "bundle"]` for `sfm/bundle.rs`.
+type Module = Vec<String>;
+
+/// A file of the library without comments and tests.
+struct Source {
+    file: String,
+    code: String,
+    /// What it takes, as paths from the root, under which name, and whether it hands it on.
+    uses: Vec<(Vec<String>, String, bool)>,
+}
+
+#[test]
+fn no_circle_of_files() {
+    let library = library();
+    let needs: BTreeMap<&Module, BTreeSet<&Module>> =
+        library.iter().map(|(module, source)| (module, needs(&library, module, source))).collect();
+    let mut circles: Vec<Vec<&str>> = Vec::new();
+    let mut seen = BTreeSet::new();
+    let all: BTreeMap<&Module, BTreeSet<&Module>> =
+        needs.keys().map(|&module| (module, reached(&needs, module))).collect();
+    for (module, reached) in &all {
+        if seen.contains(module) || !reached.contains(module) {
+            continue;
+        }
+        let circle: Vec<&Module> =
+            reached.iter().copied().filter(|other| all[other].contains(module)).collect();
+        seen.extend(circle.iter().copied());
+        circles.push(circle.iter().map(|module| library[*module].file.as_str()).collect());
+    }
+    let firsts: Vec<&str> = circles.iter().map(|circle| circle[0]).collect();
+    assert_eq!(firsts, CIRCLES, "files that need each other:\n{circles:#?}");
+}
+
+/// All that a file needs, by whatever way.
+fn reached<'a>(
+    needs: &BTreeMap<&'a Module, BTreeSet<&'a Module>>,
+    from: &'a Module,
+) -> BTreeSet<&'a Module> {
+    let (mut reached, mut open) = (BTreeSet::new(), vec![from]);
+    while let Some(next) = open.pop() {
+        open.extend(needs[next].iter().filter(|to| reached.insert(**to)));
+    }
+    reached
+}
+
+#[test]
+fn names_of_types_are_unique() {
+    let mut places: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for source in library().into_values() {
+        for line in source.code.lines() {
+            let words: Vec<&str> = line.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
+            let kind = ["struct", "enum", "trait", "type"];
+            let named = words.windows(2).find(|pair| kind.contains(&pair[0])).map(|pair| pair[1]);
+            // What stands within another item is its own matter.
+            if let Some(name) = named.filter(|name| !line.starts_with(' ') && !name.is_empty()) {
+                places.entry(name.to_string()).or_default().push(source.file.clone());
+            }
+        }
+    }
+    places.retain(|_, files| files.len() > 1);
+    let shared: Vec<&str> = places.keys().map(String::as_str).collect();
+    assert_eq!(shared, SHARED, "names of several types:\n{places:#?}");
+}
+
+/// The files that one takes something from, whoever hands it on.
+fn needs<'a>(
+    library: &'a BTreeMap<Module, Source>,
+    own: &Module,
+    source: &Source,
+) -> BTreeSet<&'a Module> {
+    let taken = source.uses.iter().filter(|(_, _, handed_on)| !handed_on);
+    let found = taken.filter_map(|(path, _, _)| defining(library, path, 8));
+    found.filter(|other| !own.starts_with(other) && !other.starts_with(own)).collect()
+}
+
+/// The file in which the item of a path stands.
+fn defining<'a>(
+    library: &'a BTreeMap<Module, Source>,
+    path: &[String],
+    steps: usize,
+) -> Option<&'a Module> {
+    let length = (0..=path.len()).rev().find(|&k| library.contains_key(&path[..k]))?;
+    let (module, source) = library.get_key_value(&path[..length])?;
+    let handed_on = path.get(length).and_then(|name| {
+        source.uses.iter().find(|(_, alias, handed_on)| *handed_on && alias == name)
+    });
+    match handed_on {
+        Some((from, ..)) if steps > 0 => {
+            let longer = [from, &path[length + 1..]].concat();
+            defining(library, &longer, steps - 1)
+        }
+        _ => Some(module),
+    }
+}
+
+fn library() -> BTreeMap<Module, Source> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut library = BTreeMap::new();
+    for path in sources(&root) {
+        let file = path.strip_prefix(&root).unwrap().to_string_lossy().replace('\\', "/");
+        let mut module: Module =
+            file.trim_end_matches(".rs").split('/').map(String::from).collect();
+        if ["mod", "lib"].contains(&module.last().unwrap().as_str()) {
+            module.pop();
+        }
+        let text = fs::read_to_string(&path).unwrap();
+        let uncommented = text.lines().filter(|line| !line.trim_start().starts_with("//"));
+        let text: String = uncommented.map(|line| format!("{line}\n")).collect();
+        let test = text
+            .find("#[cfg(test)]\nmod tests {")
+            .or(text.find("#[cfg(test)]\npub(super) mod tests {"));
+        let code = text[..test.unwrap_or(text.len())].to_string();
+        if !["tests", "check", "test_scene", "plates", "shapes"]
+            .contains(&module.last().map_or("", |m| m))
+        {
+            library.insert(module, Source { file, code, uses: Vec::new() });
+        }
+    }
+    let modules: BTreeSet<Module> = library.keys().cloned().collect();
+    for (module, source) in &mut library {
+        source.uses = uses(&source.code, module, &modules);
+    }
+    library
+}
+
+/// The `use` lines of a file.
+fn uses(
+    code: &str,
+    module: &Module,
+    modules: &BTreeSet<Module>,
+) -> Vec<(Vec<String>, String, bool)> {
+    let mut found = Vec::new();
+    for statement in code.split(';') {
+        let Some(line) = statement.lines().position(|line| {
+            let line = line.trim_start_matches("pub(crate) ").trim_start_matches("pub(super) ");
+            line.trim_start_matches("pub ").starts_with("use ")
+        }) else {
+            continue;
+        };
+        let text: String = statement.lines().skip(line).collect();
+        let (head, tree) = text.split_once("use ").unwrap();
+        for (path, alias) in branches(tree, &[]) {
+            found.extend(
+                absolute(&path, module, modules).map(|path| (path, alias, !head.is_empty())),
+            );
+        }
+    }
+    found
+}
+
+/// `a::{b, c as d}` as `a::b` named `b` and `a::c` named `d`.
+fn branches(tree: &str, before: &[String]) -> Vec<(Vec<String>, String)> {
+    let (head, inner) = match tree.split_once('{') {
+        Some((head, rest)) => (head, Some(&rest[..rest.rfind('}').unwrap_or(rest.len())])),
+        None => (tree, None),
+    };
+    let (head, renamed) = head.split_once(" as ").unwrap_or((head, ""));
+    let words = head.split("::").map(str::trim).filter(|word| !word.is_empty() && *word != "self");
+    let path: Vec<String> = before.iter().cloned().chain(words.map(String::from)).collect();
+    let Some(inner) = inner else {
+        let last = path.last().cloned().unwrap_or_default();
+        let alias = if renamed.is_empty() { last } else { renamed.trim().into() };
+        return vec![(path, alias)];
+    };
+    let (mut depth, mut items) = (0, vec![String::new()]);
+    for c in inner.chars() {
+        depth += i32::from(c == '{') - i32::from(c == '}');
+        match c {
+            ',' if depth == 0 => items.push(String::new()),
+            _ => items.last_mut().unwrap().push(c),
+        }
+    }
+    items
+        .iter()
+        .filter(|item| !item.trim().is_empty())
+        .flat_map(|item| branches(item, &path))
+        .collect()
+}
+
+/// From the root of the library; `None` of what lies outside.
+fn absolute(path: &[String], module: &Module, modules: &BTreeSet<Module>) -> Option<Vec<String>> {
+    let up = path.iter().take_while(|word| *word == "super").count();
+    match path.first()?.as_str() {
+        "crate" => Some(path[1..].to_vec()),
+        "super" => Some([&module[..module.len() - up], &path[up..]].concat()),
+        first => {
+            let child: Module = module.iter().cloned().chain([first.to_string()]).collect();
+            modules.contains(&child).then(|| [&module[..], path].concat())
+        }
+    }
+}
+
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
+    let (folders, files): (Vec<_>, Vec<_>) = entries.partition(|p| p.is_dir());
+    let inner = folders.iter().flat_map(|f| sources(f));
+    files.into_iter().filter(|p| p.extension().is_some_and(|e| e == "rs")).chain(inner).collect()
+}
