@@ -6,6 +6,7 @@ mod load;
 pub mod mesh;
 mod organ;
 mod resume;
+pub mod scene;
 
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
@@ -35,6 +36,7 @@ use found::{models_text, organ_hint, precision_row, summary_text};
 use load::{Cameras, Loaded, load, load_also};
 use mesh::{Reading, open_mesh, read_albedo, unit};
 use resume::Resumable;
+use scene::{Drawn, SCENE, with_photos};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -81,18 +83,28 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
         }
         _ => {
             let (built, loaded, complete) = from_frames(args, global, &options, &stages)?;
-            (built.template, Some((built.precision, built.organ)), Some(loaded), complete)
+            (
+                built.template,
+                Some((built.precision, built.organ, built.organ_scene)),
+                Some(loaded),
+                complete,
+            )
         }
     };
-    let (precision, organ) = told.unwrap_or_default();
+    let (precision, organ, scene) = told.unwrap_or_default();
     prepare_folder(parent)?;
+    let drawn = Drawn::of(&args.output);
     write_template(&args.output, &template)?;
+    drawn.keep(&options, reporter)?;
     if let Some(precision) = &precision {
         write_json(&args.output.join("precision.json"), precision)?;
     }
     write_pictures(&template, &pictures)?;
     if let Some(loaded) = &loaded {
         write_textures(&template, &loaded.frames, &loaded.valid, &pictures)?;
+        if let Some(scene) = scene {
+            with_photos(scene, &loaded.frames)?.write(&args.output.join(SCENE))?;
+        }
         if let Some(organ) = &organ {
             write_organ(organ, &loaded.frames, &args.output)?;
             if organ.open() || !args.organ.said(&options) {

@@ -6,6 +6,7 @@
 
 use super::grid::{self, BLOCK, EDGE};
 use super::observe::{DistanceEvidence, ObservedView, average};
+use super::options::MOST_VERTICES;
 use super::{DenseOptions, DepthMap, PosedFrame};
 use crate::geometry::{Point3, median};
 use rayon::prelude::*;
@@ -31,7 +32,9 @@ pub(super) struct DistanceVolume {
 impl DistanceVolume {
     /// Allocate around the depth maps and average them; the distances are those of the evidence.
     pub(super) fn fuse(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptions) -> Self {
-        let voxel = options.voxel.unwrap_or_else(|| voxel_edge(maps, options.target_vertices));
+        let voxel = options
+            .voxel
+            .unwrap_or_else(|| voxel_edge(maps, options.target_vertices.unwrap_or(MOST_VERTICES)));
         let blocks = widened(&allocate(maps, voxel));
         let lenses: Vec<ObservedView> =
             views.iter().zip(maps).map(|(v, m)| ObservedView::new(v, m)).collect();
