@@ -121,7 +121,7 @@ impl Calibration {
 }
 
 /// Images needed: three planes fix five intrinsics with one to spare.
-pub(crate) const MIN_VIEWS: usize = 3;
+pub const MIN_VIEWS: usize = 3;
 
 /// Calibrate a camera from frames of one size that show the board in different positions.
 ///

@@ -34,7 +34,7 @@ impl Smoothing {
     }
 
     /// Laplacian of the position, as printed.
-    pub(crate) fn of_position(laplacian: &Laplacian, area: f64) -> Self {
+    pub fn of_position(laplacian: &Laplacian, area: f64) -> Self {
         let radius = (area / std::f64::consts::PI).sqrt();
         let (mut stencils, mut weights) = (Vec::new(), Vec::new());
         for (i, row) in laplacian.rows.iter().enumerate().filter(|(_, row)| !row.is_empty()) {

@@ -4,7 +4,7 @@ use super::{Frame, Mask};
 
 /// Encoded value from which a channel counts as saturated. Not 255: lossy coding and the limited
 /// range of video spread a clipped 255 over a few values below it.
-pub(crate) const SATURATED: u8 = 250;
+pub const SATURATED: u8 = 250;
 
 /// `true` where all three encoded channels are at or above [`SATURATED`]: the white core of a
 /// highlight. (One clipped channel is common on red tissue and no highlight.)

@@ -52,7 +52,7 @@ pub(crate) fn blur_masked_all(planes: &[Plane], mask: &Mask, sigma: f64) -> (Vec
 
 /// Half the size: each pixel the mean of 2x2; an odd last row or column is dropped. Pixel `x` of
 /// the result lies at `2x + ½` of the input (see [`crate::camera::CameraModel::halved`]).
-pub(crate) fn halve(plane: &Plane) -> Plane {
+pub fn halve(plane: &Plane) -> Plane {
     let size = plane.size.map(|n| n / 2);
     let mut data = Vec::with_capacity(size[0] * size[1]);
     for y in 0..size[1] {

@@ -192,7 +192,7 @@ impl Decimated {
     /// Carry a displacement of the coarse vertices to the original ones. Exact, but for the
     /// estimate of its gradient, where the displacement is quadratic: the mean of linear
     /// interpolation and of the first-order expansions about the corners.
-    pub(crate) fn prolong(&self, fine: &Mesh, displacement: &[Vector3]) -> Vec<Vector3> {
+    pub fn prolong(&self, fine: &Mesh, displacement: &[Vector3]) -> Vec<Vector3> {
         let gradients: Vec<Matrix3<f64>> =
             (0..displacement.len()).map(|v| self.gradient(v, displacement)).collect();
         let at = |(v, point): (usize, &Point3)| {

@@ -119,7 +119,7 @@ fn two_best(row: &[f32]) -> (usize, f32, f32) {
 
 /// Mutual nearest neighbours whose distance is less than `ratio` times that to the second nearest
 /// (both ways) and at most `max_distance`; ordered by `a`.
-pub(crate) fn match_unit(
+pub fn match_unit(
     a: &UnitDescriptors,
     b: &UnitDescriptors,
     ratio: f32,

@@ -125,10 +125,7 @@ pub enum SfsError {
 /// # Errors
 /// Images of another size than the camera, or no usable pixel that shows the mesh.
 #[doc(alias = "SfS")]
-pub(crate) fn shape_from_shading(
-    input: &SfsInput,
-    options: &SfsOptions,
-) -> Result<SfsResult, SfsError> {
+pub fn shape_from_shading(input: &SfsInput, options: &SfsOptions) -> Result<SfsResult, SfsError> {
     let expected = input.camera.size;
     for found in [input.grey.size, input.usable.size, input.saturated.size] {
         if found != expected {

@@ -70,7 +70,7 @@ pub enum AlbedoError {
 /// # Errors
 /// No view, an image or mask of another size than its camera, or no usable part of the surface in any.
 #[doc(alias("eq. 1", "eq. 2"))]
-pub(crate) fn estimate_albedo(
+pub fn estimate_albedo(
     mesh: &Mesh,
     views: &[AlbedoView],
     light: &LightModel,

@@ -8,7 +8,7 @@ use crate::mesh::Mesh;
 use rayon::prelude::*;
 
 /// Most subdivisions of a face's edges: 4,096 texels a face.
-pub(crate) const MAX_RESOLUTION: u16 = 64;
+pub const MAX_RESOLUTION: u16 = 64;
 
 /// Why values do not fit a mesh.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -125,7 +125,7 @@ const MIN_SPOTS: usize = 50;
 /// # Errors
 /// No view, an image or mask of another size than its camera, or no usable part of the surface in any.
 #[doc(alias("photometric calibration", "light calibration"))]
-pub(crate) fn fit_light(
+pub fn fit_light(
     mesh: &Mesh,
     views: &[AlbedoView],
     initial: Option<&LightModel>,
