@@ -21,9 +21,9 @@ Examples:
   dsfms replay out --frames archive/frames
 
 Runs `dsfms track` again as OUT/run.json says: the same options, template and
-camera (told by their digests), the frames of the recording (--record) or, where
-there is none, the files of the first run; of a live run the frames that were
-not dropped. Says whether the surfaces have the same bits.
+camera (told by their digests), the frames of the recording (--record) or,
+where there is none, the files of the first run; of a live run the frames that
+were not dropped. Says whether the surfaces have the same bits.
 
 Exit codes: 0 the same bits; 2 they differ, from the frame that is named;
 1 it cannot be replayed.";
