@@ -18,8 +18,7 @@ pub fn draw(page: &mut RgbImage, items: &[Item], scale: f64) {
         match item {
             Item::Picture { at, size, picture } => place(page, *at, *size, picture, scale),
             Item::Text { at, anchor, size, upright, text } => {
-                let turned = matches!(upright, true);
-                let path = lettering(*at, *anchor, *size, turned, text, scale);
+                let path = lettering(*at, *anchor, *size, *upright, text, scale);
                 fill(page, &path, colours::INK, 1.0);
             }
             Item::Line { points, width, dash, ink, .. } => {
