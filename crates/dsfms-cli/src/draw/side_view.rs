@@ -92,9 +92,9 @@ impl SideView {
         };
         let mut window = Window { low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2] };
         for p in surfaces.flatten().map(plane) {
-            for k in 0..2 {
-                window.low[k] = window.low[k].min(p[k]);
-                window.high[k] = window.high[k].max(p[k]);
+            for (k, v) in p.into_iter().enumerate() {
+                window.low[k] = window.low[k].min(v);
+                window.high[k] = window.high[k].max(v);
             }
         }
         window
