@@ -19,5 +19,11 @@ window.dsfmsLive = (() => {
     busy = true;
     look().catch(() => {}).finally(() => { busy = false; });
   }, 1000);
+  // A template that keeps by what its organ was told has a page to draw on.
+  if ("{{organ}}" === "true") addEventListener("DOMContentLoaded", () => {
+    const link = Object.assign(document.createElement("a"), { href: "organ", id: "organ", className: "button", textContent: "Organ", title: "Draw what is organ and what is not" });
+    const place = document.getElementById("page-buttons") || document.body;
+    place.prepend(link);
+  });
   return { frame: async (name) => JSON.parse(await ask(`frame/${name}`)) };
 })();

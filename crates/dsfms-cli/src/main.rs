@@ -18,6 +18,7 @@ macro_rules! eprint {
 
 mod args;
 mod build;
+mod chart;
 mod commands;
 mod cpu;
 mod demo;
@@ -35,6 +36,7 @@ mod place;
 mod progress;
 mod reasons;
 mod report;
+mod sheet;
 mod structures;
 
 use clap::FromArgMatches;

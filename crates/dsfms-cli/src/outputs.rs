@@ -1,11 +1,11 @@
 //! What a reconstruction leaves on disk. Every file appears under its final name only when it is
 //! complete.
 
-use crate::draw;
+use crate::draw::overlay::{INSTRUMENT, ORGAN, outline, overlay};
 use crate::reasons::sentences;
 use anyhow::Context;
 use dsfms::camera::CameraModel;
-use dsfms::image::Frame;
+use dsfms::image::{Frame, Mask};
 use dsfms::io::atomic::{remove_stale, write_atomic};
 use dsfms::io::names::frame_number;
 use dsfms::io::ply::{PlyExtras, write_ply};
@@ -178,6 +178,13 @@ impl FrameReport {
     }
 }
 
+/// The masks of a frame, where it has any.
+#[derive(Default)]
+pub struct FrameMasks {
+    pub instrument: Option<Mask>,
+    pub organ: Option<Mask>,
+}
+
 /// Where the files of one frame go.
 pub struct FrameFiles<'a> {
     pub folder: &'a Path,
@@ -197,6 +204,7 @@ impl FrameFiles<'_> {
         frame: &Frame,
         camera: &CameraModel,
         result: &Reconstruction,
+        masks: &FrameMasks,
     ) -> anyhow::Result<()> {
         let comments = ["camera axes of the frame: x right, y down, z forward".to_string()];
         let extras = PlyExtras {
@@ -209,15 +217,14 @@ impl FrameFiles<'_> {
         };
         let topology = &template.mesh.topology;
         write_ply(&self.path(".ply"), topology, &result.vertices, template.unit, &extras)?;
-        let overlay = draw::overlay(
-            frame,
-            camera,
-            topology,
-            &result.vertices,
-            &result.visible,
-            &result.matches,
-        );
-        write_png(&self.path("_overlay.png"), &overlay)
+        let mut picture =
+            overlay(frame, camera, topology, &result.vertices, &result.visible, &result.matches);
+        for (mask, colour) in [(&masks.organ, ORGAN), (&masks.instrument, INSTRUMENT)] {
+            if let Some(mask) = mask {
+                outline(&mut picture, mask, colour);
+            }
+        }
+        write_png(&self.path("_overlay.png"), &picture)
     }
 
     /// The report.
@@ -239,8 +246,12 @@ pub fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
 
 /// A picture as PNG.
 pub fn write_png(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
-    let bytes = encode_png(picture)?;
-    Ok(write_atomic(path, |file| file.write_all(&bytes))?)
+    write_bytes(path, &encode_png(picture)?)
+}
+
+/// A file of these bytes.
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    Ok(write_atomic(path, |file| file.write_all(bytes))?)
 }
 
 /// The bytes of a PNG file.
@@ -254,6 +265,18 @@ pub fn encode_png(picture: &RgbImage) -> anyhow::Result<Vec<u8>> {
         image::ExtendedColorType::Rgb8,
     )?;
     Ok(bytes)
+}
+
+/// The bytes of a PNG file that says how many pixels an inch of paper has.
+pub fn encode_png_at(picture: &RgbImage, dpi: f64) -> anyhow::Result<Vec<u8>> {
+    let bytes = encode_png(picture)?;
+    // Signature and header come first, 8 and 25 bytes.
+    let (head, rest) = bytes.split_at(33);
+    let per_metre = ((dpi / 0.0254).round() as u32).to_be_bytes();
+    let chunk = [&b"pHYs"[..], &per_metre, &per_metre, &[1]].concat();
+    let mut sum = flate2::Crc::new();
+    sum.update(&chunk);
+    Ok([head, &9u32.to_be_bytes(), &chunk, &sum.sum().to_be_bytes(), rest].concat())
 }
 
 /// `OUT/summary.csv`: one row a frame.

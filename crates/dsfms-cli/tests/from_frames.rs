@@ -9,7 +9,9 @@ use dsfms::io::camera::{CameraFile, write_camera};
 use dsfms::io::mesh::{MeshUnit, read_mesh};
 use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::mesh::Topology;
+use dsfms::pipeline::{OrganScene, read_strokes};
 use dsfms::template::LengthUnit;
+use dsfms::{find_frames, read_frames};
 use std::fs;
 use std::path::PathBuf;
 use tempfile::TempDir;
@@ -126,6 +128,25 @@ impl Frames {
         let mesh = read_mesh(&self.path(&format!("{template}/template.ply"))).unwrap().mesh;
         let depth = mesh.positions.iter().map(|p| p.z).sum::<f64>() / mesh.positions.len() as f64;
         mesh.positions.iter().map(|p| p.coords / depth).collect()
+    }
+
+    /// What the template keeps of its organ gives, with its strokes and the frames, the masks that it was built with.
+    fn assert_drawn(&self, template: &str) {
+        let scene = OrganScene::read(&self.path(&format!("{template}/organ.scene"))).unwrap();
+        let strokes = self.path(&format!("{template}/organ_scribbles.json"));
+        let strokes = read_strokes(&strokes).unwrap();
+        assert_eq!((strokes.len(), scene.strokes()), (3, &strokes[..]));
+        let pictures = read_frames(&find_frames(&[self.path("frames")]).unwrap()).unwrap();
+        assert!(scene.names().eq(pictures.iter().map(|picture| picture.name.as_str())));
+        let part = scene.part(&pictures, &strokes).unwrap();
+        assert!(part.masks.len() >= 5);
+        for (name, mask) in &part.masks {
+            let kept = self.path(&format!("{template}/organ_masks/{name}.png"));
+            let kept = image::open(kept).unwrap().to_luma8();
+            assert!(kept.pixels().map(|p| p.0[0] > 127).eq(mask.data.iter().copied()), "{name}");
+        }
+        let first = image::load_from_memory(scene.photo(0).unwrap()).unwrap();
+        assert_eq!([first.width(), first.height()], SIZE.map(|n| n as u32));
     }
 
     fn assert_disc(&self, template: &str) {
@@ -278,6 +299,7 @@ fn strokes_name_the_organ_and_the_wall_is_kept_as_a_second_surface() {
         let [one, two] = ["one", "two"].map(|t| fs::read(frames.path(&format!("{t}/{file}"))));
         assert!(one.unwrap() == two.unwrap(), "{file} differs");
     }
+    frames.assert_drawn("one");
     let widest = frames.shape("one").iter().map(|p| p.x.hypot(p.y)).fold(0.0, f64::max);
     assert!(widest < 0.35, "no wall: {widest} of the depth, truth 0.239");
     // The wall lies behind the disc: 66 and 46 units from the cameras.

@@ -12,10 +12,10 @@ use std::sync::Once;
 pub const MOST_BYTES: u64 = 1 << 30;
 
 /// Most bytes that a picture may take while it is decoded.
-pub const MOST_IMAGE_BYTES: u64 = 512 << 20;
+pub(crate) const MOST_IMAGE_BYTES: u64 = 512 << 20;
 
 /// Most px of a picture's side.
-pub const MOST_IMAGE_SIDE: u32 = 16384;
+pub(crate) const MOST_IMAGE_SIDE: u32 = 16384;
 
 /// Open a regular file. A pipe would wait for its writer, and a device need not end.
 ///

@@ -84,6 +84,7 @@ fn made(target: &str) -> Vec<(String, Vec<u8>)> {
             b"OFF # units mm\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0.5\n3 0 1 2\n3 0 2 3\n".into(),
         ),
         "vtk" | "vtp" => surface_of_vtk(target),
+        "scene" => one("two.scene", scene_of_two()),
         _ => Vec::new(),
     }
 }
@@ -92,6 +93,39 @@ fn made(target: &str) -> Vec<(String, Vec<u8>)> {
 fn clip() -> mp4::Video {
     let grey = |k: u8| vec![[60 + 40 * k; 3]; 48 * 32];
     mp4::video([48, 32], &[grey(0), grey(1), grey(2)])
+}
+
+/// A scene of two small frames, without the head of its file.
+fn scene_of_two() -> Vec<u8> {
+    use dsfms::camera::{CameraModel, Lens};
+    use dsfms::dense::{DepthMap, PosedFrame};
+    use dsfms::geometry::Isometry;
+    let size = [12, 9];
+    let camera = CameraModel { size, focal: [12.0; 2], centre: [5.5, 4.0], lens: Lens::default() };
+    let frame = |name: &str| Frame { name: name.into(), size, rgb: vec![[120, 60, 50]; 108] };
+    let frames = ["a", "b"].map(frame);
+    let map = |i: usize| DepthMap {
+        camera: camera.clone(),
+        pose: Isometry::translation(i as f64, 0.0, 0.0),
+        depth: (0..108).map(|p| if p % 12 < 6 { 20.0 } else { 30.0 }).collect(),
+        normal: vec![[0.0, 0.0, -1.0]; 108],
+        sigma: vec![0.1; 108],
+        confidence: vec![1.0; 108],
+    };
+    let maps = [0, 1].map(map);
+    let organ = dsfms::image::Mask::filled(size, true);
+    let view = |i: usize| PosedFrame {
+        frame: &frames[i],
+        camera: &camera,
+        pose: maps[i].pose,
+        valid: None,
+        organ: (i == 1).then_some(&organ),
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("two.scene");
+    dsfms::pipeline::OrganScene::new(&[0, 1].map(view), &maps, &camera).write(&path).unwrap();
+    let bytes = std::fs::read(path).unwrap();
+    bytes[dsfms::pipeline::OrganScene::HEAD..].to_vec()
 }
 
 fn surface_of_vtk(target: &str) -> Vec<(String, Vec<u8>)> {

@@ -1,6 +1,6 @@
 // --- The view in the address: a link shows what its sender saw --------------------------------------
 const LINK = "#view:";
-const TOGGLES = ["edges", "shading", "ghost", "truth", "rig", "path", "points", "matches", "wipe"];
+const TOGGLES = ["edges", "shading", "ghost", "truth", "rig", "path", "points", "around", "matches", "wipe"];
 const CHOICES = ["overlay-kind", "opacity", "solid", "cut-axis", "cut", "points-by", "speed"];
 const short = (v) => Number(v.toPrecision(5));
 

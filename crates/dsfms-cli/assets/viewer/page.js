@@ -52,7 +52,7 @@ function wire_up() {
   $("frame").max = data.frames.length - 1;
   const show = (name, yes) => document.querySelectorAll(name).forEach((e) => { e.hidden = !yes; });
   show(".has-rest", has((s) => s.pose)); show(".has-truth", data.truth !== undefined);
-  show(".has-camera", data.camera); show(".has-points", data.points); show(".has-structures", data.structures.length);
+  show(".has-camera", data.camera); show(".has-points", data.points); show(".has-around", data.surroundings); show(".has-structures", data.structures.length);
   show(".has-path", data.camera && posedFrames().length > 1);
   show(".matches", has((s) => s.matches.length)); show("[data-view=all]", data.camera);
   $("image-pane").hidden = !data.frames.some((f) => f.image);
@@ -78,7 +78,7 @@ function wire_up() {
   $("limit").onchange = (e) => { if (+e.target.value > (state.layer.low || 0)) { state.layer.limit = +e.target.value; state.layer.chosen = true; } refresh(); };
   $("flat-layer").onchange = drawFlattening;
   for (const id of ["overlay-kind", "overlay-method", "opacity", "matches"]) $(id).addEventListener("input", () => { drawOverlay(); changed(); });
-  for (const id of ["edges", "ghost", "truth", "rig", "path", "points", "solid", "shading", "cut", "cut-axis"]) $(id).addEventListener("input", () => { draw(); changed(); });
+  for (const id of ["edges", "ghost", "truth", "rig", "path", "points", "around", "solid", "shading", "cut", "cut-axis"]) $(id).addEventListener("input", () => { draw(); changed(); });
   $("points-by").oninput = () => { $("points").checked = true; paintPoints(); changed(); };
   document.querySelectorAll("[data-view]").forEach((b) => { b.onclick = () => { turntable(false); view(b.dataset.view); }; });
   const typed = () => pickVertices(["vertex-a", "vertex-b"].map((id) => ($(id).value === "" ? null : +$(id).value)));

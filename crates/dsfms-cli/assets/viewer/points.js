@@ -22,3 +22,14 @@ function paintPoints() {
   colour.needsUpdate = true;
   draw();
 }
+
+// --- What lies around the organ, at rest as it is ----------------------------------------------------
+const around = new T.Group();
+root.add(around);
+if (data.surroundings) {
+  const g = new T.BufferGeometry();
+  g.setAttribute("position", new T.BufferAttribute(cloud(data.surroundings.at), 3));
+  g.setIndex(new T.BufferAttribute(new Uint32Array(bytes(data.surroundings.faces).buffer), 1));
+  g.computeVertexNormals();
+  around.add(new T.Mesh(g, material({ colour: 0x8fa0b0, lit: true, sliced: true, side: T.DoubleSide })));
+}

@@ -118,7 +118,7 @@ function render(asIs) {
       c.ghost.visible = $("ghost").checked && !!(surface(state.frame, k) || {}).pose;
       c.truth.visible = $("truth").checked && data.truth !== undefined && k !== data.truth;
     });
-    rig.visible = $("rig").checked; sparse.visible = $("points").checked;
+    rig.visible = $("rig").checked; sparse.visible = $("points").checked; around.visible = $("around").checked;
     renderer.setViewport(cell.x, h - cell.y - cell.h, cell.w, cell.h);
     renderer.setScissor(cell.x, h - cell.y - cell.h, cell.w, cell.h);
     renderer.render(scene, eye);

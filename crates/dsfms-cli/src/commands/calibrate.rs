@@ -1,7 +1,7 @@
 //! `dsfms calibrate`: pictures of a chessboard to a camera file.
 
 use crate::args::Global;
-use crate::exit::{Outcome, Usage};
+use crate::exit::Outcome;
 use crate::inputs;
 use crate::outputs::{check_folder, prepare_folder, write_json, write_png};
 use crate::pictures::calibration as pictures;
@@ -122,7 +122,7 @@ fn frames(images: &[PathBuf], reporter: &Reporter) -> anyhow::Result<Vec<Frame>>
         }
     }
     if frames.is_empty() {
-        return Err(Usage("none of the images can be read".into()).into());
+        anyhow::bail!("none of the images can be read");
     }
     Ok(frames)
 }

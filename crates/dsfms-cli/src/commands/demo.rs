@@ -6,7 +6,9 @@ use crate::demo::report::{FrameResult, Report, page};
 use crate::demo::scene::{DeformedFrame, Scene, unpack};
 use crate::demo::truth::{FrameTruth, Tie, steps};
 use crate::exit::Outcome;
-use crate::outputs::{FrameFiles, FrameReport, prepare_folder, summary_csv, write_text};
+use crate::outputs::{
+    FrameFiles, FrameMasks, FrameReport, prepare_folder, summary_csv, write_text,
+};
 use crate::progress::Reporter;
 use crate::report::template::template_page;
 use clap::Args;
@@ -212,7 +214,11 @@ fn write_files(
             let shown = |s: &&(Reconstruction, _)| s.0.verdict.level != Level::Lost;
             if let Some((surface, _)) = result.surface.as_ref().filter(shown) {
                 let camera = &scene.camera.file.camera;
-                files.write_surface(template, &deformed.frame, camera, surface)?;
+                let masks = FrameMasks {
+                    instrument: Some(deformed.instrument.clone()),
+                    organ: Some(deformed.organ.clone()),
+                };
+                files.write_surface(template, &deformed.frame, camera, surface, &masks)?;
             }
             files.write_report(&result.report)?;
             rows.push((name, result.report.clone()));

@@ -47,7 +47,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Command::Export(args) => export::run(args, global, &reporter),
         Command::Demo(args) => demo::run(args, global, &reporter),
         Command::View(args) => view::run(args),
-        Command::Figure(args) => figure::run(args),
+        Command::Figure(args) => figure::run(args, &reporter),
         Command::Completions(args) => completions::run(args),
         Command::Man(args) => completions::man(args),
     };

@@ -8,7 +8,7 @@ use crate::exit::{self, Outcome, Usage};
 use crate::formats::{Formats, Shape};
 use crate::inputs::{self, Source};
 use crate::interrupt;
-use crate::outputs::{self, FrameFiles, FrameReport};
+use crate::outputs::{self, FrameFiles, FrameMasks, FrameReport};
 use crate::place;
 use crate::progress::Reporter;
 use crate::report::clip;
@@ -71,6 +71,8 @@ pub fn run(
         (true, Some(matches)) => job.without_images(matches)?,
         _ => inputs::sources(&args.images, inputs::Purpose::Reconstruct, reporter)?,
     };
+    // A folder without any is refused before work.
+    args.matches.as_deref().map(all_matches).transpose()?;
     inputs::check_sizes(&sources, &job.camera, job.camera_file())?;
     let instrument = args.instrument_masks.as_deref();
     inputs::check_masks(&sources, instrument, MaskKind::Instrument)?;
@@ -224,8 +226,8 @@ impl Job<'_> {
         let files = FrameFiles { folder: &self.args.output, name };
         let (mut shown, mut shape) = (None, None);
         let report = match self.attempt(source) {
-            Ok((frame, result)) => {
-                files.write_surface(&self.template, &frame, &self.camera, &result)?;
+            Ok((frame, result, masks)) => {
+                files.write_surface(&self.template, &frame, &self.camera, &result, &masks)?;
                 let mut report = FrameReport::of(&input, method, self.template.unit, &result);
                 if let Some(reason) = source.reservation() {
                     report.status = "degraded";
@@ -293,7 +295,7 @@ impl Job<'_> {
         Ok(places)
     }
 
-    fn attempt(&self, source: &Source) -> anyhow::Result<(Frame, Reconstruction)> {
+    fn attempt(&self, source: &Source) -> anyhow::Result<(Frame, Reconstruction, FrameMasks)> {
         let frame = source.frame()?;
         inputs::check_size(&frame, &self.camera, self.camera_file())?;
         let matches = self.matches(&frame)?;
@@ -310,7 +312,7 @@ impl Job<'_> {
         let observation = Observation { matches: matches.as_deref(), ..observation };
         let Self { template, deformable, options, .. } = self;
         let result = reconstruct_with(template, deformable, &observation, self.method, options)?;
-        Ok((frame, result))
+        Ok((frame, result, FrameMasks { instrument, organ }))
     }
 
     fn matches(&self, frame: &Frame) -> anyhow::Result<Option<Vec<Match>>> {

@@ -6,6 +6,7 @@ mod load;
 pub mod mesh;
 mod organ;
 mod resume;
+pub mod scene;
 
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
@@ -19,6 +20,7 @@ use crate::progress::Reporter;
 use crate::report::template::template_page;
 pub use args::TemplateArgs;
 use dsfms::checkpoint::Keep;
+use dsfms::geometry::Isometry;
 use dsfms::io::mesh::MeshFile;
 use dsfms::io::poses::{PoseList, match_poses, read_poses};
 use dsfms::io::template::{check_target, write_template};
@@ -34,6 +36,7 @@ use found::{models_text, organ_hint, precision_row, summary_text};
 use load::{Cameras, Loaded, load, load_also};
 use mesh::{Reading, open_mesh, read_albedo, unit};
 use resume::Resumable;
+use scene::{Drawn, SCENE, with_photos};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -80,18 +83,28 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
         }
         _ => {
             let (built, loaded, complete) = from_frames(args, global, &options, &stages)?;
-            (built.template, Some((built.precision, built.organ)), Some(loaded), complete)
+            (
+                built.template,
+                Some((built.precision, built.organ, built.organ_scene)),
+                Some(loaded),
+                complete,
+            )
         }
     };
-    let (precision, organ) = told.unwrap_or_default();
+    let (precision, organ, scene) = told.unwrap_or_default();
     prepare_folder(parent)?;
+    let drawn = Drawn::of(&args.output);
     write_template(&args.output, &template)?;
+    drawn.keep(&options, reporter)?;
     if let Some(precision) = &precision {
         write_json(&args.output.join("precision.json"), precision)?;
     }
     write_pictures(&template, &pictures)?;
     if let Some(loaded) = &loaded {
         write_textures(&template, &loaded.frames, &loaded.valid, &pictures)?;
+        if let Some(scene) = scene {
+            with_photos(scene, &loaded.frames)?.write(&args.output.join(SCENE))?;
+        }
         if let Some(organ) = &organ {
             write_organ(organ, &loaded.frames, &args.output)?;
             if organ.open() || !args.organ.said(&options) {
@@ -209,6 +222,9 @@ fn from_frames(
     let exploration = exploration.metric(metric.as_ref().map(|m| &m.mesh)).also(&also);
     let names: Vec<&str> = loaded.frames.iter().map(|f| f.name.as_str()).collect();
     let poses = listed.map(|list| match_poses(&list, &names));
+    if let (Some(path), Some(poses)) = (&args.poses, &poses) {
+        some_pose(path, poses, &names)?;
+    }
     let keep = Keep::new(stages);
     let built = match (given, poses) {
         (Some(mesh), Some(poses)) => {
@@ -238,4 +254,16 @@ fn from_frames(
     let parted = built.organ.as_ref().is_none_or(|organ| !organ.open());
     let complete = built.rejected.is_empty() && loaded.complete && scaled && parted;
     Ok((built, loaded, complete))
+}
+
+/// Poses of other frames are named with their file.
+fn some_pose(path: &Path, poses: &[Option<Isometry>], names: &[&str]) -> anyhow::Result<()> {
+    if let (true, Some(first)) = (poses.iter().all(Option::is_none), names.first()) {
+        anyhow::bail!(
+            "{}: none of its poses is of one of the {} frames; expected image names or numbers as in {first}",
+            path.display(),
+            names.len()
+        );
+    }
+    Ok(())
 }

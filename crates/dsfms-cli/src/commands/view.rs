@@ -1,14 +1,18 @@
 //! `dsfms view`: the page of a report, template or mesh, from this machine to its own browser.
 
+mod http;
 mod live;
+mod organ;
 
 use crate::exit::Outcome;
 use crate::report::folder::Source;
 use anyhow::Context;
 use clap::Args;
+use http::{Answer, PATIENCE, Request};
 use live::{Look, Watched, live};
+use organ::Desk;
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::io::{Read, Write};
+use std::io::Write;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -25,7 +29,12 @@ Examples:
 Serves one page on 127.0.0.1 under an address that nobody can guess, until
 Ctrl-C. The page is made again when the files change, so a running `dsfms
 track` can be watched: who looks at its last frame goes on to the newest. Of a
-long clip every frame is there; they are sent when they are looked at.";
+long clip every frame is there; they are sent when they are looked at.
+
+Of a template whose organ was told from the frames, \"Organ\" leads to a page
+where strokes over the organ, and over what is not, give another outline in
+seconds. \"Save\" writes them to TEMPLATE/organ_scribbles.json, from which
+`dsfms template --organ-scribbles` builds that template.";
 
 /// Show an output folder, a template or a mesh in the browser.
 #[derive(Debug, Args)]
@@ -42,12 +51,6 @@ pub struct ViewArgs {
     port: u16,
 }
 
-/// Longest request that is read, bytes.
-const LONGEST_REQUEST: usize = 16384;
-/// A browser may open a connection and say nothing; a request must be whole by then.
-const PATIENCE: Duration = Duration::from_secs(10);
-/// An answer must have been taken by then.
-const LONGEST_ANSWER: Duration = Duration::from_secs(120);
 /// Connections at a time; more are closed unanswered.
 const MOST_CONNECTIONS: usize = 32;
 
@@ -63,7 +66,7 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<Outcome> {
     if !args.no_open {
         open(&url);
     }
-    serve(&listener, &Watched::new(&args.path), &root);
+    serve(&listener, &Served::of(&args.path), &root);
     Ok(Outcome::Ok)
 }
 
@@ -72,8 +75,8 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<Outcome> {
 pub fn serve_running(output: &Path, port: u16) -> anyhow::Result<String> {
     let (listener, root) = bound(port, "--view-port")?;
     let url = format!("http://{}{root}", listener.local_addr()?);
-    let watched = Watched::running(output);
-    std::thread::spawn(move || serve(&listener, &watched, &root));
+    let served = Served { watched: Watched::running(output), desk: Desk::of(output) };
+    std::thread::spawn(move || serve(&listener, &served, &root));
     // Over ssh the browser is on the other side.
     if std::env::var_os("SSH_CONNECTION").is_none() {
         open(&url);
@@ -89,7 +92,7 @@ fn bound(port: u16, option: &str) -> anyhow::Result<(TcpListener, String)> {
 }
 
 /// Answer, each connection on a thread of its own.
-fn serve(listener: &TcpListener, watched: &Watched, root: &str) {
+fn serve(listener: &TcpListener, served: &Served, root: &str) {
     let open = Arc::new(AtomicUsize::new(0));
     for stream in listener.incoming() {
         let Ok(stream) = stream else {
@@ -101,11 +104,11 @@ fn serve(listener: &TcpListener, watched: &Watched, root: &str) {
         if open.fetch_add(1, Ordering::SeqCst) >= MOST_CONNECTIONS {
             continue;
         }
-        let (watched, root) = (watched.clone(), root.to_owned());
+        let (served, root) = (served.clone(), root.to_owned());
         std::thread::spawn(move || {
             let _place = place;
             // A browser that went away is no concern of the next one.
-            answer(stream, &watched, &root).ok();
+            answer(stream, &served, &root).ok();
         });
     }
 }
@@ -136,37 +139,74 @@ fn open(url: &str) {
     let _ = browser.args(arguments).arg(url).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
 }
 
-/// A request, as far as it matters.
-struct Request {
-    method: String,
-    target: String,
-    /// Of every `Host` header.
-    hosts: Vec<String>,
+/// The page of a run that has no frame yet; it asks again by itself.
+const WAITING: &str = "<!DOCTYPE html><html lang=\"en\"><meta charset=\"utf-8\">\
+    <meta http-equiv=\"refresh\" content=\"1\"><title>dsfms track</title><body>No frame yet.</body></html>";
+
+/// What is served: a page that follows its files, and the organ's page of a template.
+#[derive(Clone)]
+struct Served {
+    watched: Watched,
+    desk: Desk,
 }
 
-fn answer(mut stream: TcpStream, watched: &Watched, root: &str) -> anyhow::Result<()> {
+impl Served {
+    fn of(path: &Path) -> Self {
+        Self { watched: Watched::new(path), desk: Desk::of(path) }
+    }
+}
+
+fn answer(mut stream: TcpStream, served: &Served, root: &str) -> anyhow::Result<()> {
     let port = stream.local_addr()?.port();
-    let Request { method, target, hosts } = request(&stream, Instant::now() + PATIENCE)?;
-    // A page of elsewhere whose name was made to point here says its own name.
-    if !own_host(&hosts, port) {
-        return respond(&mut stream, "421 Misdirected Request", "text/plain", "not here\n");
-    }
-    if method != "GET" {
-        return respond(&mut stream, "405 Method Not Allowed", "text/plain", "");
-    }
-    let Some(wanted) = target.strip_prefix(root).and_then(Wanted::of) else {
-        return respond(&mut stream, "404 Not Found", "text/plain", "not here\n");
+    let end = Instant::now() + PATIENCE;
+    let request = Request::read(&stream, end)?;
+    let found = if !request.is_for(port) {
+        Ok(Answer::text("421 Misdirected Request", "not here\n"))
+    } else {
+        let wanted = request.target.strip_prefix(root).map(str::to_owned);
+        match (request.method.as_str(), wanted) {
+            ("GET", Some(wanted)) => got(served, &wanted),
+            ("POST", Some(wanted)) if request.is_own(port) => {
+                posted(served, &wanted, request, &stream, end)
+            }
+            ("GET" | "POST", None) => Ok(missing()),
+            _ => Ok(Answer::text("405 Method Not Allowed", "")),
+        }
     };
-    match watched.look().and_then(|look| wanted.body(&look)) {
-        Ok(Some((kind, body))) => respond(&mut stream, "200 OK", kind, &body),
-        Ok(None) => respond(&mut stream, "404 Not Found", "text/plain", "no such frame\n"),
-        Err(_) if watched.runs() && matches!(wanted, Wanted::Page) => {
-            respond(&mut stream, "200 OK", "text/html; charset=utf-8", WAITING)
+    let failed = |error| Answer::text("500 Internal Server Error", crate::exit::describe(&error));
+    found.unwrap_or_else(failed).send(&mut stream)
+}
+
+fn missing() -> Answer {
+    Answer::text("404 Not Found", "not here\n")
+}
+
+fn got(served: &Served, wanted: &str) -> anyhow::Result<Answer> {
+    if let Some(rest) = wanted.strip_prefix("organ") {
+        return Ok(served.desk.get(rest)?.unwrap_or_else(missing));
+    }
+    let Some(wanted) = Wanted::of(wanted) else { return Ok(missing()) };
+    let look = match served.watched.look() {
+        Err(_) if served.watched.runs() && matches!(wanted, Wanted::Page) => {
+            return Ok(Answer::ok("text/html; charset=utf-8", WAITING));
         }
-        Err(error) => {
-            let text = crate::exit::describe(&error);
-            respond(&mut stream, "500 Internal Server Error", "text/plain; charset=utf-8", &text)
-        }
+        look => look?,
+    };
+    let found = wanted.body(&look, served.desk.is_there())?;
+    Ok(found.map_or_else(missing, |(kind, body)| Answer::ok(kind, body)))
+}
+
+fn posted(
+    served: &Served,
+    wanted: &str,
+    request: Request,
+    stream: &TcpStream,
+    end: Instant,
+) -> anyhow::Result<Answer> {
+    let Some(rest) = wanted.strip_prefix("organ") else { return Ok(missing()) };
+    match request.body(stream, end) {
+        Ok(body) => Ok(served.desk.post(rest, &body)?.unwrap_or_else(missing)),
+        Err(status) => Ok(Answer::text(status, "")),
     }
 }
 
@@ -188,10 +228,10 @@ impl<'a> Wanted<'a> {
     }
 
     /// Its type and text; `None` where the source has no such frame.
-    fn body(&self, look: &Look) -> anyhow::Result<Option<(&'static str, String)>> {
+    fn body(&self, look: &Look, organ: bool) -> anyhow::Result<Option<(&'static str, String)>> {
         Ok(match self {
             Self::Page => {
-                let page = live(&look.source.html()?, &look.version);
+                let page = live(&look.source.html()?, &look.version, organ);
                 Some(("text/html; charset=utf-8", page))
             }
             Self::Version => Some(("text/plain", look.version.clone())),
@@ -202,63 +242,10 @@ impl<'a> Wanted<'a> {
     }
 }
 
-/// Whether a request says once for whom it is, and that this is this server.
-fn own_host(hosts: &[String], port: u16) -> bool {
-    let own = [format!("127.0.0.1:{port}"), format!("localhost:{port}")];
-    matches!(hosts, [host] if own.iter().any(|own| own.eq_ignore_ascii_case(host)))
-}
-
-/// Read a request, which must be whole by `end` however it dribbles in.
-fn request(stream: &TcpStream, end: Instant) -> anyhow::Result<Request> {
-    let mut bytes: Vec<u8> = Vec::new();
-    let mut chunk = [0; 2048];
-    while !bytes.windows(4).any(|w| w == b"\r\n\r\n") {
-        let left = end.saturating_duration_since(Instant::now());
-        anyhow::ensure!(!left.is_zero() && bytes.len() <= LONGEST_REQUEST, "slow or long request");
-        stream.set_read_timeout(Some(left))?;
-        let count = (&*stream).read(&mut chunk)?;
-        anyhow::ensure!(count > 0, "the connection ended within the request");
-        bytes.extend(&chunk[..count]);
-    }
-    let text = String::from_utf8_lossy(&bytes);
-    let mut lines = text.split("\r\n");
-    let mut words = lines.next().unwrap_or_default().split_whitespace();
-    let mut word = || words.next().unwrap_or_default().to_owned();
-    let header = |line: &str| {
-        let (name, value) = line.split_once(':')?;
-        name.eq_ignore_ascii_case("host").then(|| value.trim().to_owned())
-    };
-    let (method, target) = (word(), word());
-    let hosts = lines.take_while(|line| !line.is_empty()).filter_map(header).collect();
-    Ok(Request { method, target, hosts })
-}
-
-fn respond(stream: &mut TcpStream, status: &str, kind: &str, body: &str) -> anyhow::Result<()> {
-    let head = format!(
-        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\n\
-         Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\r\n",
-        body.len()
-    );
-    let end = Instant::now() + LONGEST_ANSWER;
-    for part in head.as_bytes().chunks(CHUNK).chain(body.as_bytes().chunks(CHUNK)) {
-        let left = end.saturating_duration_since(Instant::now());
-        anyhow::ensure!(!left.is_zero(), "slow reader");
-        stream.set_write_timeout(Some(left.min(PATIENCE)))?;
-        stream.write_all(part)?;
-    }
-    Ok(stream.flush()?)
-}
-
-/// The page of a run that has no frame yet; it asks again by itself.
-const WAITING: &str = "<!DOCTYPE html><html lang=\"en\"><meta charset=\"utf-8\">\
-    <meta http-equiv=\"refresh\" content=\"1\"><title>dsfms track</title><body>No frame yet.</body></html>";
-
-/// Bytes written between two looks at the clock.
-const CHUNK: usize = 1 << 16;
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::Read;
 
     #[test]
     fn tokens_differ() {
@@ -273,7 +260,7 @@ mod tests {
         std::fs::write(&page, "<body>here</body>").unwrap();
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let address = listener.local_addr().unwrap();
-        std::thread::spawn(move || serve(&listener, &Watched::new(&page), "/secret/"));
+        std::thread::spawn(move || serve(&listener, &Served::of(&page), "/secret/"));
         let port = address.port();
         let to = |host: &str, line: &str| {
             let mut stream = TcpStream::connect(address).unwrap();
@@ -307,29 +294,52 @@ mod tests {
         }
     }
 
-    /// A sender that dribbles is cut off although it never pauses for long.
     #[test]
-    fn slow_senders_are_cut_off() {
+    fn the_organ_is_drawn_by_its_own_page_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("report.html"), "<body>here</body>").unwrap();
+        let scene = folder.path().join(crate::commands::template::scene::SCENE);
+        organ::tests::scene().write(&scene).unwrap();
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-        let mut sender = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
-        let stream = listener.accept().unwrap().0;
-        let dribble = std::thread::spawn(move || {
-            for _ in 0..200 {
-                if sender.write_all(b"G").is_err() {
-                    return;
-                }
-                std::thread::sleep(Duration::from_millis(20));
-            }
-        });
-        let begin = Instant::now();
-        assert!(request(&stream, begin + Duration::from_millis(300)).is_err());
-        assert!(begin.elapsed() < Duration::from_secs(3), "{:?}", begin.elapsed());
-        drop(stream);
-        dribble.join().unwrap();
-        let mut sender = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
-        let stream = listener.accept().unwrap().0;
-        sender.write_all(&[b'x'; 20_000]).unwrap();
-        assert!(request(&stream, Instant::now() + PATIENCE).is_err(), "a long request");
+        let address = listener.local_addr().unwrap();
+        let path = folder.path().to_path_buf();
+        std::thread::spawn(move || serve(&listener, &Served::of(&path), "/secret/"));
+        let ask = |line: &str, head: &str, body: &str| {
+            let mut stream = TcpStream::connect(address).unwrap();
+            let length = format!("Content-Length: {}\r\n", body.len());
+            write!(stream, "{line} HTTP/1.1\r\nHost: {address}\r\n{length}{head}\r\n{body}")
+                .unwrap();
+            let mut text = Vec::new();
+            stream.read_to_end(&mut text).unwrap();
+            String::from_utf8_lossy(&text).into_owned()
+        };
+        assert!(
+            ask("GET /secret/", "", "").contains("\"true\" === \"true\""),
+            "the page leads to it"
+        );
+        assert!(ask("GET /secret/organ", "", "").contains("<canvas"));
+        assert!(ask("GET /secret/organ/photo/0", "", "").contains("image/jpeg"));
+        let (json, none) = ("Content-Type: application/json\r\n", "{\"strokes\": []}");
+        let part = ask("POST /secret/organ/part", json, none);
+        assert!(part.starts_with("HTTP/1.1 200") && part.contains("\"runs\""), "{part}");
+        // Without the token, as a form of elsewhere would send it, from elsewhere, to what takes nothing.
+        assert!(ask("POST /organ/part", json, none).starts_with("HTTP/1.1 404"));
+        let form = "Content-Type: text/plain\r\n";
+        assert!(ask("POST /secret/organ/part", form, none).starts_with("HTTP/1.1 405"));
+        let evil = format!("{json}Origin: https://evil.example\r\n");
+        assert!(ask("POST /secret/organ/save", &evil, none).starts_with("HTTP/1.1 405"));
+        for odd in ["POST /secret/", "POST /secret/organ", "POST /secret/organ/scene"] {
+            assert!(ask(odd, json, none).starts_with("HTTP/1.1 404"), "{odd}");
+        }
+        assert!(ask("PUT /secret/organ/save", json, none).starts_with("HTTP/1.1 405"));
+        let mut stream = TcpStream::connect(address).unwrap();
+        let head = format!("{json}Content-Length: {}\r\n", http::LONGEST_BODY + 1);
+        write!(stream, "POST /secret/organ/save HTTP/1.1\r\nHost: {address}\r\n{head}\r\n")
+            .unwrap();
+        let mut text = String::new();
+        stream.read_to_string(&mut text).unwrap();
+        assert!(text.starts_with("HTTP/1.1 413"), "{text}");
+        assert!(!folder.path().join("organ_scribbles.json").exists());
     }
 
     #[test]
@@ -339,7 +349,7 @@ mod tests {
         std::fs::write(&page, "<body>here</body>").unwrap();
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let address = listener.local_addr().unwrap();
-        std::thread::spawn(move || serve(&listener, &Watched::new(&page), "/secret/"));
+        std::thread::spawn(move || serve(&listener, &Served::of(&page), "/secret/"));
         let ask = || {
             let mut stream = TcpStream::connect(address).unwrap();
             stream.set_read_timeout(Some(Duration::from_secs(5))).unwrap();

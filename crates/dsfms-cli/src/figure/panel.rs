@@ -1,6 +1,6 @@
 //! One panel of a figure: a surface from one side in one of its colourings.
 
-use crate::draw::{self, SideView};
+use crate::draw::{self, SideView, Window};
 use dsfms::geometry::Vector3;
 use dsfms::io::mesh::MeshFile;
 use dsfms::mesh::Mesh;
@@ -11,7 +11,7 @@ use image::RgbImage;
 
 const PAPER: [u8; 3] = [255; 3];
 /// What the camera did not see.
-const UNSEEN: [f64; 3] = [150.0, 153.0, 158.0];
+pub const UNSEEN: [u8; 3] = [150, 153, 158];
 
 /// Where the viewer stands, degrees from the laparoscope.
 #[derive(Clone, Debug)]
@@ -30,62 +30,78 @@ pub enum Layer {
 }
 
 /// One surface.
-pub struct Row {
+pub struct Surface {
     pub name: String,
     pub file: MeshFile,
     /// Error or expected error per vertex.
     pub values: Option<Vec<f64>>,
     /// Hidden structures.
     pub structures: Vec<Mesh>,
+    /// It has no error: the others are measured by it.
+    pub is_truth: bool,
 }
 
-/// What all panels share.
-#[derive(Clone, Copy)]
-pub struct Scale {
-    /// Side of a panel, px.
-    pub panel: u32,
+/// What all panels of a look share.
+pub struct Shown<'a> {
+    /// Fixes where the viewer stands.
+    pub first: &'a Surface,
+    pub layer: Layer,
+    pub view: &'a View,
+    /// What of the view is shown, px of the panel, and px per length unit.
+    pub window: Window,
+    pub size: [u32; 2],
+    pub scale: f64,
+    pub template: Option<&'a Template>,
     /// Error at the end of the ramp.
     pub limit: f64,
-    /// Half a panel, length units.
-    pub reach: f64,
+}
+
+/// The window of a view that holds all surfaces, and a little more.
+pub fn window(surfaces: &[Surface], view: &View) -> Window {
+    let all = surfaces.iter().map(|s| &s.file.mesh.positions[..]);
+    let first = &surfaces[0].file.mesh.positions;
+    let mut window = SideView::window(first, all, [view.yaw, view.pitch]);
+    for k in 0..2 {
+        let margin = 0.02 * (window.high[k] - window.low[k]).max(1e-9);
+        window.low[k] -= margin;
+        window.high[k] += margin;
+    }
+    window
 }
 
 /// One panel, drawn twice as large and halved, which smooths its edges.
-pub fn panel(
-    first: &Row,
-    row: &Row,
-    (layer, view): (Layer, &View),
-    template: Option<&Template>,
-    scale: Scale,
-) -> RgbImage {
-    let camera = camera(first, view, 2 * scale.panel as usize, scale.reach);
-    let mesh = &row.file.mesh;
+pub fn panel(shown: &Shown, surface: &Surface) -> RgbImage {
+    let turned = [shown.view.yaw, shown.view.pitch];
+    let size = shown.size.map(|n| 2 * n as usize);
+    let first = &shown.first.file.mesh.positions;
+    let camera = SideView::through(first, turned, shown.window, size, 2.0 * shown.scale);
+    let mesh = &surface.file.mesh;
     let faces = &mesh.topology.faces;
-    let texels = template.and_then(|t| t.albedo.as_ref());
-    let visible = row.file.attributes.get("visible");
+    let texels = shown.template.and_then(|t| t.albedo.as_ref());
+    let visible = surface.file.attributes.get("visible");
     let seen = |face: usize| {
         visible.is_none_or(|v| faces[face].iter().all(|&corner| v[corner as usize] != 0.0))
     };
-    let colour = |face: usize, w: [f64; 3]| match (layer, texels, &row.values) {
+    let colour = |face: usize, w: [f64; 3]| match (shown.layer, texels, &surface.values) {
         (Layer::Albedo, Some(texels), _) => display(texels.at(face, w)),
         (Layer::Error, _, Some(values)) => {
             let value: f64 = faces[face].iter().zip(w).map(|(&v, w)| w * values[v as usize]).sum();
-            draw::error_colour(value, scale.limit).map(f64::from)
+            draw::error_colour(value, shown.limit).map(f64::from)
         }
-        _ if !seen(face) => UNSEEN,
+        _ if !seen(face) => UNSEEN.map(f64::from),
         _ => draw::CLAY.map(f64::from),
     };
     let mut large = camera.render_with(&mesh.topology, &mesh.positions, PAPER, colour);
-    if layer == Layer::Shape {
-        let surface = camera.raster(&mesh.topology, &mesh.positions);
-        for (structure, colour) in
-            row.structures.iter().zip(crate::structures::COLOURS.iter().cycle())
-        {
-            draw_structure(&mut large, &camera, &surface, structure, *colour, scale.reach);
+    if shown.layer == Layer::Shape {
+        let under = camera.raster(&mesh.topology, &mesh.positions);
+        let extent = shown.window.size().into_iter().fold(0.0, f64::max);
+        let colours = crate::structures::COLOURS.iter().cycle();
+        for (structure, colour) in surface.structures.iter().zip(colours) {
+            draw_structure(&mut large, &camera, &under, structure, *colour, 0.5 * extent);
         }
     }
     let filter = image::imageops::FilterType::Triangle;
-    image::imageops::resize(&large, scale.panel, scale.panel, filter)
+    image::imageops::resize(&large, shown.size[0], shown.size[1], filter)
 }
 
 /// A structure through the surface, fainter the deeper it lies under it.
@@ -113,17 +129,6 @@ fn draw_structure(
         };
         draw::blend(picture, (i % width) as i64, (i / width) as i64, shaded, opacity);
     }
-}
-
-/// All rows are seen from the place that the first one fixes.
-pub fn camera(first: &Row, view: &View, side: usize, reach: f64) -> SideView {
-    SideView::fitted(&first.file.mesh.positions, [side, side], view.yaw, view.pitch, reach)
-}
-
-/// One scale for all panels.
-pub fn reach(views: &[View], rows: &[Row]) -> f64 {
-    let of = |r: &Row, v: &View| SideView::reach(&r.file.mesh.positions, v.yaw, v.pitch);
-    rows.iter().flat_map(|r| views.iter().map(move |v| of(r, v))).fold(0.0, f64::max)
 }
 
 /// Linear light for a screen; an albedo of one half looks bright.

@@ -1,8 +1,9 @@
 //! A calibration to look at: the corners found in an image, and what is left of all of them.
 
-use super::plot::{Area, GRID, INK, PAPER, frame, round_length, series};
-use super::text::text;
+use super::TEXT;
 use crate::draw::{dot, line, picture};
+use crate::sheet::colours::{round_down, series};
+use crate::sheet::{Anchor, Ink, Item, Place, Sheet, font, raster};
 use dsfms::calibrate::{BoardView, Calibration};
 use dsfms::geometry::{Point2, Vector2};
 use dsfms::image::Frame;
@@ -26,14 +27,20 @@ pub fn corners(image: &Frame, view: &BoardView) -> RgbImage {
         line(&mut canvas, corner.pixel, corner.pixel + residual * magnified, [255, 40, 40], 1.0);
     }
     let (rms, count) = (view.rms_px(), view.corners.len());
-    let words = format!("{count} corners, rms {rms:.3} px, residuals x{magnified:.0}");
-    shadowed(&mut canvas, 8, 8, &words);
+    let words = format!("{count} corners, rms {rms:.3} px, residuals ×{magnified:.0}");
+    labelled(&mut canvas, &words);
     canvas
 }
 
-fn shadowed(canvas: &mut RgbImage, x: i64, y: i64, words: &str) {
-    text(canvas, x + 1, y + 1, words, [0; 3]);
-    text(canvas, x, y, words, [255; 3]);
+/// Words on a white strip in the upper left corner, as large as the picture asks for.
+fn labelled(canvas: &mut RgbImage, words: &str) {
+    let size = TEXT.max(f64::from(canvas.width()) / 64.0);
+    let strip = [font::width(words, size) + size, 1.6 * size];
+    let items = [
+        Item::block([0.0, 0.0], strip, Ink::Rgb([255; 3])),
+        Item::text([0.5 * size, 1.15 * size], Anchor::Start, size, words),
+    ];
+    raster::draw(canvas, &items, 1.0);
 }
 
 /// A round factor that makes the large residuals about [`REACH`] long.
@@ -41,68 +48,98 @@ fn magnification<'a>(residuals: impl Iterator<Item = &'a Vector2>) -> f64 {
     let mut lengths: Vec<f64> = residuals.map(|r| r.norm()).collect();
     lengths.sort_by(f64::total_cmp);
     let large = lengths.get(lengths.len() * 95 / 100).copied().unwrap_or(1.0).max(1e-6);
-    round_length(REACH / large)
+    round_down(REACH / large)
 }
 
 /// Left: where the corners of all images lie, with magnified residuals. Right: the residuals
 /// themselves around zero.
 pub fn residuals(calibration: &Calibration) -> RgbImage {
     const WIDTH: f64 = 800.0;
-    const TOP: u32 = 40;
-    const MARGIN: u32 = 20;
+    const TOP: f64 = 40.0;
+    const MARGIN: f64 = 20.0;
     let [w, h] = calibration.camera.size.map(|n| n as f64);
     let scale = WIDTH / w;
-    let high = (h * scale).max(360.0) as u32;
-    let image = Area { x: MARGIN, y: TOP, width: WIDTH as u32, height: (h * scale) as u32 };
-    let cloud = Area { x: image.x + image.width + 2 * MARGIN, y: TOP, width: high, height: high };
-    let size = (cloud.x + cloud.width + MARGIN, TOP + high + 2 * MARGIN);
-    let mut canvas = RgbImage::from_pixel(size.0, size.1, image::Rgb(PAPER));
-    coverage(&mut canvas, image, calibration, scale);
-    scatter(&mut canvas, cloud, calibration);
-    canvas
+    let high = (h * scale).max(360.0).round();
+    let image = Area { at: [MARGIN, TOP], size: [WIDTH, h * scale] };
+    let cloud = Area { at: [WIDTH + 3.0 * MARGIN, TOP], size: [high, high] };
+    let size = [cloud.at[0] + high + MARGIN, TOP + high + 2.0 * MARGIN];
+    let mut sheet = Sheet::in_pixels(size[0] as u32, size[1] as u32);
+    sheet.items.extend(coverage(image, calibration, scale));
+    sheet.items.extend(scatter(cloud, calibration));
+    raster::pixels(&sheet, 1.0)
 }
 
-fn coverage(canvas: &mut RgbImage, area: Area, calibration: &Calibration, scale: f64) {
-    frame(canvas, area, INK);
+/// A place on the sheet.
+#[derive(Clone, Copy)]
+struct Area {
+    at: Place,
+    size: Place,
+}
+
+impl Area {
+    /// A point from fractions of the area, v downwards.
+    fn point(&self, u: f64, v: f64) -> Place {
+        [self.at[0] + u * self.size[0], self.at[1] + v * self.size[1]]
+    }
+
+    fn title(&self, words: String) -> Item {
+        Item::text([self.at[0], self.at[1] - 12.0], Anchor::Start, TEXT, words)
+    }
+}
+
+fn colour(k: usize) -> Ink {
+    Ink::Rgb(series(k))
+}
+
+fn coverage(area: Area, calibration: &Calibration, scale: f64) -> Vec<Item> {
+    let mut items = vec![Item::frame(area.at, area.size, 1.0, Ink::Text)];
     let magnified = magnification(calibration.views.iter().flat_map(|v| &v.residuals));
-    let on = |p: Point2| Point2::from(p.coords * scale + area.at(0.0, 0.0).coords);
+    let on = |p: Point2| [area.at[0] + p.x * scale, area.at[1] + p.y * scale];
     let [cx, cy] = calibration.camera.centre;
-    let centre = on(Point2::new(cx, cy));
-    for arm in [Vector2::new(8.0, 0.0), Vector2::new(0.0, 8.0)] {
-        line(canvas, centre - arm, centre + arm, INK, 1.0);
+    let [x, y] = on(Point2::new(cx, cy));
+    for [dx, dy] in [[8.0, 0.0], [0.0, 8.0]] {
+        let arm = vec![[x - dx, y - dy], [x + dx, y + dy]];
+        items.push(Item::line(arm, 1.5, Ink::Text));
     }
     for (k, view) in calibration.views.iter().enumerate() {
         for (corner, residual) in view.corners.iter().zip(&view.residuals) {
-            let p = on(corner.pixel);
-            dot(canvas, p, 1.2, series(k), 0.9);
-            line(canvas, p, p + residual * magnified, series(k), 0.8);
+            let at = on(corner.pixel);
+            let end = [at[0] + residual.x * magnified, at[1] + residual.y * magnified];
+            items.push(Item::Disc { at, radius: 1.6, ink: colour(k) });
+            items.push(Item::line(vec![at, end], 1.0, colour(k)));
         }
     }
     let n = calibration.views.len();
-    let words = format!("corners of {n} images, residuals x{magnified:.0}; cross: principal point");
-    text(canvas, i64::from(area.x), 14, &words, INK);
+    let words = format!("corners of {n} images, residuals ×{magnified:.0}; cross: principal point");
+    items.push(area.title(words));
+    items
 }
 
-fn scatter(canvas: &mut RgbImage, area: Area, calibration: &Calibration) {
-    frame(canvas, area, INK);
+fn scatter(area: Area, calibration: &Calibration) -> Vec<Item> {
+    let mut items = vec![Item::frame(area.at, area.size, 1.0, Ink::Text)];
     let rms = calibration.rms_px();
     // Nearly all of a Gaussian cloud; the rest is drawn on the rim.
-    let full = round_length((4.5 * rms).max(1e-6));
+    let full = round_down((4.5 * rms).max(1e-6));
     for k in 1..4 {
         let t = f64::from(k) / 4.0;
-        line(canvas, area.at(t, 0.0), area.at(t, 1.0), GRID, 1.0);
-        line(canvas, area.at(0.0, t), area.at(1.0, t), GRID, 1.0);
+        for ends in
+            [[area.point(t, 0.0), area.point(t, 1.0)], [area.point(0.0, t), area.point(1.0, t)]]
+        {
+            items.push(Item::line(ends.to_vec(), 1.0, Ink::Grid));
+        }
     }
     for (k, view) in calibration.views.iter().enumerate() {
         for r in &view.residuals {
             let [u, v] = [r.x, r.y].map(|d| (0.5 + 0.5 * d / full).clamp(0.0, 1.0));
-            dot(canvas, area.at(u, v), 1.5, series(k), 0.7);
+            items.push(Item::Disc { at: area.point(u, v), radius: 2.0, ink: colour(k) });
         }
     }
-    let words = format!("residuals +-{full} px, rms {rms:.3} px");
-    text(canvas, i64::from(area.x), 14, &words, INK);
-    text(canvas, i64::from(area.x), i64::from(area.y + area.height) + 4, &format!("-{full}"), INK);
-    let right = format!("{full} px");
-    let x = i64::from(area.x + area.width) - super::text::width(&right);
-    text(canvas, x, i64::from(area.y + area.height) + 4, &right, INK);
+    items.push(area.title(format!("residuals ±{full} px, rms {rms:.3} px")));
+    for (u, anchor, words) in
+        [(0.0, Anchor::Start, format!("−{full}")), (1.0, Anchor::End, format!("{full} px"))]
+    {
+        let [x, y] = area.point(u, 1.0);
+        items.push(Item::text([x, y + 1.2 * TEXT], anchor, TEXT, words));
+    }
+    items
 }

@@ -2,7 +2,8 @@
 
 pub mod calibration;
 pub mod organ;
-pub mod plot;
 pub mod preoperative;
 pub mod template;
-pub mod text;
+
+/// Size of the letters, px.
+const TEXT: f64 = 15.0;

@@ -1,8 +1,10 @@
 //! A preoperative surface on a template, from three sides.
 
-use super::text::{HEIGHT, text, width};
+use super::TEXT;
 use crate::commands::register_ct::Carried;
-use crate::draw::{CLAY, PAPER, SideView, blend, error_colour};
+use crate::draw::{CLAY, SideView, blend, error_colour};
+use crate::sheet::legend::ColourBar;
+use crate::sheet::{Anchor, Ink, Item, Sheet, raster};
 use crate::structures::COLOURS;
 use dsfms::geometry::{Isometry, Point3, Vector3};
 use dsfms::mesh::Mesh;
@@ -10,17 +12,18 @@ use dsfms::mesh::normals::vertex_normals;
 use dsfms::nalgebra::{Translation3, UnitQuaternion};
 use dsfms::preoperative::Preoperative;
 use dsfms::raster::Raster;
-use image::imageops::replace;
-use image::{Rgb, RgbImage};
+use image::RgbImage;
 
 /// Side of a panel, and height of the line of text under them, px.
 const PANEL: u32 = 420;
-const LINE: u32 = HEIGHT + 10;
+const LINE: u32 = 26;
+/// Height of the legend, px.
+const LEGEND: u32 = 46;
+const PAPER: [u8; 3] = [255; 3];
 /// Turned to the right and upwards, degrees: from the front, from the side, from above.
 const SIDES: [(&str, f64, f64); 3] =
     [("front", 0.0, 0.0), ("side", 75.0, 0.0), ("above", 0.0, 75.0)];
 const CT: [u8; 3] = [86, 140, 190];
-const INK: [u8; 3] = [40, 44, 50];
 /// No partner on the other surface.
 const ALONE: [f64; 3] = [200.0, 90.0, 160.0];
 
@@ -36,8 +39,7 @@ pub struct Shown<'a> {
 /// Above: the CT surface (blue, see-through) over the template (clay) and the structures; below: the template
 /// with its distances from the CT surface.
 pub fn draw(shown: &Shown) -> RgbImage {
-    let width_px = PANEL * SIDES.len() as u32;
-    let mut page = RgbImage::from_pixel(width_px, 2 * (PANEL + LINE), Rgb(PAPER));
+    let mut sheet = Sheet::in_pixels(PANEL * SIDES.len() as u32, 2 * PANEL + LINE + LEGEND);
     let turn = facing(shown.template);
     let turned = |points: &[Point3]| points.iter().map(|p| turn * p).collect::<Vec<_>>();
     let (template, ct) = (turned(&shown.template.positions), turned(&shown.found.vertices));
@@ -48,21 +50,38 @@ pub fn draw(shown: &Shown) -> RgbImage {
         let reach = SideView::reach(&ct, yaw, pitch).max(SideView::reach(&template, yaw, pitch));
         let view = SideView::fitted(&ct, [PANEL as usize; 2], yaw, pitch, 1.05 * reach);
         let overlay = overlaid(shown, &view, &template, &ct, &structures);
-        replace(&mut page, &overlay, i64::from(k * PANEL), 0);
+        sheet.put([k * PANEL, 0], overlay);
         let coloured = distances(shown, &view, &template, &values, full);
-        replace(&mut page, &coloured, i64::from(k * PANEL), i64::from(PANEL + LINE));
-        label(&mut page, k * PANEL + PANEL / 2, PANEL + 4, name);
+        sheet.put([k * PANEL, PANEL + LINE], coloured);
+        let middle = f64::from(k * PANEL + PANEL / 2);
+        sheet.write([middle, f64::from(PANEL) + 17.0], Anchor::Middle, TEXT, name);
     }
-    let words = format!(
-        "distance template to CT: 0 (dark) to {full:.1} mm (yellow); pink: no partner; rms {:.2} mm",
-        shown.found.bent.unwrap_or(shown.found.rigid).rms
-    );
-    label(&mut page, width_px / 2, 2 * PANEL + LINE + 4, &words);
-    page
+    sheet.items.extend(legend(shown, full));
+    raster::pixels(&sheet, 1.0)
 }
 
-fn label(page: &mut RgbImage, middle: u32, y: u32, words: &str) {
-    text(page, i64::from(middle) - width(words) / 2, i64::from(y), words, INK);
+/// What the colours of the lower row mean.
+fn legend(shown: &Shown, full: f64) -> Vec<Item> {
+    let y = f64::from(2 * PANEL + LINE) + 8.0;
+    let rms = shown.found.bent.unwrap_or(shown.found.rigid).rms;
+    let words = format!("distance from the template to CT, rms {rms:.2} mm");
+    let bar = ColourBar {
+        at: [430.0, y],
+        size: [360.0, 14.0],
+        colour: &|t| error_colour(t, 1.0),
+        ticks: &[
+            (0.0, "0".into()),
+            (0.5, format!("{:.1}", 0.5 * full)),
+            (1.0, format!("≥{full:.1} mm")),
+        ],
+        text: TEXT,
+    };
+    let mut items = bar.items();
+    items.push(Item::text([410.0, y + 12.0], Anchor::End, TEXT, words));
+    let alone = ALONE.map(|v| v as u8);
+    items.push(Item::block([850.0, y], [14.0, 14.0], Ink::Rgb(alone)));
+    items.push(Item::text([872.0, y + 12.0], Anchor::Start, TEXT, "no partner on the CT surface"));
+    items
 }
 
 /// Turns what the template shows towards the viewer (−z).

@@ -1,9 +1,11 @@
 //! A template to look at: distortion of the flattening, albedo and its spread over the charts.
 
-use super::plot::{Area, INK, PAPER, colour_bar, diverging};
-use super::text::text;
+use super::TEXT;
 use crate::draw::{error_colour, line};
 use crate::outputs::{prepare_folder, write_png};
+use crate::sheet::colours::{INK, diverging};
+use crate::sheet::legend::ColourBar;
+use crate::sheet::{Anchor, Item, raster};
 use anyhow::Context;
 use dsfms::camera::PosedFrame;
 use dsfms::geometry::{Point2, Vector2, barycentric};
@@ -27,6 +29,7 @@ const MARGIN: u32 = 20;
 const BAR: u32 = 110;
 /// Where fewer than two views saw the surface.
 const UNSEEN: [u8; 3] = [205, 208, 214];
+const PAPER: [u8; 3] = [255; 3];
 const SEAM: [u8; 3] = [0, 158, 115];
 const FLIPPED: [u8; 3] = [255, 0, 255];
 
@@ -114,13 +117,16 @@ fn atlas(
 /// side.
 struct Charts<'a> {
     map: &'a Flattening,
-    area: Area,
+    /// Left end, upper end and height, px.
+    left: u32,
+    top: u32,
+    high: u32,
 }
 
 impl<'a> Charts<'a> {
     fn new(map: &'a Flattening, column: u32) -> Self {
-        let x = MARGIN + column * (SIDE + BAR + MARGIN);
-        Self { map, area: Area { x, y: TOP, width: SIDE, height: Self::height(map) } }
+        let left = MARGIN + column * (SIDE + BAR + MARGIN);
+        Self { map, left, top: TOP, high: Self::height(map) }
     }
 
     fn height(map: &Flattening) -> u32 {
@@ -134,7 +140,7 @@ impl<'a> Charts<'a> {
     }
 
     fn corners(&self, face: usize) -> [Point2; 3] {
-        let [x, y] = [self.area.x, self.area.y + self.area.height].map(f64::from);
+        let [x, y] = [self.left, self.top + self.high].map(f64::from);
         self.map.corners[face]
             .map(|p| Point2::new(x, y) + Vector2::new(p.x, -p.y) * f64::from(SIDE))
     }
@@ -180,14 +186,15 @@ impl<'a> Charts<'a> {
     }
 
     fn bar(&self, canvas: &mut RgbImage, colour: impl Fn(f64) -> [u8; 3], ticks: &[(f64, String)]) {
-        let x = self.area.x + SIDE + 14;
-        let height = self.area.height * 3 / 4;
-        let area = Area { x, y: TOP + (self.area.height - height) / 2, width: 18, height };
-        colour_bar(canvas, area, colour, ticks);
+        let high = 0.75 * f64::from(self.high);
+        let at = [f64::from(self.left + SIDE + 14), f64::from(TOP) + high / 6.0];
+        let bar = ColourBar { at, size: [18.0, high], colour: &colour, ticks, text: TEXT };
+        raster::draw(canvas, &bar.items(), 1.0);
     }
 
     fn title(&self, canvas: &mut RgbImage, words: &str) {
-        text(canvas, i64::from(self.area.x), 16, words, INK);
+        let at = [f64::from(self.left), 28.0];
+        raster::draw(canvas, &[Item::text(at, Anchor::Start, TEXT, words)], 1.0);
     }
 }
 
@@ -207,7 +214,7 @@ fn flattening(template: &Template, map: &Flattening) -> RgbImage {
     let own = |f: usize, c: [u8; 3]| if folded[f] { FLIPPED } else { c };
     left.fill(&mut canvas, |f, _| own(f, diverging(map.log_area[f] / full)));
     left.lines(&mut canvas, template);
-    let factor = |t: f64| format!("x{:.2}", (full * (2.0 * t - 1.0)).exp());
+    let factor = |t: f64| format!("×{:.2}", (full * (2.0 * t - 1.0)).exp());
     let ticks: Vec<_> = [0.0, 0.25, 0.5, 0.75, 1.0].map(|t| (t, factor(t))).to_vec();
     left.bar(&mut canvas, |t| diverging(2.0 * t - 1.0), &ticks);
     let seam = match map.seam.len() {

@@ -57,6 +57,9 @@ pub struct PageData {
     /// The surface rests and the camera moves.
     pub moving_camera: bool,
     pub structures: Vec<ShownStructure>,
+    /// What lies around the organ, axes of `rest`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub surroundings: Option<ShownPart>,
     /// Most frames are names alone; `dsfms view` sends them when they are asked for.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub stream: bool,
@@ -109,6 +112,13 @@ pub struct ShownCamera {
     size: [usize; 2],
     focal: [f64; 2],
     centre: [f64; 2],
+}
+
+/// A second surface, which rests.
+#[derive(Clone, Debug, Serialize)]
+pub struct ShownPart {
+    pub faces: String,
+    pub at: Cloud,
 }
 
 /// A hidden structure carried along: rows of three points.
@@ -221,6 +231,7 @@ impl PageData {
             scalars: Vec::new(),
             moving_camera: false,
             structures: Vec::new(),
+            surroundings: None,
             point_values: None,
             stream: false,
         }

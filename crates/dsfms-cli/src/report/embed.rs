@@ -116,15 +116,21 @@ pub fn thumbnail(picture: RgbImage, side: u32) -> anyhow::Result<String> {
 
 /// A picture as a data URI.
 pub fn jpeg(picture: &RgbImage) -> anyhow::Result<String> {
+    let bytes = jpeg_bytes(picture, JPEG_QUALITY)?;
+    Ok(format!("data:image/jpeg;base64,{}", base64(&bytes)))
+}
+
+/// The bytes of a JPEG file; `quality` from 1 to 100.
+pub fn jpeg_bytes(picture: &RgbImage, quality: u8) -> anyhow::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let (w, h) = picture.dimensions();
-    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).write_image(
+    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality).write_image(
         picture,
         w,
         h,
         image::ExtendedColorType::Rgb8,
     )?;
-    Ok(format!("data:image/jpeg;base64,{}", base64(&bytes)))
+    Ok(bytes)
 }
 
 /// Linear light as an sRGB picture, its brightest hundredth at white.

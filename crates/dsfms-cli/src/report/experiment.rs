@@ -1,10 +1,10 @@
 //! The report of an experiment: plots and tables, and the first case of every extension in 3D.
 
 use super::Page;
-use super::chart::{Plot, Series, lines};
 use super::data::{PageData, ShownCamera, ShownFrame, ShownSurface, pixels, unit_name};
 use super::embed::{self, Cloud, escape};
 use super::template::definition_list;
+use crate::chart::{Chart, Plot, Series, line_chart};
 use crate::outputs::FrameReport;
 use dsfms::experiment::{Arm, Metric, Organ, Plan, Row, surface};
 use dsfms::synth::{Case, Cell};
@@ -103,7 +103,7 @@ fn sections(plan: &Plan, rows: &[Row]) -> String {
         let own: Vec<&Row> = rows.iter().filter(|r| r.cell.noise == noise).collect();
         html += &format!("<h2>Matches with {noise} px of noise</h2>");
         if plan.extensions.len() > 1 && plan.arms.len() <= 6 {
-            let drawn = Metric::ALL.map(|m| lines_of(plan, m, &own));
+            let drawn = Metric::ALL.map(|m| error_chart(plan, m, &own).page());
             html += &format!(
                 "<p class=\"dim\">Means over the cases; thin bars end at the 90th percentile.</p>\
                  <div class=\"plots\">{}</div>",
@@ -115,8 +115,8 @@ fn sections(plan: &Plan, rows: &[Row]) -> String {
     html
 }
 
-/// Error against extension.
-fn lines_of(plan: &Plan, metric: Metric, rows: &[&Row]) -> String {
+/// Error against extension: means of the arms, bars that end at the 90th percentile.
+pub fn error_chart(plan: &Plan, metric: Metric, rows: &[&Row]) -> Chart {
     let of = |arm: &Arm| {
         let own = || rows.iter().filter(|r| r.arm == arm.name);
         Series {
@@ -127,7 +127,8 @@ fn lines_of(plan: &Plan, metric: Metric, rows: &[&Row]) -> String {
     };
     let series: Vec<Series> = plan.arms.iter().map(of).collect();
     let value = format!("{}, {}", metric.title, metric.unit);
-    lines(&Plot { value: &value, against: "extension, %", ..Default::default() }, &series)
+    let against = "extension, % (lines: mean; bars: to the 90th percentile)";
+    line_chart(&Plot { value: &value, against, ..Default::default() }, &series)
 }
 
 fn table(rows: &[&Row]) -> String {

@@ -1,10 +1,10 @@
 //! The report of reconstructed frames.
 
 use super::Page;
-use super::chart::{Bar, Plot, Series, bars, lines, status_strip};
 use super::data::{PageData, ShownCamera, ShownFrame, unit_name};
 use super::embed::escape;
 use super::template::definition_list;
+use crate::chart::{Bar, Plot, Series, bars, lines, status_strip};
 use crate::outputs::FrameReport;
 use dsfms::camera::CameraModel;
 use dsfms::solver::Summary;

@@ -1,7 +1,6 @@
 //! `report.html`: one file with its viewer, its data and its pictures; nothing is loaded from
 //! elsewhere, so it works offline, from a memory stick and as an attachment.
 
-pub mod chart;
 pub mod clip;
 pub mod data;
 pub mod embed;
@@ -89,7 +88,7 @@ impl Page {
 }
 
 /// Replace every `{{name}}` of the page; what is put in is not searched again.
-fn fill(page: &str, parts: &[(&str, &str)]) -> String {
+pub fn fill(page: &str, parts: &[(&str, &str)]) -> String {
     let size = page.len() + parts.iter().map(|p| p.1.len()).sum::<usize>();
     let mut out = String::with_capacity(size);
     let mut rest = page;

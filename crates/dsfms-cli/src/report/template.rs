@@ -1,7 +1,9 @@
 //! The report of a template: its surface among the cameras that saw it.
 
 use super::Page;
-use super::data::{PageData, PointValues, ShownFrame, ShownSurface, pixels, rows, unit_name};
+use super::data::{
+    PageData, PointValues, ShownFrame, ShownPart, ShownSurface, pixels, rows, unit_name,
+};
 use super::embed::{self, Cloud, escape};
 use dsfms::geometry::{Isometry, Point3};
 use dsfms::image::Frame;
@@ -37,6 +39,10 @@ fn template_data(template: &Template, frames: &[Frame]) -> anyhow::Result<PageDa
     let points: Vec<Point3> = template.points.iter().map(|p| p.position).collect();
     data.points = (!points.is_empty()).then(|| Cloud::of(&moved(&points)));
     data.point_values = (!points.is_empty()).then(|| PointValues::of(&template.points));
+    data.surroundings = template.surroundings.as_ref().map(|around| ShownPart {
+        faces: embed::faces(&around.topology.faces),
+        at: Cloud::of(&moved(&around.positions)),
+    });
     data.moving_camera = true;
     data.methods = vec!["template".into()];
     for k in chosen(template.views.len()) {

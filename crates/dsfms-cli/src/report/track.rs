@@ -1,13 +1,13 @@
 //! The report of a video: written again and again while it is tracked, so that it can be watched.
 
 use super::Page;
-use super::chart::{Plot, Series, lines, status_strip};
 use super::clip;
 use super::data::{
     PageData, ShownCamera, ShownFrame, ShownSurface, pixels, rows, shown_matches, unit_name,
 };
 use super::embed::{self, Cloud, escape};
 use super::template::definition_list;
+use crate::chart::{Plot, Series, lines, status_strip};
 use crate::reasons::sentences;
 use dsfms::camera::CameraModel;
 use dsfms::image::Frame;

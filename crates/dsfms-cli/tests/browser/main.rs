@@ -6,6 +6,7 @@ mod cdp;
 mod clip;
 #[path = "../common/mod.rs"]
 mod common;
+mod organ;
 mod stage;
 mod template;
 

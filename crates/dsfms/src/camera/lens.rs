@@ -53,19 +53,19 @@ macro_rules! lenses {
             }
 
             /// Distorted normalised coordinates `(x/z, y/z)`; `None` outside the model's domain.
-            pub fn distort(&self, point: &Vector2) -> Option<Distorted> {
+            pub(crate) fn distort(&self, point: &Vector2) -> Option<Distorted> {
                 match *self { $(Self::$kind { $($($field),*)? } =>
                     $module::$kind { $($($field),*)? }.distort(point)),* }
             }
 
             /// Inverse of [`Lens::distort`]; `None` where there is none.
-            pub fn undistort(&self, point: &Vector2) -> Option<Vector2> {
+            pub(crate) fn undistort(&self, point: &Vector2) -> Option<Vector2> {
                 match *self { $(Self::$kind { $($($field),*)? } =>
                     $module::$kind { $($($field),*)? }.undistort(point)),* }
             }
 
             /// `∂(x_d, y_d)/∂(k1, k2)` at `(x/z, y/z)`; zero of a lens without them.
-            pub fn radial_derivatives(&self, point: &Vector2) -> [Vector2; 2] {
+            pub(crate) fn radial_derivatives(&self, point: &Vector2) -> [Vector2; 2] {
                 match *self { $(Self::$kind { $($($field),*)? } =>
                     $module::$kind { $($($field),*)? }.radial_derivatives(point)),* }
             }
@@ -111,7 +111,7 @@ impl Lens {
 
     /// The first of the table that has every coefficient that is not zero; a lens that is no pinhole without
     /// coefficients stays.
-    pub fn simplest(self) -> Self {
+    pub(crate) fn simplest(self) -> Self {
         let kind = self.kind();
         let named = self.coefficients();
         let holds = |k: &&LensKind| {

@@ -69,7 +69,7 @@ impl CameraModel {
     }
 
     /// Normalised coordinates `(x/z, y/z)` of a pixel, distortion removed.
-    pub fn normalise(&self, pixel: &Point2) -> Option<Vector2> {
+    pub(crate) fn normalise(&self, pixel: &Point2) -> Option<Vector2> {
         let x = (pixel.x - self.centre[0]) / self.focal[0];
         let y = (pixel.y - self.centre[1]) / self.focal[1];
         self.lens.undistort(&Vector2::new(x, y))

@@ -40,6 +40,38 @@ pub(super) struct Cell {
     pub(super) given: Option<bool>,
 }
 
+/// What a frame shows at every pixel of its depth map: the sum of nine encoded pixels of each channel, all that the
+/// labelling reads of the frame itself.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Colours(Vec<[u16; 3]>);
+
+/// Beside the frame.
+const BESIDE: [u16; 3] = [u16::MAX; 3];
+
+impl Colours {
+    /// Of one frame, on the pixels of its depth map.
+    pub fn of(view: &PosedFrame, map: &DepthMap) -> Self {
+        let sum = |place: usize| {
+            let at = pixel_of(view, map, place).and_then(|p| nearest_pixel(&p, view.frame.size));
+            at.map_or(BESIDE, |at| sum_of_nine(view, at))
+        };
+        Self((0..map.depth.len()).map(sum).collect())
+    }
+
+    /// How many pixels there are.
+    pub fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Encoded colour, 0 to 1; NaN beside the frame.
+    fn mean(&self, place: usize) -> [f64; 3] {
+        match self.0[place] {
+            BESIDE => [f64::NAN; 3],
+            sum => sum.map(|s| f64::from(s) / (9.0 * 255.0)),
+        }
+    }
+}
+
 /// Two neighbours of one grid.
 pub(super) struct Neighbours {
     pub(super) p: usize,
@@ -54,12 +86,18 @@ pub(super) struct Neighbours {
 
 impl<'a> Grid<'a> {
     /// `axis`: the mean line of sight of all frames, world axes, along which height is measured.
-    pub(super) fn new(view: &PosedFrame, map: &'a DepthMap, axis: &Vector3) -> Self {
+    pub(super) fn new(
+        view: &PosedFrame,
+        map: &'a DepthMap,
+        colours: &Colours,
+        axis: &Vector3,
+    ) -> Self {
         let [w, h] = map.camera.size;
         let stride = ((w * h) as f64 / NODES as f64).sqrt().ceil().max(1.0) as usize;
         let size = [w.div_ceil(stride), h.div_ceil(stride)];
         let place = |k: usize| k / size[0] * stride * w + k % size[0] * stride;
-        let cells = (0..size[0] * size[1]).map(|k| Cell::new(view, map, axis, place(k)));
+        let cell = |k: usize| Cell::new(view, map, colours.mean(place(k)), axis, place(k));
+        let cells = (0..size[0] * size[1]).map(cell);
         Self { map, stride, size, cells: cells.collect() }
     }
 
@@ -171,11 +209,10 @@ impl<'a> Grid<'a> {
 }
 
 impl Cell {
-    fn new(view: &PosedFrame, map: &DepthMap, axis: &Vector3, place: usize) -> Self {
+    fn new(view: &PosedFrame, map: &DepthMap, rgb: [f64; 3], axis: &Vector3, place: usize) -> Self {
         let point = (map.depth[place] > 0.0).then(|| map.point(place));
-        let pixel = view.camera.project(&map.ray(place).into()).map(|p| p.pixel);
+        let pixel = pixel_of(view, map, place);
         let at = pixel.and_then(|p| nearest_pixel(&p, view.frame.size));
-        let rgb = at.map_or([f64::NAN; 3], |at| mean_of_nine(view, at));
         let log = rgb.map(|v| (v + DARK).ln());
         let height = point.map_or(f64::NAN, |p| (map.pose.inverse() * p).coords.dot(axis));
         let [w, h] = view.frame.size.map(|n| 0.5 * n as f64);
@@ -208,14 +245,19 @@ impl Cell {
     }
 }
 
-/// Encoded colour about a pixel, 0 to 1.
-fn mean_of_nine(view: &PosedFrame, at: [usize; 2]) -> [f64; 3] {
+/// Where the frame shows what a place of its depth map sees, px.
+fn pixel_of(view: &PosedFrame, map: &DepthMap, place: usize) -> Option<Point2> {
+    view.camera.project(&map.ray(place).into()).map(|p| p.pixel)
+}
+
+/// Sum of the encoded pixels about one; those beyond the edges are those at them.
+fn sum_of_nine(view: &PosedFrame, at: [usize; 2]) -> [u16; 3] {
     let [w, h] = view.frame.size;
     let clamped = |v: usize, d: usize, n: usize| (v + d).saturating_sub(1).min(n - 1);
-    let mut sum = [0.0; 3];
+    let mut sum = [0; 3];
     for (dx, dy) in (0..9).map(|k| (k % 3, k / 3)) {
         let pixel = view.frame.rgb[clamped(at[1], dy, h) * w + clamped(at[0], dx, w)];
-        (0..3).for_each(|c| sum[c] += f64::from(pixel[c]));
+        (0..3).for_each(|c| sum[c] += u16::from(pixel[c]));
     }
-    sum.map(|s| s / (9.0 * 255.0))
+    sum
 }

@@ -15,7 +15,7 @@
 //!
 //! Weights were chosen on five of the generated scenes (`docs/results/parting.md` has what others give).
 
-use super::cells::{Cell, Grid, NODES, Neighbours};
+use super::cells::{Cell, Colours, Grid, NODES, Neighbours};
 use super::cut::Graph;
 use super::looks::LogRatio;
 use super::{DepthMap, PosedFrame};
@@ -115,9 +115,22 @@ impl<'a> Parting<'a> {
         seeds: &Seeds,
         moved: &[(Point3, f64)],
     ) -> Self {
+        let colours: Vec<Colours> =
+            views.par_iter().zip(maps).map(|(view, map)| Colours::of(view, map)).collect();
+        Self::of_colours(views, maps, &colours, seeds, moved)
+    }
+
+    /// [`Self::new`] by the [`Colours`] of the frames, whose own pixels are not read.
+    pub fn of_colours(
+        views: &[PosedFrame],
+        maps: &'a [DepthMap],
+        colours: &[Colours],
+        seeds: &Seeds,
+        moved: &[(Point3, f64)],
+    ) -> Self {
         let axis: Vector3 = maps.iter().map(|m| m.pose.rotation.inverse() * Vector3::z()).sum();
-        let grid = |(view, map)| Grid::new(view, map, &axis);
-        let mut grids: Vec<Grid> = views.par_iter().zip(maps).map(grid).collect();
+        let grid = |((view, map), colours)| Grid::new(view, map, colours, &axis);
+        let mut grids: Vec<Grid> = views.par_iter().zip(maps).zip(colours).map(grid).collect();
         grids.par_iter_mut().for_each(|grid| {
             grid.hold(seeds);
             grid.note(moved);

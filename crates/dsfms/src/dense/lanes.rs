@@ -30,7 +30,7 @@ pub(super) struct Samples {
 impl Samples {
     /// Warp the offsets `x`, `y`. The window must [meet](meets) the view.
     #[inline(always)]
-    pub fn new(image: &Image, [base, du, dv]: &Warp, x: &Lanes, y: &Lanes) -> Self {
+    pub(super) fn new(image: &Image, [base, du, dv]: &Warp, x: &Lanes, y: &Lanes) -> Self {
         let [w, h] = image.size;
         let (right, bottom) = ((w - 1) as f32, (h - 1) as f32);
         let zero = [0.0; LANES];
@@ -59,14 +59,14 @@ impl Samples {
 
     /// Bilinear value of sample `l`; NaN outside the view or next to an unusable pixel.
     #[inline(always)]
-    pub fn value(&self, l: usize) -> f32 {
+    pub(super) fn value(&self, l: usize) -> f32 {
         let (upper, lower) = self.rows(l);
         upper + self.fy[l] * (lower - upper)
     }
 
     /// Derivative of the value along x and y.
     #[inline(always)]
-    pub fn gradient(&self, l: usize) -> [f32; 2] {
+    pub(super) fn gradient(&self, l: usize) -> [f32; 2] {
         let [a, b, c, d] = &self.corners;
         let (upper, lower) = self.rows(l);
         [(b[l] - a[l]) + self.fy[l] * (d[l] - c[l] - b[l] + a[l]), lower - upper]

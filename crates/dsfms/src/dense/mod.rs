@@ -45,6 +45,7 @@ mod tetrahedra;
 mod view;
 mod volume;
 
+pub use cells::Colours;
 pub use contour::outlines;
 pub use error::DenseError;
 pub use labels::{Border, Labelling, Parting, Seeds};

@@ -37,7 +37,7 @@ pub(super) struct ObservedView<'a> {
 }
 
 impl<'a> ObservedView<'a> {
-    pub fn new(posed: &'a PosedFrame<'a>, map: &'a DepthMap) -> Self {
+    pub(super) fn new(posed: &'a PosedFrame<'a>, map: &'a DepthMap) -> Self {
         Self { map, posed, organ: posed.organ.map(distance_to) }
     }
 

@@ -34,8 +34,9 @@ pub struct DenseOptions {
     pub image_noise: f64,
     /// How far depth is filled in from trusted neighbours, px of the depth grid; 0 = not at all.
     pub fill_px: usize,
-    /// Vertices of the surface, about; they set the edge of the grid of signed distances.
-    pub target_vertices: usize,
+    /// Vertices of the surface, about; they set the edge of the grid of signed distances. Where they are not
+    /// set: 60,000; for a template thirty for each of its vertices, at least 15,000 and no more than that.
+    pub target_vertices: Option<usize>,
     /// Edge of that grid, length units; overrides `target_vertices`.
     pub voxel: Option<f64>,
     /// Stiffness of the field of signed distances: what is trusted with `c` is smoothed over about
@@ -47,7 +48,7 @@ pub struct DenseOptions {
     /// Holes with at most this many edges are closed.
     pub max_hole_edges: usize,
     /// Rounds of volume-preserving (Taubin) smoothing of the surface: 40 pass waves longer than
-    /// about 18 edges, what a template of a sixtieth of the vertices can show, and no shorter ones.
+    /// about 18 edges, and no shorter ones: a template of a thirtieth of the vertices has edges of 5.
     pub smoothing: usize,
     /// Keep only the largest connected piece.
     pub largest_only: bool,
@@ -56,6 +57,20 @@ pub struct DenseOptions {
     pub peel_hidden: bool,
     /// Seed of the random search; the same seed gives the same bits.
     pub seed: u64,
+}
+
+/// Vertices of a surface for which nothing else is said.
+pub(super) const MOST_VERTICES: usize = 60_000;
+/// And of one that becomes a template: for each of its vertices, and at least.
+const FINER: usize = 30;
+const LEAST_VERTICES: usize = 15_000;
+
+impl DenseOptions {
+    /// For a surface that becomes a template of so many vertices, where nothing else is said.
+    pub fn for_template(&self, vertices: usize) -> Self {
+        let usual = vertices.saturating_mul(FINER).clamp(LEAST_VERTICES, MOST_VERTICES);
+        Self { target_vertices: self.target_vertices.or(Some(usual)), ..self.clone() }
+    }
 }
 
 impl Default for DenseOptions {
@@ -74,7 +89,7 @@ impl Default for DenseOptions {
             min_consistent: 1,
             image_noise: 0.004,
             fill_px: 12,
-            target_vertices: 60_000,
+            target_vertices: None,
             voxel: None,
             smoothness: 1.0,
             min_support: 0.003,
@@ -132,8 +147,8 @@ impl DenseOptions {
             (
                 "target_vertices",
                 "at least 100",
-                self.target_vertices as f64,
-                self.target_vertices >= 100,
+                self.target_vertices.unwrap_or(MOST_VERTICES) as f64,
+                self.target_vertices.is_none_or(|n| n >= 100),
             ),
             (
                 "voxel",
@@ -156,8 +171,19 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_surface_is_finer_than_its_template_unless_it_is_said_otherwise() {
+        let usual = DenseOptions::default();
+        let target = |vertices| usual.for_template(vertices).target_vertices;
+        assert_eq!([300, 1000, 5000].map(target), [15_000, 30_000, 60_000].map(Some));
+        let own = DenseOptions { target_vertices: Some(7000), ..usual.clone() };
+        assert_eq!(own.for_template(1000), own);
+    }
+
+    #[test]
     fn names_the_field_out_of_bounds() {
         assert_eq!(DenseOptions::default().validate(), Ok(()));
+        let few = DenseOptions { target_vertices: Some(99), ..Default::default() };
+        assert!(few.validate().is_err());
         let bad = DenseOptions { max_parallax_deg: f64::NAN, ..Default::default() };
         assert!(matches!(
             bad.validate(),

@@ -21,19 +21,19 @@ pub(super) struct InversePlane {
 
 impl InversePlane {
     /// Inverse depth `(du, dv)` px away.
-    pub fn at(&self, du: f32, dv: f32) -> f32 {
+    pub(super) fn at(&self, du: f32, dv: f32) -> f32 {
         self.w + self.a * du + self.b * dv
     }
 
     /// The same plane seen from the pixel `(du, dv)` away.
-    pub fn moved(&self, du: f32, dv: f32) -> Self {
+    pub(super) fn moved(&self, du: f32, dv: f32) -> Self {
         Self { w: self.at(du, dv), ..*self }
     }
 
     /// Unit normal towards the camera for a pinhole `[fx, fy, cx, cy]` at pixel `(u, v)`.
     ///
     /// With `w(u, v) = (n·ray)/d`, `ray = ((u-cx)/fx, (v-cy)/fy, 1)`: `n/d = (a fx, b fy, w - a fx x - b fy y)`.
-    pub fn normal(&self, k: [f32; 4], u: f32, v: f32) -> [f32; 3] {
+    pub(super) fn normal(&self, k: [f32; 4], u: f32, v: f32) -> [f32; 3] {
         let [fx, fy, cx, cy] = k;
         let (nx, ny) = (self.a * fx, self.b * fy);
         let nz = self.w - self.a * (u - cx) - self.b * (v - cy);
@@ -42,14 +42,14 @@ impl InversePlane {
     }
 
     /// The plane of inverse depth `w` at `(u, v)` with normal `n` (any length, not across the ray).
-    pub fn from_normal(w: f32, n: [f32; 3], k: [f32; 4], u: f32, v: f32) -> Self {
+    pub(super) fn from_normal(w: f32, n: [f32; 3], k: [f32; 4], u: f32, v: f32) -> Self {
         let [fx, fy, cx, cy] = k;
         let along = n[0] * (u - cx) / fx + n[1] * (v - cy) / fy + n[2];
         Self { w, a: w * n[0] / (fx * along), b: w * n[1] / (fy * along) }
     }
 
     /// Cosine of the angle between the normal and the sightline.
-    pub fn facing(&self, k: [f32; 4], u: f32, v: f32) -> f32 {
+    pub(super) fn facing(&self, k: [f32; 4], u: f32, v: f32) -> f32 {
         let n = self.normal(k, u, v);
         let (x, y) = ((u - k[2]) / k[0], (v - k[3]) / k[1]);
         -(n[0] * x + n[1] * y + n[2]) / (x * x + y * y + 1.0).sqrt()
@@ -73,14 +73,14 @@ pub(super) struct Field {
 
 impl Field {
     /// Planes without a score yet.
-    pub fn new(size: [usize; 2], planes: Vec<InversePlane>) -> Self {
+    pub(super) fn new(size: [usize; 2], planes: Vec<InversePlane>) -> Self {
         let n = planes.len();
         let sources = vec![ALL; n];
         Self { size, planes, cost: vec![NONE; n], sigma: vec![f32::INFINITY; n], sources }
     }
 
     /// The same planes on a grid of twice the resolution.
-    pub fn upsampled(&self, size: [usize; 2]) -> Self {
+    pub(super) fn upsampled(&self, size: [usize; 2]) -> Self {
         let [w, h] = self.size;
         let (planes, sources) = (0..size[0] * size[1])
             .map(|i| {
@@ -103,7 +103,7 @@ pub(super) struct Noise(u64);
 
 impl Noise {
     /// A stream for one pixel of one round.
-    pub fn new(seed: u64, round: u64, pixel: u64) -> Self {
+    pub(super) fn new(seed: u64, round: u64, pixel: u64) -> Self {
         let mut noise = Self(seed ^ round.wrapping_mul(0xd1b5_4a32_d192_ed03) ^ (pixel << 20));
         noise.next();
         noise
@@ -118,12 +118,12 @@ impl Noise {
     }
 
     /// Uniform in `[-1, 1)`.
-    pub fn signed(&mut self) -> f32 {
+    pub(super) fn signed(&mut self) -> f32 {
         (self.next() >> 40) as f32 / (1u64 << 23) as f32 - 1.0
     }
 
     /// Uniform in `[0, 1)`.
-    pub fn unit(&mut self) -> f32 {
+    pub(super) fn unit(&mut self) -> f32 {
         (self.next() >> 40) as f32 / (1u64 << 24) as f32
     }
 }

@@ -34,7 +34,7 @@ pub(super) struct PairView<'a> {
 }
 
 impl<'a> Pairs<'a> {
-    pub fn new(
+    pub(super) fn new(
         views: &'a [StereoPyramid],
         reference: usize,
         sources: &[usize],
@@ -64,7 +64,7 @@ impl<'a> PairView<'a> {
     /// The homography of a plane about pixel `(u, v)`: homogeneous image of the centre and its
     /// change per px along u and v.
     #[inline(always)]
-    pub fn warp(&self, plane: &InversePlane, u: f32, v: f32) -> Warp {
+    pub(super) fn warp(&self, plane: &InversePlane, u: f32, v: f32) -> Warp {
         let (h, t) = (&self.h, &self.t);
         let base =
             [0, 1, 2].map(|i| h[3 * i] * u + h[3 * i + 1] * v + h[3 * i + 2] + plane.w * t[i]);
@@ -91,7 +91,7 @@ pub(super) struct WindowPatch {
 
 impl WindowPatch {
     /// `None` where the centre is masked or too little of the window is usable.
-    pub fn new(image: &Image, x: usize, y: usize) -> Option<Self> {
+    pub(super) fn new(image: &Image, x: usize, y: usize) -> Option<Self> {
         let [w, h] = image.size.map(|s| s as i32);
         let centre = image.grey[y * image.size[0] + x];
         if centre.is_nan() {
@@ -133,7 +133,7 @@ impl WindowPatch {
     /// `1 - correlation` in one view, in `[0, 2]`; the noise added to both variances draws windows
     /// without texture towards 1, "no idea".
     #[inline(always)]
-    pub fn cost(&self, view: &PairView, plane: &InversePlane, noise_variance: f32) -> f32 {
+    pub(super) fn cost(&self, view: &PairView, plane: &InversePlane, noise_variance: f32) -> f32 {
         let warp = view.warp(plane, self.u, self.v);
         if !meets(&warp, RADIUS as f32, view.image.size) {
             return NONE;
@@ -196,7 +196,7 @@ impl WindowPatch {
 
     /// Mean cost over the best few of the named sources, and a fine for each that is missing; [`NONE`],
     /// without looking at the last sources, where they cannot bring it below `than`.
-    pub fn score(
+    pub(super) fn score(
         &self,
         pairs: &Pairs,
         plane: &InversePlane,
@@ -223,7 +223,7 @@ impl WindowPatch {
 
     /// The sources that speak for a plane, at most `keep`, best first chosen; [`ALL`] where fewer
     /// than two do and nothing is known.
-    pub fn speaking(
+    pub(super) fn speaking(
         &self,
         pairs: &Pairs,
         plane: &InversePlane,

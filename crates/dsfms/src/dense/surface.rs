@@ -196,7 +196,7 @@ mod tests {
         let frame = Frame { name: "f".into(), size: SIZE, rgb: vec![[90; 3]; SIZE[0] * SIZE[1]] };
         let views: Vec<PosedFrame> =
             maps.iter().map(|map| PosedFrame::new(&frame, &map.camera, map.pose)).collect();
-        let options = DenseOptions { target_vertices: 3000, ..Default::default() };
+        let options = DenseOptions { target_vertices: Some(3000), ..Default::default() };
         let found = surface(&views, &maps, &options).unwrap();
         let of_all = found.support.iter().zip(&found.mesh.positions).filter(|(s, _)| s.frames == 6);
         let ratios: Vec<f64> = of_all.map(|(s, p)| ((p.z - 50.0) / s.sigma).powi(2)).collect();

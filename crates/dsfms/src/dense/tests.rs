@@ -75,7 +75,7 @@ fn reconstruct(threads: usize) -> DenseSurface {
             organ: None,
         })
         .collect();
-    let options = DenseOptions { target_vertices: 2000, ..Default::default() };
+    let options = DenseOptions { target_vertices: Some(2000), ..Default::default() };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {
         let maps = depth_maps(&views, &sparse(), &options, &|_, _| {}).unwrap();

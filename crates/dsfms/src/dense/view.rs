@@ -41,7 +41,7 @@ pub(super) fn working_scale(views: &[PosedFrame], max_pixels: usize) -> f64 {
 
 impl<'a> StereoPyramid<'a> {
     /// Undistort, scale and halve; sizes are checked.
-    pub fn new(view: &PosedFrame<'a>, scale: f64) -> Result<Self, DenseError> {
+    pub(super) fn new(view: &PosedFrame<'a>, scale: f64) -> Result<Self, DenseError> {
         check_sizes(view)?;
         let target = pinhole(view, scale)?;
         let mut levels = vec![resample(view, &target)];
@@ -53,7 +53,7 @@ impl<'a> StereoPyramid<'a> {
     }
 
     /// Camera of a level as a [`CameraModel`].
-    pub fn camera_of(&self, level: usize) -> CameraModel {
+    pub(super) fn camera_of(&self, level: usize) -> CameraModel {
         let Image { size, k, .. } = &self.levels[level];
         CameraModel {
             size: *size,
@@ -64,7 +64,7 @@ impl<'a> StereoPyramid<'a> {
     }
 
     /// Whether a pixel of the depth grid lies in the masks (saturated ones do too).
-    pub fn valid_grid(&self, pixel: usize) -> bool {
+    pub(super) fn valid_grid(&self, pixel: usize) -> bool {
         let Image { size, k, .. } = &self.levels[1];
         let (u, v) = ((pixel % size[0]) as f64, (pixel / size[0]) as f64);
         let ray = Point3::new((u - k[2]) / k[0], (v - k[3]) / k[1], 1.0);

@@ -6,6 +6,7 @@
 
 use super::grid::{self, BLOCK, EDGE};
 use super::observe::{DistanceEvidence, ObservedView, average};
+use super::options::MOST_VERTICES;
 use super::{DenseOptions, DepthMap, PosedFrame};
 use crate::geometry::{Point3, median};
 use rayon::prelude::*;
@@ -30,8 +31,10 @@ pub(super) struct DistanceVolume {
 
 impl DistanceVolume {
     /// Allocate around the depth maps and average them; the distances are those of the evidence.
-    pub fn fuse(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptions) -> Self {
-        let voxel = options.voxel.unwrap_or_else(|| voxel_edge(maps, options.target_vertices));
+    pub(super) fn fuse(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptions) -> Self {
+        let voxel = options
+            .voxel
+            .unwrap_or_else(|| voxel_edge(maps, options.target_vertices.unwrap_or(MOST_VERTICES)));
         let blocks = widened(&allocate(maps, voxel));
         let lenses: Vec<ObservedView> =
             views.iter().zip(maps).map(|(v, m)| ObservedView::new(v, m)).collect();
@@ -61,7 +64,7 @@ impl DistanceVolume {
 
     /// Count what lies within `reach` edges of points of at least `least` support near the zero level
     /// as supported.
-    pub fn spread_support(&mut self, least: f32, reach: usize) {
+    pub(super) fn spread_support(&mut self, least: f32, reach: usize) {
         /// Of the truncation distance.
         const NEAR: f32 = 0.67;
         let around = grid::neighbours(&self.blocks);
@@ -84,12 +87,12 @@ impl DistanceVolume {
     }
 
     /// Index of a block.
-    pub fn find(&self, block: [i32; 3]) -> Option<usize> {
+    pub(super) fn find(&self, block: [i32; 3]) -> Option<usize> {
         self.blocks.binary_search(&block).ok()
     }
 
     /// World position of grid point `g` of block number `b`.
-    pub fn position(&self, b: usize, g: usize) -> Point3 {
+    pub(super) fn position(&self, b: usize, g: usize) -> Point3 {
         position(self.voxel, &self.blocks[b], g)
     }
 }

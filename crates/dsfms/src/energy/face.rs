@@ -74,7 +74,7 @@ pub struct FaceMetric {
 impl FaceMetric {
     /// Gradient with respect to the three corners of a function of `C`, given its partial
     /// derivatives `[∂C₁₁, ∂C₁₂, ∂C₂₂]`.
-    pub fn pull_back(&self, d: [f64; 3]) -> [Vector3; 3] {
+    pub(crate) fn pull_back(&self, d: [f64; 3]) -> [Vector3; 3] {
         let g1 = self.f1 * (2.0 * d[0]) + self.f2 * d[1];
         let g2 = self.f2 * (2.0 * d[2]) + self.f1 * d[1];
         let second = g1 * self.inverse[(0, 0)] + g2 * self.inverse[(0, 1)];

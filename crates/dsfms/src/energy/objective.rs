@@ -123,7 +123,7 @@ impl<'a> Objective<'a> {
     }
 
     /// Add a term where there is one.
-    pub fn plus_if<const R: usize>(
+    pub(crate) fn plus_if<const R: usize>(
         self,
         label: &'static str,
         weight: f64,
@@ -142,7 +142,7 @@ impl<'a> Objective<'a> {
     }
 
     /// Minimise from `start` with what an earlier solve over the same mesh has left.
-    pub fn minimise_in(
+    pub(crate) fn minimise_in(
         mut self,
         workspace: &mut Workspace,
         start: Unknowns,

@@ -57,7 +57,7 @@ pub struct Lift {
 
 impl Lift {
     /// The mesh itself.
-    pub const NONE: Self = Self { offset: Vector3::new(0.0, 0.0, 0.0), turn: IDENTITY };
+    pub(crate) const NONE: Self = Self { offset: Vector3::new(0.0, 0.0, 0.0), turn: IDENTITY };
 }
 
 const IDENTITY: Matrix3<f64> = Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
@@ -73,7 +73,7 @@ pub struct Gain {
 
 impl Gain {
     /// One gain for the whole surface.
-    pub const GLOBAL: Self = Self { globals: [0, 1, 0, 0, 0, 0], shares: None };
+    pub(crate) const GLOBAL: Self = Self { globals: [0, 1, 0, 0, 0, 0], shares: None };
 
     /// A gain that varies: globals of the nearest nodes (not 0 or 1, no two the same), and their
     /// weights.
@@ -206,7 +206,7 @@ impl<'a, C: Camera, L: Light> Photometric<'a, C, L> {
     }
 
     /// Robust log gain of the image over the prediction for an ambient light; 0 without samples.
-    pub fn log_gain(&self, topology: &Topology, shape: &[Point3], ambient: f64) -> f64 {
+    pub(crate) fn log_gain(&self, topology: &Topology, shape: &[Point3], ambient: f64) -> f64 {
         let ratio = |(sample, seen): (&Sample, SeenSample)| {
             let Brightness { albedo, white, .. } = sample.brightness;
             let ratio = (seen.intensity - ambient * white) / (albedo * seen.shade);
@@ -218,7 +218,12 @@ impl<'a, C: Camera, L: Light> Photometric<'a, C, L> {
 
     /// Mean of `|image − prediction| / image` over the samples, for a log gain and an ambient light;
     /// 0 without samples.
-    pub fn mean_residual(&self, topology: &Topology, shape: &[Point3], globals: &[f64]) -> f64 {
+    pub(crate) fn mean_residual(
+        &self,
+        topology: &Topology,
+        shape: &[Point3],
+        globals: &[f64],
+    ) -> f64 {
         let (mut sum, mut count) = (0.0, 0.0);
         for (sample, seen) in self.on(topology, shape) {
             let Brightness { albedo, white, .. } = sample.brightness;

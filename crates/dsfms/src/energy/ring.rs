@@ -46,7 +46,7 @@ impl OneRing {
 
     /// Add to `gradients` the gradient with respect to the stencil of a function of the normal
     /// whose derivative with respect to it is `d_normal`.
-    pub fn pull_back(
+    pub(crate) fn pull_back(
         &self,
         v: &[Point3],
         normal: &RingNormal,

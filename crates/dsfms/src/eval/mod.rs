@@ -24,7 +24,6 @@ use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point3, Similarity};
 use crate::mesh::Mesh;
 use crate::mesh::surface_points::ClosestPoints;
-use crate::register::Match;
 pub use align::{Alignment, align_surfaces};
 use serde::{Deserialize, Serialize};
 pub use stats::ErrorStats;
@@ -147,20 +146,6 @@ pub fn evaluate(
         found_to_truth: surface_distance(&aligned, truth.mesh),
         truth_to_found: surface_distance(truth.mesh, &aligned),
     })
-}
-
-/// Distance in px from the projection of every matched surface point to its pixel; points that do
-/// not project are left out, `None` if none does.
-pub fn match_errors(
-    camera: &CameraModel,
-    mesh: &Mesh,
-    matches: impl IntoIterator<Item = Match>,
-) -> Option<ErrorStats> {
-    let error = |m: Match| {
-        let point = crate::geometry::point_at(mesh.corners(m.face as usize), m.barycentric);
-        camera.project(&point).map(|p| (p.pixel - m.pixel).norm())
-    };
-    ErrorStats::of(matches.into_iter().filter_map(error))
 }
 
 fn check(found: &Mesh, truth: &Truth) -> Result<(), EvaluateError> {

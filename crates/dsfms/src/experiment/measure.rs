@@ -52,7 +52,7 @@ impl Errors {
     }
 
     /// From values in order.
-    pub fn from_values(v: [f64; 6]) -> Self {
+    pub(crate) fn from_values(v: [f64; 6]) -> Self {
         let [rms, zone, edge, edge_zone, reprojection, reprojection_zone] = v;
         Self { rms, zone, edge, edge_zone, reprojection, reprojection_zone }
     }

@@ -33,7 +33,7 @@ pub fn distance_to(mask: &Mask) -> Plane {
 /// Signed distance to the outline of the mask in px: negative inside, positive outside, zero
 /// half way between a `true` pixel and its `false` neighbour. The image's border is no outline.
 /// Sample it with [`Plane::sample`], which also gives the gradient.
-pub fn signed_distance(mask: &Mask) -> Plane {
+pub(crate) fn signed_distance(mask: &Mask) -> Plane {
     let inside = distance_to(&mask.complement());
     let outside = distance_to(mask);
     let value = |(i, o): (&f32, &f32)| if *o > 0.0 { o - 0.5 } else { 0.5 - i };

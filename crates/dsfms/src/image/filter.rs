@@ -24,7 +24,7 @@ pub fn blur(plane: &Plane, sigma: f64) -> Plane {
 ///
 /// # Panics
 /// If the sizes differ.
-pub fn blur_masked(plane: &Plane, mask: &Mask, sigma: f64) -> (Plane, Plane) {
+pub(crate) fn blur_masked(plane: &Plane, mask: &Mask, sigma: f64) -> (Plane, Plane) {
     let (mut blurred, weight) = blur_masked_all(std::slice::from_ref(plane), mask, sigma);
     (blurred.remove(0), weight)
 }
@@ -33,7 +33,7 @@ pub fn blur_masked(plane: &Plane, mask: &Mask, sigma: f64) -> (Plane, Plane) {
 ///
 /// # Panics
 /// If a plane differs from the mask in size.
-pub fn blur_masked_all(planes: &[Plane], mask: &Mask, sigma: f64) -> (Vec<Plane>, Plane) {
+pub(crate) fn blur_masked_all(planes: &[Plane], mask: &Mask, sigma: f64) -> (Vec<Plane>, Plane) {
     let soften = |p: Plane| if half_kernel(sigma).is_some() { blur(&p, sigma) } else { p };
     let inside = mask.data.iter().map(|&m| if m { 1.0 } else { 0.0 }).collect::<Vec<f32>>();
     let weight = soften(Plane { size: mask.size, data: inside });
@@ -65,7 +65,7 @@ pub fn halve(plane: &Plane) -> Plane {
 
 /// Variance of the 4-neighbour Laplacian over the interior pixels whose neighbours lie in `mask`:
 /// the usual measure of sharpness; 0 where there are none.
-pub fn laplacian_variance(plane: &Plane, mask: Option<&Mask>) -> f64 {
+pub(crate) fn laplacian_variance(plane: &Plane, mask: Option<&Mask>) -> f64 {
     let [w, h] = plane.size;
     let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
     for y in 1..h.saturating_sub(1) {

@@ -38,7 +38,12 @@ impl Pyramid {
 }
 
 /// [`follow`] on the finest level alone, from a start that is a few pixels off at most.
-pub fn settle(render: &Pyramid, frame: &Pyramid, at: Point2, start: Point2) -> Option<Point2> {
+pub(crate) fn settle(
+    render: &Pyramid,
+    frame: &Pyramid,
+    at: Point2,
+    start: Point2,
+) -> Option<Point2> {
     align(&render.levels[0], &frame.levels[0], at, start, SETTLED)
 }
 
@@ -117,7 +122,13 @@ pub fn correlation(a: &Plane, at: Point2, b: &Plane, place: Point2) -> Option<f6
 /// The place of `b`, a whole number of pixels and at most `reach` of them along each axis from `start`, whose
 /// patch correlates best with that of `a` about `at`: where steps alone would not get. `None` where there is
 /// no patch with any contrast.
-pub fn most_alike(a: &Plane, at: Point2, b: &Plane, start: Point2, reach: i32) -> Option<Point2> {
+pub(crate) fn most_alike(
+    a: &Plane,
+    at: Point2,
+    b: &Plane,
+    start: Point2,
+    reach: i32,
+) -> Option<Point2> {
     let left = patch(a, at)?;
     let mean = total(&left) / COUNT as f64;
     let mut best: Option<(f64, Point2)> = None;

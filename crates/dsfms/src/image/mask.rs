@@ -104,7 +104,7 @@ impl Mask {
 pub(super) mod tests {
     use super::*;
 
-    pub fn disc(radius: f64) -> Mask {
+    pub(in crate::image) fn disc(radius: f64) -> Mask {
         let inside = |i: usize| ((i % 41) as f64 - 20.0).hypot((i / 41) as f64 - 20.0) <= radius;
         Mask { size: [41, 41], data: (0..41 * 41).map(inside).collect() }
     }

@@ -64,7 +64,7 @@ impl Frame {
     }
 
     /// Encoded grey in `[0, 1]` (Rec. 601 luma): for feature detection, never for photometry.
-    pub fn luma(&self) -> Plane {
+    pub(crate) fn luma(&self) -> Plane {
         let luma =
             |p: &[u8; 3]| (0.299 * p[0] as f32 + 0.587 * p[1] as f32 + 0.114 * p[2] as f32) / 255.0;
         Plane { size: self.size, data: self.rgb.iter().map(luma).collect() }

@@ -38,7 +38,7 @@ impl ColorImage {
     }
 
     /// From its channels, all of one size.
-    pub fn of_channels([r, g, b]: [&Plane; 3]) -> Self {
+    pub(crate) fn of_channels([r, g, b]: [&Plane; 3]) -> Self {
         let rest = g.data.iter().zip(&b.data);
         let data = r.data.iter().zip(rest).map(|(&r, (&g, &b))| [r, g, b]).collect();
         Self { size: r.size, data }

@@ -100,7 +100,7 @@ struct FoundCircle {
 /// The brightest value of every pixel over the frames is cut into lit and dark; the outermost lit
 /// pixels of every row and column give the rim, to which a circle is fitted robustly. The circle
 /// is accepted when most of the rim lies on it, and what lies outside it is dark.
-pub fn fit_viewport(frames: &[Frame]) -> Option<Circle> {
+pub(crate) fn fit_viewport(frames: &[Frame]) -> Option<Circle> {
     find(frames).map(|found| found.circle)
 }
 

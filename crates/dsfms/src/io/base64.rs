@@ -16,7 +16,7 @@ pub fn base64(bytes: &[u8]) -> String {
 }
 
 /// Decode; `None` where it is no base64.
-pub fn from_base64(text: &str) -> Option<Vec<u8>> {
+pub(crate) fn from_base64(text: &str) -> Option<Vec<u8>> {
     let coded = text.trim_end_matches('=');
     let padding = text.len() - coded.len();
     if padding > 2 || coded.len() % 4 == 1 || (padding > 0 && !text.len().is_multiple_of(4)) {

@@ -122,7 +122,7 @@ pub fn read_frames(paths: &[PathBuf]) -> Result<Vec<Frame>, InputError> {
 ///
 /// # Errors
 /// [`InputError::CameraSize`] of the first frame of another size.
-pub fn check_camera_size(
+pub(crate) fn check_camera_size(
     frames: &[Frame],
     expected: [usize; 2],
     path: &Path,

@@ -80,7 +80,16 @@ pub fn read_mask(path: &Path) -> Result<Mask, InputError> {
 /// One mask per frame, in the frames' order, and warnings about masks that look inverted.
 ///
 /// `source` is a folder, or one file for all frames. `paths` are the frames' files where they
-/// come from files (else empty): a frame is never its own mask. See [`find_mask`] for the pairing.
+/// come from files (else empty): a frame is never its own mask.
+///
+/// The mask of a frame in a folder:
+///
+/// 1. a file whose stem says its kind (`mask`, `organ`, `instrument`, …) and holds the frame's
+///    number, even where a file named like the frame lies beside it (the folder of the frames);
+/// 2. a file with the frame's own stem;
+/// 3. a file with the frame's number.
+///
+/// The number is the last one in the stem. Files of another kind are never taken.
 ///
 /// ```no_run
 /// use dsfms::io::masks::{MaskKind, read_masks};
@@ -164,26 +173,7 @@ fn mask_files(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
     Ok(files)
 }
 
-/// The mask of a frame in a folder:
-///
-/// 1. a file whose stem says its kind (`mask`, `organ`, `instrument`, …) and holds the frame's
-///    number, even where a file named like the frame lies beside it (the folder of the frames);
-/// 2. a file with the frame's own stem;
-/// 3. a file with the frame's number.
-///
-/// The number is the last one in the stem. Files of another kind are never taken.
-///
-/// # Errors
-/// A folder that cannot be read, no such file, or several.
-pub fn find_mask(
-    frame: &str,
-    frame_path: Option<&Path>,
-    folder: &Path,
-    kind: MaskKind,
-) -> Result<PathBuf, InputError> {
-    choose(&mask_files(folder)?, frame, frame_path, folder, kind)
-}
-
+/// The mask of a frame among the files of a folder; the rules stand at [`read_masks`].
 fn choose(
     files: &[PathBuf],
     frame: &str,
@@ -260,6 +250,15 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         names.iter().for_each(|name| save(&dir.path().join(name), [6, 5], name.contains("white")));
         dir
+    }
+
+    fn find_mask(
+        frame: &str,
+        frame_path: Option<&Path>,
+        folder: &Path,
+        kind: MaskKind,
+    ) -> Result<PathBuf, InputError> {
+        choose(&mask_files(folder)?, frame, frame_path, folder, kind)
     }
 
     fn found(dir: &tempfile::TempDir, frame: &str, kind: MaskKind) -> Result<String, InputError> {

@@ -35,7 +35,7 @@ const USUAL: &str = "usual.toml";
 const SURROUNDINGS: &str = "surroundings.ply";
 const VIEWER: &str = "template.glb";
 /// All that is in a template: its files, and what programs add about them.
-const CONTENT: [&str; 18] = [
+const CONTENT: [&str; 20] = [
     MANIFEST,
     SURFACE,
     ALBEDO,
@@ -53,6 +53,8 @@ const CONTENT: [&str; 18] = [
     "organ_masks_a",
     "organ_masks_b",
     "organ_masks_c",
+    "organ.scene",
+    "organ_scribbles.json",
     "precision.json",
 ];
 

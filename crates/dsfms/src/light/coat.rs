@@ -16,7 +16,7 @@ use crate::geometry::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Refractive index of wet soft tissue in visible light (1.36 to 1.42).
-pub const WET_TISSUE: f64 = 1.4;
+pub(crate) const WET_TISSUE: f64 = 1.4;
 
 /// What tissue makes of the light that reaches it, and the lens of what it sends back. The default is
 /// Lambert's surface in the dark behind a perfect lens.
@@ -105,7 +105,7 @@ impl Coat {
 /// Share of unpolarised light that passes a smooth dielectric surface of the given refractive
 /// index from air, `1 − R(θ)` (Fresnel), and its derivative; `cosine` of the angle of incidence,
 /// clamped to `[0, 1]`, outside of which the derivative is 0.
-pub fn transmission(index: f64, cosine: f64) -> (f64, f64) {
+pub(crate) fn transmission(index: f64, cosine: f64) -> (f64, f64) {
     let cos_i = cosine.clamp(0.0, 1.0);
     let cos_t = (1.0 - (1.0 - cos_i * cos_i) / (index * index)).max(0.0).sqrt();
     // dcos_t / dcos_i; an index of 1 bends nothing.

@@ -58,7 +58,7 @@ pub(crate) trait LightSource: Send + Sync {
 
 /// Angle in rad, `[0, π]`, between a unit normal and the one that would mirror the light into
 /// the camera: highlights sit where it is small.
-pub fn specular_angle(light: &impl Light, point: &Point3, normal: &Vector3) -> f64 {
+pub(crate) fn specular_angle(light: &impl Light, point: &Point3, normal: &Vector3) -> f64 {
     let mirror = light.mirror_normal(point);
     // atan2 keeps its precision near zero, where acos loses half the digits.
     mirror.cross(normal).norm().atan2(mirror.dot(normal))

@@ -44,20 +44,20 @@ lights! {
 
 impl LightModel {
     /// A point at the camera's centre, the same in every direction.
-    pub fn at_origin(reference_distance: f64) -> Self {
+    pub(crate) fn at_origin(reference_distance: f64) -> Self {
         let positions = vec![Point3::origin()];
         PointLight { positions, reference_distance, spot: Spot::Isotropic }.into()
     }
 
     /// The same light at the camera's centre; a distant one is there already.
-    pub fn at_camera(&self) -> Self {
+    pub(crate) fn at_camera(&self) -> Self {
         let Some(reference_distance) = self.reference_distance() else { return self.clone() };
         let positions = vec![Point3::origin()];
         PointLight { positions, reference_distance, spot: self.spot() }.into()
     }
 
     /// Whether brightness depends on how far away the surface is: fall-off from a place that is near.
-    pub fn tells_distance(&self) -> bool {
+    pub(crate) fn tells_distance(&self) -> bool {
         self.reference_distance().is_some()
     }
 

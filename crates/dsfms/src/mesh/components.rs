@@ -30,7 +30,7 @@ pub fn components(topology: &Topology) -> Components {
 }
 
 /// Edges of every face: `[i]` lies opposite corner `i`.
-pub fn face_edges(topology: &Topology) -> Vec<[u32; 3]> {
+pub(crate) fn face_edges(topology: &Topology) -> Vec<[u32; 3]> {
     let mut edges = vec![[u32::MAX; 3]; topology.faces.len()];
     for (e, (&[a, b], faces)) in topology.edges.iter().zip(&topology.edge_faces).enumerate() {
         for &f in faces.iter().filter(|&&f| f != u32::MAX) {

@@ -21,7 +21,7 @@ const MAX_VALENCE: usize = 12;
 /// Collapse short edges, in sweeps of growing length, until about `target` vertices are left;
 /// outline and orientation stay. `None` where the surface does not allow it.
 #[doc(alias("quadric error", "simplification"))]
-pub fn decimate(mesh: &Mesh, target: usize) -> Option<Decimated> {
+pub(crate) fn decimate(mesh: &Mesh, target: usize) -> Option<Decimated> {
     let mut work = Collapser {
         positions: &mesh.positions,
         boundary: &mesh.topology.boundary,
@@ -170,7 +170,7 @@ impl Collapser<'_> {
 impl Decimated {
     /// Where a point near an original vertex lies on the coarse mesh: a face and barycentrics, which
     /// may be a little negative; `None` for a vertex without a face.
-    pub fn locate(&self, point: &Point3, near: u32) -> Option<(u32, [f64; 3])> {
+    pub(crate) fn locate(&self, point: &Point3, near: u32) -> Option<(u32, [f64; 3])> {
         let topology = &*self.mesh.topology;
         let owner = self.owner[near as usize];
         let inside = |&f: &u32| {

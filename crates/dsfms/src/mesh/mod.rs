@@ -65,7 +65,7 @@ impl Mesh {
     }
 
     /// Whether the corners of a face lie on one line (sine of its largest angle below 1e-12).
-    pub fn is_degenerate(&self, face: usize) -> bool {
+    pub(crate) fn is_degenerate(&self, face: usize) -> bool {
         is_flat(self.corners(face))
     }
 
@@ -83,7 +83,7 @@ impl Mesh {
     }
 
     /// Smallest inner angle of every face, radians.
-    pub fn min_angles(&self) -> Vec<f64> {
+    pub(crate) fn min_angles(&self) -> Vec<f64> {
         let smallest = |f: usize| {
             let [a, b, c] = self.corners(f);
             let angle = |p: &Point3, q: &Point3, r: &Point3| (q - p).angle(&(r - p));

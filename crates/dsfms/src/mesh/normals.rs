@@ -22,7 +22,7 @@ pub(crate) fn normals_of(faces: &[[u32; 3]], positions: &[Point3]) -> Vec<Vector
 }
 
 /// A third of the area of the faces around each vertex.
-pub fn lumped_areas(mesh: &Mesh) -> Vec<f64> {
+pub(crate) fn lumped_areas(mesh: &Mesh) -> Vec<f64> {
     let mut areas = vec![0.0; mesh.positions.len()];
     for (face, area) in mesh.topology.faces.iter().zip(mesh.face_areas()) {
         face.iter().for_each(|&v| areas[v as usize] += area / 3.0);

@@ -4,7 +4,7 @@ use super::{Mesh, Topology, TopologyError};
 
 /// Volume enclosed by a closed surface, cubic length units; negative where the normals point
 /// inward. For an open surface the value depends on the origin and means nothing.
-pub fn signed_volume(mesh: &Mesh) -> f64 {
+pub(crate) fn signed_volume(mesh: &Mesh) -> f64 {
     let about = mesh.positions.first().map(|p| p.coords).unwrap_or_default();
     let six = |f| {
         let [a, b, c] = mesh.corners(f).map(|p| p.coords - about);
@@ -14,7 +14,7 @@ pub fn signed_volume(mesh: &Mesh) -> f64 {
 }
 
 /// Whether no edge lies on a boundary.
-pub fn is_closed(topology: &Topology) -> bool {
+pub(crate) fn is_closed(topology: &Topology) -> bool {
     topology.edge_faces.iter().all(|f| f[1] != u32::MAX)
 }
 
@@ -32,7 +32,7 @@ pub fn flipped(mesh: &Mesh) -> Result<Mesh, TopologyError> {
 ///
 /// # Errors
 /// As [`flipped`].
-pub fn oriented_outward(mesh: &Mesh) -> Result<(Mesh, bool), TopologyError> {
+pub(crate) fn oriented_outward(mesh: &Mesh) -> Result<(Mesh, bool), TopologyError> {
     if is_closed(&mesh.topology) && signed_volume(mesh) < 0.0 {
         return Ok((flipped(mesh)?, true));
     }

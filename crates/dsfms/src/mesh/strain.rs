@@ -5,7 +5,7 @@ use crate::geometry::{Point3, area};
 
 /// The two principal stretches of a triangle, largest first; 1 = as long as at rest. `None` where
 /// the triangle has no area at rest.
-pub fn principal_stretches(rest: [&Point3; 3], now: [&Point3; 3]) -> Option<[f64; 2]> {
+pub(crate) fn principal_stretches(rest: [&Point3; 3], now: [&Point3; 3]) -> Option<[f64; 2]> {
     let [e, g] = [rest[1] - rest[0], rest[2] - rest[0]];
     let [d, h] = [now[1] - now[0], now[2] - now[0]];
     let length = e.norm();

@@ -118,7 +118,7 @@ fn box_distance(node: &TreeNode, p: &Point3) -> f64 {
 
 /// Barycentrics of the point of a triangle closest to `p` (Ericson, "Real-Time Collision
 /// Detection", 5.1.5).
-pub fn closest_barycentric(p: &Point3, [a, b, c]: [&Point3; 3]) -> [f64; 3] {
+pub(crate) fn closest_barycentric(p: &Point3, [a, b, c]: [&Point3; 3]) -> [f64; 3] {
     let (ab, ac) = (b - a, c - a);
     let (d1, d2) = (ab.dot(&(p - a)), ac.dot(&(p - a)));
     if d1 <= 0.0 && d2 <= 0.0 {

@@ -128,7 +128,7 @@ impl Topology {
     }
 
     /// Place of the edge between two vertices in `edges`; `None` where there is none.
-    pub fn edge_index(&self, a: u32, b: u32) -> Option<usize> {
+    pub(crate) fn edge_index(&self, a: u32, b: u32) -> Option<usize> {
         self.edges.binary_search(&[a.min(b), a.max(b)]).ok()
     }
 

@@ -59,7 +59,7 @@ impl CameraInput {
 
     /// What the camera file of other frames says of a template: the light where the template knows none (a
     /// bare mesh), and the frames' own lens, which need not be that of the exploration.
-    pub fn tell_template(&self, template: &mut Template) {
+    pub(crate) fn tell_template(&self, template: &mut Template) {
         template.light = template.light.take().or_else(|| self.file.light.clone());
         if let Some(a) = self.file.vignetting {
             template.coat.vignetting = a;

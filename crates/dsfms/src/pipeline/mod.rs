@@ -12,9 +12,10 @@ pub use progress::{Progress, Silent};
 pub use reconstruct::{ReconstructOptions, reconstruct, reconstruct_with};
 pub use template::{
     BuiltTemplate, Exploration, FoundOrgan, FramePrecision, OrganClick, OrganGuess, OrganOutline,
-    OrganStroke, SparsePrecision, StrokeError, TemplateError, TemplateOptions, read_strokes,
-    strokes_from, template_from_frames, template_from_frames_kept, template_from_mesh,
-    template_from_posed_frames, template_from_poses, template_from_poses_kept, write_strokes,
+    OrganScene, OrganSceneError, OrganStroke, SparsePrecision, StrokeError, TemplateError,
+    TemplateOptions, drawn_from, read_strokes, strokes_from, template_from_frames,
+    template_from_frames_kept, template_from_mesh, template_from_posed_frames, template_from_poses,
+    template_from_poses_kept, write_strokes,
 };
 
 use crate::camera::CameraModel;

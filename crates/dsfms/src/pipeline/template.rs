@@ -9,9 +9,12 @@ mod also;
 mod click;
 mod error;
 mod given;
+mod guess;
 mod kept;
+mod masks;
 mod options;
 mod organ;
+mod organ_scene;
 mod outline;
 mod precision;
 mod strokes;
@@ -22,25 +25,30 @@ mod views;
 pub use click::OrganClick;
 pub use error::TemplateError;
 pub use given::{template_from_mesh, template_from_posed_frames};
+pub use guess::OrganGuess;
 pub use options::TemplateOptions;
-pub use organ::{FoundOrgan, OrganGuess};
+pub use organ::FoundOrgan;
+pub use organ_scene::{OrganScene, OrganSceneError};
 pub use outline::OrganOutline;
 pub use precision::{FramePrecision, SparsePrecision};
-pub use strokes::{OrganStroke, StrokeError, read_strokes, strokes_from, write_strokes};
+pub use strokes::{
+    OrganStroke, StrokeError, drawn_from, read_strokes, strokes_from, write_strokes,
+};
 
 use super::{Progress, logging};
 use crate::camera::CameraModel;
 use crate::checkpoint::Keep;
 use crate::geometry::{Isometry, Point3};
-use crate::image::{Frame, Mask, ToneCurve, viewport};
+use crate::image::{Frame, Mask, ToneCurve};
 use crate::light::LightModel;
 use crate::mesh::Mesh;
-use crate::sfm::{self, FoundModel, SfmOptions, SfmStage};
+use crate::sfm::{self, FoundModel, SfmStage};
 use crate::template::flatten::flatten;
 use crate::template::light_fit::LightFit;
 use crate::template::scale::{Scale, ScaleError, ScaleScene, find_scale};
 use crate::template::scale_mesh::fit_to_mesh;
 use crate::template::{Flattening, LengthUnit, SparsePoint, Template};
+use masks::{usable_masks, valid_masks};
 use surface::{Surface, dense_mesh};
 use views::Views;
 
@@ -133,6 +141,8 @@ pub struct BuiltTemplate {
     /// The organ as the frames themselves part it from what lies behind; `None` where the user said where it is
     /// in every frame, wants all, gave the surface, or where nothing parts.
     pub organ: Option<FoundOrgan>,
+    /// By what the organ was told, for other strokes; `None` where the frames were not asked.
+    pub organ_scene: Option<OrganScene>,
 }
 
 /// Build a template from frames alone. Its unit is [`LengthUnit::TemplateUnit`], or mm where the
@@ -259,7 +269,7 @@ fn from_sparse(
     logging::sparse(exploration.frames, &sparse, &options.sfm, progress);
     let keep = keep.with(|key| kept::dense_key(key, exploration, options));
     let points: Vec<Point3> = sparse.points.iter().map(|p| p.position).collect();
-    let Surface { mut mesh, mut sigma, organ, mut around } =
+    let Surface { mut mesh, mut sigma, mut told } =
         dense_mesh(exploration, &sparse, &points, options, progress, keep)?;
     // Reconstruction took long: a mark beside the surface costs the unit, not the template.
     let scale = measure(exploration, &sparse.camera, &sparse.poses, &mesh, options).unwrap_or_else(
@@ -272,7 +282,7 @@ fn from_sparse(
         Some(scale) => {
             tracing::info!(factor = scale.factor, "scale");
             apply(scale.factor, &mut mesh, &mut sparse);
-            around.iter_mut().flat_map(|m| &mut m.positions).for_each(|p| *p *= scale.factor);
+            told.around.iter_mut().flat_map(|m| &mut m.positions).for_each(|p| *p *= scale.factor);
             sigma.iter_mut().for_each(|s| *s *= scale.factor);
             LengthUnit::Millimetre
         }
@@ -288,12 +298,21 @@ fn from_sparse(
     let (mut template, light) = views.dress(mesh, Some(&sigma), unit, options, progress)?;
     template.points = sparse_points(&sparse);
     template.sigma = sigma;
-    template.surroundings = around;
+    template.surroundings = told.around;
     let name = |(i, why): &(usize, String)| (exploration.frames[*i].name.clone(), why.clone());
     let rejected = sparse.rejected.iter().map(name).collect();
     let covariance = sparse.covariance(options.sfm.refine).ok();
     let precision = covariance.map(|c| SparsePrecision::of(&c, &sparse, exploration.frames, unit));
-    Ok(BuiltTemplate { template, rejected, models: sparse.models, light, scale, precision, organ })
+    Ok(BuiltTemplate {
+        template,
+        rejected,
+        models: sparse.models,
+        light,
+        scale,
+        precision,
+        organ: told.organ,
+        organ_scene: told.scene,
+    })
 }
 
 /// The scale that the known distances, or else the metric surface, ask for.
@@ -351,30 +370,6 @@ fn sfm_stage(stage: SfmStage) -> &'static str {
         SfmStage::GuidedMatching => "guided matching",
         SfmStage::OpticalFlow => "optical flow",
     }
-}
-
-/// The given valid masks inside the viewport, which holds for every stage: its rim moves with the
-/// camera and what lies beyond it is black, neither of which is tissue.
-fn valid_masks(exploration: &Exploration, options: &SfmOptions) -> Vec<Option<Mask>> {
-    let lit = if options.find_viewport { viewport(exploration.frames) } else { None };
-    let one = |i: usize| match (exploration.valid.get(i).and_then(Option::as_ref), &lit) {
-        // A mask of another size is for the stages to refuse, by name.
-        (Some(own), Some(lit)) if own.size == lit.size => Some(own.and(lit)),
-        (Some(own), _) => Some(own.clone()),
-        (None, lit) => lit.clone(),
-    };
-    (0..exploration.frames.len()).map(one).collect()
-}
-
-/// Where a frame is both valid and organ.
-fn usable_masks(exploration: &Exploration) -> Vec<Option<Mask>> {
-    let of = |masks: &[Option<Mask>], i: usize| masks.get(i).cloned().flatten();
-    (0..exploration.frames.len())
-        .map(|i| match (of(exploration.valid, i), of(exploration.organ, i)) {
-            (Some(valid), Some(organ)) => Some(valid.and(&organ)),
-            (valid, organ) => valid.or(organ),
-        })
-        .collect()
 }
 
 fn try_flatten(

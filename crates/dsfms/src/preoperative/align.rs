@@ -155,7 +155,7 @@ pub(super) struct AlignmentProblem<'a> {
 }
 
 impl<'a> AlignmentProblem<'a> {
-    pub fn new(
+    pub(super) fn new(
         target: &'a Target<'a>,
         samples: &'a [SurfaceSample],
         landmarks: &'a [LandmarkPair],
@@ -183,7 +183,7 @@ impl<'a> AlignmentProblem<'a> {
         self.ahead = None;
     }
 
-    pub fn rows(&self, state: &Similarity) -> Vec<Option<SampleRow>> {
+    pub(super) fn rows(&self, state: &Similarity) -> Vec<Option<SampleRow>> {
         let (scale, centre) = (state.scaling(), state * self.middle);
         let row = |sample: &SurfaceSample| {
             let at = state * sample.point;
@@ -197,7 +197,7 @@ impl<'a> AlignmentProblem<'a> {
     }
 
     /// Residuals of the landmarks, template units, and derivatives row by row.
-    pub fn landmark_rows(&self, state: &Similarity) -> Vec<(Vector3, [Six; 3])> {
+    pub(super) fn landmark_rows(&self, state: &Similarity) -> Vec<(Vector3, [Six; 3])> {
         let (scale, centre) = (state.scaling(), state * self.middle);
         let row = |pair: &LandmarkPair| {
             let at = state * pair.template;
@@ -211,13 +211,13 @@ impl<'a> AlignmentProblem<'a> {
     }
 
     /// Weight of a sample's square, of a landmark's square.
-    pub fn weights(&self) -> [f64; 2] {
+    pub(super) fn weights(&self) -> [f64; 2] {
         let sigma = self.cut / CUT;
         let surface = PLACES / (self.samples.len().max(1) as f64 * sigma * sigma);
         [surface, 1.0 / (self.landmark_sigma * self.landmark_sigma)]
     }
 
-    pub fn losses(&self) -> [Loss; 2] {
+    pub(super) fn losses(&self) -> [Loss; 2] {
         [Loss::GemanMcClure(self.cut), Loss::GemanMcClure(2.0 * CUT * self.landmark_sigma)]
     }
 

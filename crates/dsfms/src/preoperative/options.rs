@@ -26,7 +26,7 @@ impl ScaleRule {
     }
 
     /// Whether landmarks alone have to find a scale.
-    pub fn is_free(self) -> bool {
+    pub(crate) fn is_free(self) -> bool {
         self == Self::Free
     }
 }

@@ -90,7 +90,7 @@ impl Uncertainty {
     }
 
     /// The motion along which the surface slides most easily, in words.
-    pub fn weakest(&self) -> &'static str {
+    pub(crate) fn weakest(&self) -> &'static str {
         let part = |k: usize| self.weakest.fixed_rows::<3>(k).norm_squared();
         match [part(0), part(3), self.weakest[6].powi(2)] {
             [turn, shift, growth] if growth >= turn && growth >= shift => "a change of scale",

@@ -63,21 +63,21 @@ pub(super) struct Inside {
 
 impl Inside {
     /// Perspective-correct barycentrics.
-    pub fn barycentric(&self) -> [f64; 3] {
+    pub(super) fn barycentric(&self) -> [f64; 3] {
         self.weighted.map(|v| v / self.total)
     }
 }
 
 impl ScreenFace {
     /// A row of pixel centres.
-    pub fn row(&self, y: f64) -> PixelRow<'_> {
+    pub(super) fn row(&self, y: f64) -> PixelRow<'_> {
         PixelRow { face: self, edges: [0, 1, 2].map(|k| self.edges[k].row(y)) }
     }
 }
 
 impl PixelRow<'_> {
     /// What the face has at a column; `None` outside.
-    pub fn at(&self, x: f64) -> Option<Inside> {
+    pub(super) fn at(&self, x: f64) -> Option<Inside> {
         let (edges, rows) = (&self.face.edges, &self.edges);
         let w = [edges[0].at(rows[0], x), edges[1].at(rows[1], x), edges[2].at(rows[2], x)];
         let inside = (w[0] >= 0.0 && w[1] >= 0.0 && w[2] >= 0.0)

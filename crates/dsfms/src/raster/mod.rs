@@ -107,7 +107,7 @@ impl Raster {
     }
 
     /// Face and barycentrics at the pixel nearest to `p`; `None` outside the image or the surface.
-    pub fn surface_at(&self, p: &Point2) -> Option<(u32, [f64; 3])> {
+    pub(crate) fn surface_at(&self, p: &Point2) -> Option<(u32, [f64; 3])> {
         let [x, y] = nearest_pixel(p, self.size)?;
         self.surface(x, y)
     }
@@ -162,7 +162,7 @@ impl Raster {
     }
 
     /// [`Raster::render`] of a function of the barycentrics that [`Raster::quarters`] gives.
-    pub fn render_quarters<T: Copy + Send + Sync>(
+    pub(crate) fn render_quarters<T: Copy + Send + Sync>(
         &self,
         background: T,
         value: impl Fn(usize, [[f64; 3]; 4]) -> T + Sync,

@@ -9,7 +9,7 @@ impl Raster {
     /// surface, or next to one whose depth differs by more than `relative_jump` times their mean.
     ///
     /// A jump of 0.02 per pixel also marks surface seen at more than about 85 degrees.
-    pub fn discontinuities(&self, relative_jump: f64) -> Mask {
+    pub(crate) fn discontinuities(&self, relative_jump: f64) -> Mask {
         let [w, h] = self.size;
         let breaks = |a: f64, b: f64| {
             a.is_finite() && (!b.is_finite() || (a - b).abs() > relative_jump * 0.5 * (a + b))

@@ -23,12 +23,12 @@ pub struct RelativePose {
 
 /// `E = [t]ₓ R` of a relative pose.
 #[doc(alias = "epipolar geometry")]
-pub fn essential_matrix(b_from_a: &Isometry) -> Matrix3<f64> {
+pub(crate) fn essential_matrix(b_from_a: &Isometry) -> Matrix3<f64> {
     b_from_a.translation.vector.cross_matrix() * b_from_a.rotation.to_rotation_matrix().matrix()
 }
 
 /// Signed angle (radians, small) by which two sightlines miss a common epipolar plane.
-pub fn epipolar_angle(e: &Matrix3<f64>, a: &Vector3, b: &Vector3) -> f64 {
+pub(crate) fn epipolar_angle(e: &Matrix3<f64>, a: &Vector3, b: &Vector3) -> f64 {
     let (ea, eb) = (e * a, e.tr_mul(b));
     b.dot(&ea) / (ea.norm_squared() + eb.norm_squared()).sqrt().max(1e-300)
 }
@@ -37,7 +37,7 @@ pub fn epipolar_angle(e: &Matrix3<f64>, a: &Vector3, b: &Vector3) -> f64 {
 ///
 /// `threshold` is the largest epipolar angle of an inlier, radians. `None` for fewer than
 /// `8` pairs, or when no pose with most points in front of both cameras has 8 inliers.
-pub fn relative_pose(
+pub(crate) fn relative_pose(
     a: &[Vector3],
     b: &[Vector3],
     threshold: f64,
@@ -217,7 +217,7 @@ fn tangent_of(v: &Vector3) -> SMatrix<f64, 3, 2> {
 }
 
 /// Angle between two sightlines to the same point, degrees: the parallax that fixes its depth.
-pub fn parallax_deg(point: &Point3, centre_a: &Point3, centre_b: &Point3) -> f64 {
+pub(crate) fn parallax_deg(point: &Point3, centre_a: &Point3, centre_b: &Point3) -> f64 {
     (point - centre_a).angle(&(point - centre_b)).to_degrees()
 }
 

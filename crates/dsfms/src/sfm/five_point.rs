@@ -92,7 +92,7 @@ fn cubic(p: &Linear) -> Cubic {
 
 /// Essential matrices `E` of norm 1 with `bᵢᵀ E aᵢ = 0` for five pairs of sightlines of any length but
 /// 0: at most ten, none where the pairs leave more than a finite number.
-pub fn five_point(a: &[Vector3; 5], b: &[Vector3; 5]) -> Vec<Matrix3<f64>> {
+pub(super) fn five_point(a: &[Vector3; 5], b: &[Vector3; 5]) -> Vec<Matrix3<f64>> {
     let basis = null_space(a, b);
     let constraints = constraints(&basis);
     let Some(action) = action_of_z(&constraints) else { return Vec::new() };

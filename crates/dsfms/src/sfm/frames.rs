@@ -63,7 +63,7 @@ pub(super) struct ValidAreas<'a> {
 }
 
 impl<'a> ValidAreas<'a> {
-    pub fn new(frames: &[Frame], masks: &'a [Option<Mask>], options: &SfmOptions) -> Self {
+    pub(super) fn new(frames: &[Frame], masks: &'a [Option<Mask>], options: &SfmOptions) -> Self {
         /// The blurred rim gives strong keypoints that move with the camera.
         const RIM_PX: f64 = 8.0;
         let lit = if options.find_viewport { viewport(frames) } else { None };
@@ -71,7 +71,7 @@ impl<'a> ValidAreas<'a> {
     }
 
     /// That of a frame; `None` = everywhere.
-    pub fn of(&self, frame: usize) -> Option<Mask> {
+    pub(super) fn of(&self, frame: usize) -> Option<Mask> {
         match (self.masks.get(frame).and_then(Option::as_ref), &self.lit) {
             (Some(own), Some(lit)) => Some(own.and(lit)),
             (own, lit) => own.or(lit.as_ref()).cloned(),
@@ -134,11 +134,11 @@ pub(super) struct Counter<'a> {
 }
 
 impl<'a> Counter<'a> {
-    pub fn new(stage: SfmStage, total: usize, progress: SfmProgress<'a>) -> Self {
+    pub(super) fn new(stage: SfmStage, total: usize, progress: SfmProgress<'a>) -> Self {
         Self { stage, total, done: AtomicUsize::new(0), progress }
     }
 
-    pub fn next(&self) {
+    pub(super) fn next(&self) {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         (self.progress)(self.stage, done, self.total);
     }

@@ -31,7 +31,11 @@ pub struct GuidedLimits {
 
 /// Mutual nearest descriptors among features on each other's epipolar lines, ordered by `a`;
 /// none for views without a baseline.
-pub fn match_guided(a: &GuidedView, b: &GuidedView, limits: &GuidedLimits) -> Vec<DescriptorMatch> {
+pub(crate) fn match_guided(
+    a: &GuidedView,
+    b: &GuidedView,
+    limits: &GuidedLimits,
+) -> Vec<DescriptorMatch> {
     let b_from_a = b.pose * a.pose.inverse();
     let baseline = b_from_a.translation.vector.norm();
     if baseline.is_nan() || baseline <= 1e-9 {

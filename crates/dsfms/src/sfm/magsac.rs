@@ -20,7 +20,7 @@ const CELLS: usize = 1024;
 
 /// Loss and weight for one threshold.
 #[derive(Clone, Copy, Debug)]
-pub struct Magsac {
+pub(super) struct Magsac {
     table: &'static LossTable,
     /// Cells per squared residual.
     cells_per_square: f64,
@@ -28,14 +28,14 @@ pub struct Magsac {
 
 impl Magsac {
     /// For residuals of one degree of freedom: distances from an epipolar plane or line.
-    pub fn epipolar(threshold: f64) -> Self {
+    pub(super) fn epipolar(threshold: f64) -> Self {
         static TABLE: LazyLock<LossTable> =
             LazyLock::new(|| LossTable::new(0.0, 6.634_896_601_021_214));
         Self::new(&TABLE, threshold)
     }
 
     /// For residuals of two degrees of freedom: distances of pixels from projections.
-    pub fn reprojection(threshold: f64) -> Self {
+    pub(super) fn reprojection(threshold: f64) -> Self {
         static TABLE: LazyLock<LossTable> =
             LazyLock::new(|| LossTable::new(0.5, 9.210_340_371_976_184));
         Self::new(&TABLE, threshold)
@@ -43,7 +43,7 @@ impl Magsac {
 
     /// The truncated quadratic, for comparison.
     #[cfg(test)]
-    pub fn truncated(threshold: f64) -> Self {
+    pub(super) fn truncated(threshold: f64) -> Self {
         static TABLE: LazyLock<LossTable> =
             LazyLock::new(|| LossTable::of_weights(vec![1.0; CELLS + 1]));
         Self::new(&TABLE, threshold)
@@ -56,7 +56,7 @@ impl Magsac {
     /// `ρ(s)` in `[0, 1]` and `ρ′(s)` of a squared residual `s`; 1 and 0 beyond the threshold and
     /// where `s` is not a number.
     #[inline]
-    pub fn evaluate(&self, s: f64) -> (f64, f64) {
+    pub(super) fn evaluate(&self, s: f64) -> (f64, f64) {
         let at = s * self.cells_per_square;
         let cell = at as usize;
         if cell >= CELLS || at.is_nan() {

@@ -20,12 +20,12 @@ pub(super) struct MapTrack {
 }
 
 impl MapTrack {
-    pub fn new(members: Vec<Member>) -> Self {
+    pub(super) fn new(members: Vec<Member>) -> Self {
         Self { used: vec![false; members.len()], members, point: None }
     }
 
     /// Members that agree with the point.
-    pub fn seen(&self) -> impl Iterator<Item = Member> {
+    pub(super) fn seen(&self) -> impl Iterator<Item = Member> {
         self.members.iter().zip(&self.used).filter(|(_, used)| **used).map(|(m, _)| *m)
     }
 }
@@ -42,27 +42,27 @@ pub(super) struct Map<'a> {
 }
 
 impl Map<'_> {
-    pub fn registered(&self) -> usize {
+    pub(super) fn registered(&self) -> usize {
         self.poses.iter().flatten().count()
     }
 
-    pub fn points(&self) -> usize {
+    pub(super) fn points(&self) -> usize {
         self.tracks.iter().filter(|t| t.point.is_some()).count()
     }
 
     /// Its frames and how many points they found.
-    pub fn summary(&self) -> FoundModel {
+    pub(super) fn summary(&self) -> FoundModel {
         let frames = (0..self.poses.len()).filter(|&v| self.poses[v].is_some()).collect();
         FoundModel { frames, points: self.points() }
     }
 
     /// Number of sightings that agree with their point.
-    pub fn sightings(&self) -> usize {
+    pub(super) fn sightings(&self) -> usize {
         let used = |t: &MapTrack| t.used.iter().filter(|used| **used).count();
         self.tracks.iter().filter(|t| t.point.is_some()).map(used).sum()
     }
 
-    pub fn pixel(&self, m: Member) -> Point2 {
+    pub(super) fn pixel(&self, m: Member) -> Point2 {
         self.features[m.view as usize].points[m.feature as usize]
     }
 
@@ -73,7 +73,7 @@ impl Map<'_> {
     }
 
     /// Triangulate every track that has no point, and let points gain the members that agree.
-    pub fn triangulate(&mut self, limits: &TriangulationLimits) {
+    pub(super) fn triangulate(&mut self, limits: &TriangulationLimits) {
         let update = |track: &MapTrack| -> Option<(Point3, Vec<bool>)> {
             let sightings: Vec<Option<Sighting>> =
                 track.members.iter().map(|&m| self.sighting(m)).collect();
@@ -102,7 +102,7 @@ impl Map<'_> {
     }
 
     /// Drop sightings farther than `max_error_px` from their point, then weak points.
-    pub fn filter(&mut self, limits: &TriangulationLimits) {
+    pub(super) fn filter(&mut self, limits: &TriangulationLimits) {
         let keep = |track: &MapTrack| -> Vec<bool> {
             let Some(point) = track.point else { return track.used.clone() };
             let near = |m: Member| {
@@ -133,7 +133,7 @@ impl Map<'_> {
     }
 
     /// Points and pixels that a view could be resected from, with the tracks they come from.
-    pub fn known_in(&self, view: usize) -> Vec<(usize, Point3, Point2)> {
+    pub(super) fn known_in(&self, view: usize) -> Vec<(usize, Point3, Point2)> {
         let member = |(i, track): (usize, &MapTrack)| {
             let point = track.point?;
             let m = track.members.iter().find(|m| m.view as usize == view)?;
@@ -143,7 +143,7 @@ impl Map<'_> {
     }
 
     /// Bundle adjustment of everything registered. `fixed` views keep their pose.
-    pub fn adjust(
+    pub(super) fn adjust(
         &mut self,
         fixed: &dyn Fn(usize) -> bool,
         loss: Loss,
@@ -189,7 +189,7 @@ impl Map<'_> {
     }
 
     /// Error of every used sighting, px: `(track, view, error)` in track order.
-    pub fn errors(&self) -> Vec<(usize, usize, f64)> {
+    pub(super) fn errors(&self) -> Vec<(usize, usize, f64)> {
         let mut errors = Vec::new();
         for (t, track) in self.tracks.iter().enumerate() {
             let Some(point) = track.point else { continue };
@@ -202,7 +202,7 @@ impl Map<'_> {
     }
 
     /// Move and scale the world: `point ↦ scale · point`, poses following.
-    pub fn rescale(&mut self, scale: f64) {
+    pub(super) fn rescale(&mut self, scale: f64) {
         for pose in self.poses.iter_mut().flatten() {
             pose.translation.vector *= scale;
         }
@@ -212,7 +212,7 @@ impl Map<'_> {
     }
 
     /// Median depth of the sightings, length units; 0 without points.
-    pub fn median_depth(&self) -> f64 {
+    pub(super) fn median_depth(&self) -> f64 {
         let mut depths: Vec<f64> = Vec::new();
         for track in &self.tracks {
             let Some(point) = track.point else { continue };

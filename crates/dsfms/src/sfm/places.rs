@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// `radius` from the first. Every place is matched at most once, to the nearest of `a`.
 ///
 /// `places`: where on the surface each descriptor of `b` lies. Ordered by `a`.
-pub fn match_places(
+pub(crate) fn match_places(
     a: &UnitDescriptors,
     b: &UnitDescriptors,
     places: &[Point3],

@@ -42,7 +42,7 @@ impl Random {
 }
 
 /// Draws after which an all-inlier sample of `size` has been seen with probability 0.9999.
-pub fn draws_needed(inliers: usize, total: usize, size: i32) -> usize {
+pub(crate) fn draws_needed(inliers: usize, total: usize, size: i32) -> usize {
     let all_good = (inliers as f64 / total.max(1) as f64).powi(size);
     if all_good >= 1.0 - 1e-12 {
         return 1;

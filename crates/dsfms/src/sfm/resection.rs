@@ -216,7 +216,7 @@ pub(super) fn retract(pose: &Isometry, step: &Vector6<f64>) -> Isometry {
 
 /// Poses that see three points along three unit sightlines: at most four, none when the points
 /// are collinear.
-pub fn three_point(points: &[Point3; 3], rays: &[Vector3; 3]) -> Vec<Isometry> {
+pub(crate) fn three_point(points: &[Point3; 3], rays: &[Vector3; 3]) -> Vec<Isometry> {
     let squared = |i: usize, j: usize| (points[i] - points[j]).norm_squared();
     let (a2, b2, c2) = (squared(1, 2), squared(0, 2), squared(0, 1));
     if a2.min(b2).min(c2) <= 1e-20 * a2.max(b2).max(c2) {

@@ -25,7 +25,7 @@ pub struct PairMatches {
 
 /// Join matches into tracks, most alike first; a match that would put two features of one frame
 /// into a track is dropped. Tracks have at least two members, sorted by view.
-pub fn build_tracks(feature_counts: &[usize], pairs: &[PairMatches]) -> Vec<Vec<Member>> {
+pub(crate) fn build_tracks(feature_counts: &[usize], pairs: &[PairMatches]) -> Vec<Vec<Member>> {
     let first: Vec<usize> = feature_counts
         .iter()
         .scan(0, |sum, n| {

@@ -30,7 +30,7 @@ impl Sighting {
 }
 
 /// Centre of a camera in world axes.
-pub fn centre_of(pose: &Isometry) -> Point3 {
+pub(crate) fn centre_of(pose: &Isometry) -> Point3 {
     pose.inverse_transform_point(&Point3::origin())
 }
 
@@ -44,7 +44,7 @@ pub struct TriangulationLimits {
 }
 
 /// The point nearest to all sightlines, `argmin Σ‖(I − ddᵀ)(X − C)‖²`; `None` when parallel.
-pub fn nearest_to_rays(sightings: &[Sighting]) -> Option<Point3> {
+pub(crate) fn nearest_to_rays(sightings: &[Sighting]) -> Option<Point3> {
     let (mut normal, mut right) = (Matrix3::zeros(), V3::zeros());
     for s in sightings {
         let direction = s.pose.rotation.inverse() * s.ray;
@@ -57,7 +57,7 @@ pub fn nearest_to_rays(sightings: &[Sighting]) -> Option<Point3> {
 }
 
 /// Least squares of the reprojection errors from a first point; the best point met.
-pub fn refine_point(camera: &dyn Camera, sightings: &[Sighting], start: Point3) -> Point3 {
+pub(crate) fn refine_point(camera: &dyn Camera, sightings: &[Sighting], start: Point3) -> Point3 {
     let options = Options { max_steps: 5, fastest: 1.0, ..Options::default() };
     let cost = |p: &Point3, _| sightings.iter().map(|s| s.error_px(camera, p).powi(2)).sum::<f64>();
     let normal = |point: &Point3| {
@@ -75,7 +75,7 @@ pub fn refine_point(camera: &dyn Camera, sightings: &[Sighting], start: Point3) 
 }
 
 /// Largest angle between two sightlines of a point, degrees.
-pub fn largest_parallax_deg(point: &Point3, centres: &[Point3]) -> f64 {
+pub(crate) fn largest_parallax_deg(point: &Point3, centres: &[Point3]) -> f64 {
     let directions: Vec<Vector3> = centres.iter().map(|c| (point - c).normalize()).collect();
     let mut smallest_cosine: f64 = 1.0;
     for (i, a) in directions.iter().enumerate() {
@@ -91,7 +91,7 @@ pub fn largest_parallax_deg(point: &Point3, centres: &[Point3]) -> f64 {
 ///
 /// Every pair of sightings (at most `MAX_PAIRS`, evenly spread) proposes a point; ties go to the
 /// lower error. The winner is refined on its sightings.
-pub fn triangulate(
+pub(crate) fn triangulate(
     camera: &dyn Camera,
     sightings: &[Sighting],
     limits: &TriangulationLimits,

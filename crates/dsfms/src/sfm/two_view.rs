@@ -28,7 +28,7 @@ pub struct VerifiedPair {
 
 /// All pairs of few frames; else neighbours within the window and, of the distant pairs, those that
 /// either frame counts among its `retrieved` of the highest score (0 = unrelated). In order.
-pub fn chosen_pairs(
+pub(crate) fn chosen_pairs(
     frames: usize,
     options: &SfmOptions,
     score: &(dyn Fn(usize, usize) -> usize + Sync),
@@ -59,7 +59,7 @@ fn all_pairs(frames: usize) -> Vec<(usize, usize)> {
 }
 
 /// Match and verify pairs of frames, in order; pairs that fail are left out.
-pub fn verify_pairs(
+pub(crate) fn verify_pairs(
     camera: &CameraModel,
     features: &[Features2d],
     descriptors: &[UnitDescriptors],

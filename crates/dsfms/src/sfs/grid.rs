@@ -52,7 +52,7 @@ pub(super) struct PixelCell {
 }
 
 impl PixelGrid {
-    pub fn new(
+    pub(super) fn new(
         input: &SfsInput,
         raster: &Raster,
         posed: &[Point3],
@@ -163,7 +163,7 @@ impl PixelGrid {
     }
 
     /// ln depth at a pixel, bilinear over the nodes around it that exist; `None` without any.
-    pub fn interpolate(&self, log_depth: &[f64], p: &Point2) -> Option<f64> {
+    pub(super) fn interpolate(&self, log_depth: &[f64], p: &Point2) -> Option<f64> {
         let u = (p.x - self.origin[0] as f64) / self.step as f64;
         let v = (p.y - self.origin[1] as f64) / self.step as f64;
         let (i, j) = (u.floor(), v.floor());

@@ -43,7 +43,7 @@ pub struct Factor {
 impl Cholesky {
     /// Analyse a lower-triangular column-compressed pattern (rows ascending in every column,
     /// diagonal present), already ordered for little fill.
-    pub fn analyse(
+    pub(crate) fn analyse(
         size: usize,
         col_ptr: Vec<usize>,
         row_idx: Vec<usize>,
@@ -68,17 +68,21 @@ impl Cholesky {
     }
 
     /// Entries of the pattern.
-    pub fn nnz(&self) -> usize {
+    pub(crate) fn nnz(&self) -> usize {
         self.pattern.row_idx().len()
     }
 
     /// First entry of every column of the pattern (its diagonal), and the count last.
-    pub fn col_ptr(&self) -> &[usize] {
+    pub(crate) fn col_ptr(&self) -> &[usize] {
         self.pattern.col_ptr()
     }
 
     /// Factorise the values of the pattern's entries, in its order.
-    pub fn factorise(&mut self, values: &[f64], into: &mut Factor) -> Result<(), CholeskyError> {
+    pub(crate) fn factorise(
+        &mut self,
+        values: &[f64],
+        into: &mut Factor,
+    ) -> Result<(), CholeskyError> {
         into.values.resize(self.symbolic.len_val(), 0.0);
         self.symbolic
             .factorize_numeric_llt(

@@ -14,7 +14,7 @@ pub(super) struct Direct {
 }
 
 impl Direct {
-    pub fn new(ordered: &Ordered) -> Result<Self, CholeskyError> {
+    pub(super) fn new(ordered: &Ordered) -> Result<Self, CholeskyError> {
         let (col_ptr, row_idx) = ordered.scalar(3);
         let values = vec![0.0; row_idx.len()];
         let permuted = vec![[0.0]; 3 * ordered.len()];
@@ -23,7 +23,7 @@ impl Direct {
     }
 
     /// Factorise the damped matrix.
-    pub fn factorise(&mut self, matrix: &Matrix, damping: f64) -> Result<(), CholeskyError> {
+    pub(super) fn factorise(&mut self, matrix: &Matrix, damping: f64) -> Result<(), CholeskyError> {
         let col_ptr = self.cholesky.col_ptr();
         let floor = matrix.floor();
         for j in 0..matrix.ordered.len() {
@@ -58,7 +58,7 @@ impl Direct {
     }
 
     /// Solve the damped system; the globals by their Schur complement.
-    pub fn step(&mut self, matrix: &Matrix, damping: f64) -> Option<Vec<f64>> {
+    pub(super) fn step(&mut self, matrix: &Matrix, damping: f64) -> Option<Vec<f64>> {
         self.factorise(matrix, damping).ok()?;
         let sums = matrix.sums;
         let m = sums.corner.nrows();

@@ -36,7 +36,7 @@ pub(super) struct Iterative {
 }
 
 impl Iterative {
-    pub fn new(ordered: &Ordered) -> Result<Self, CholeskyError> {
+    pub(super) fn new(ordered: &Ordered) -> Result<Self, CholeskyError> {
         let (col_ptr, row_idx) = ordered.scalar(1);
         let cholesky = Cholesky::analyse(ordered.len(), col_ptr, row_idx)?;
         let values = [0, 1].map(|_| vec![0.0; cholesky.nnz()]);
@@ -57,7 +57,7 @@ impl Iterative {
 
     /// Local axes from the edges of the pattern: the direction in which they extend least, and two
     /// across.
-    pub fn orient(&mut self, matrix: &Matrix, vertices: &[Point3<f64>]) {
+    pub(super) fn orient(&mut self, matrix: &Matrix, vertices: &[Point3<f64>]) {
         let mut spread = vec![Matrix3::zeros(); vertices.len()];
         for (a, b) in matrix.near.iter().filter(|(a, b)| a != b) {
             let d = vertices[a as usize] - vertices[b as usize];
@@ -128,7 +128,7 @@ impl Iterative {
     /// The step, and the product of step and residual; `None` where the iteration fails.
     ///
     /// The residual is reduced by `reduction` in the norm of the preconditioner.
-    pub fn step(
+    pub(super) fn step(
         &mut self,
         matrix: &Matrix,
         damping: f64,

@@ -67,7 +67,7 @@ pub(super) struct Matrix<'a> {
 
 impl Matrix<'_> {
     /// Block of `A` at an entry of the renumbered lower triangle.
-    pub fn block(&self, entry: &Entry) -> Matrix3<f64> {
+    pub(super) fn block(&self, entry: &Entry) -> Matrix3<f64> {
         let mut block = match self.sums.blocks.get(entry.near as usize) {
             Some(block) if entry.flipped => block.transpose(),
             Some(block) => *block,
@@ -81,13 +81,13 @@ impl Matrix<'_> {
     }
 
     /// Diagonal of `A` at a vertex.
-    pub fn diagonal(&self, vertex: usize) -> Vector3<f64> {
+    pub(super) fn diagonal(&self, vertex: usize) -> Vector3<f64> {
         let near = self.sums.blocks[self.near.column(vertex).0].diagonal();
         near.add_scalar(self.isotropic[self.smooth.column(vertex).0])
     }
 
     /// What is added to the diagonal to keep vertices without evidence solvable.
-    pub fn floor(&self) -> f64 {
+    pub(super) fn floor(&self) -> f64 {
         let largest = (0..self.near.vertices()).map(|v| self.diagonal(v).max()).fold(0.0, f64::max);
         1e-12 * largest + f64::MIN_POSITIVE
     }

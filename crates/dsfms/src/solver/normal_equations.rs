@@ -21,7 +21,7 @@ use super::pattern::Pattern;
 use nalgebra::{Point3, Vector3};
 
 /// Meshes of more vertices are solved iteratively.
-pub const DIRECT_UP_TO: usize = 500;
+pub(crate) const DIRECT_UP_TO: usize = 500;
 
 /// The system at one linearisation, with the ordering and the symbolic factor kept between them.
 pub struct NormalEquations {
@@ -65,7 +65,7 @@ impl NormalEquations {
     }
 
     /// Values of `S`, in its pattern's order.
-    pub fn isotropic_mut(&mut self) -> &mut [f64] {
+    pub(crate) fn isotropic_mut(&mut self) -> &mut [f64] {
         &mut self.isotropic
     }
 
@@ -74,7 +74,7 @@ impl NormalEquations {
     ///
     /// # Errors
     /// A system too large for its index type or for the memory.
-    pub fn orient(&mut self, vertices: &[Point3<f64>]) -> Result<(), CholeskyError> {
+    pub(crate) fn orient(&mut self, vertices: &[Point3<f64>]) -> Result<(), CholeskyError> {
         if vertices.len() <= DIRECT_UP_TO {
             return Ok(());
         }
@@ -88,7 +88,7 @@ impl NormalEquations {
     }
 
     /// How far the iterative solver reduces the residual of a system.
-    pub fn reduce_by(&mut self, reduction: f64) {
+    pub(crate) fn reduce_by(&mut self, reduction: f64) {
         self.reduction = reduction;
     }
 
@@ -98,14 +98,14 @@ impl NormalEquations {
     }
 
     /// Take the sums of a linearisation (in the given order) as the system; what they held is lost.
-    pub fn assemble(&mut self, parts: &mut [Accumulator]) {
+    pub(crate) fn assemble(&mut self, parts: &mut [Accumulator]) {
         let Some((first, rest)) = parts.split_first_mut() else { return self.sums.clear() };
         std::mem::swap(&mut self.sums, first);
         rest.iter().for_each(|part| self.sums.add(part));
     }
 
     /// Norm of the whole gradient.
-    pub fn gradient_norm(&self) -> f64 {
+    pub(crate) fn gradient_norm(&self) -> f64 {
         let vertices: f64 = self.sums.gradient.iter().map(|g| g.norm_squared()).sum();
         (vertices + self.sums.global_gradient.norm_squared()).sqrt()
     }

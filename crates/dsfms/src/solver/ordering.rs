@@ -34,7 +34,7 @@ pub(super) struct Ordered {
 }
 
 impl Ordered {
-    pub fn new(near: &Pattern, smooth: &Pattern) -> Result<Self, CholeskyError> {
+    pub(super) fn new(near: &Pattern, smooth: &Pattern) -> Result<Self, CholeskyError> {
         let union = near.union(smooth);
         let order = minimum_degree(&union)?;
         let mut place = vec![0; order.len()];
@@ -68,17 +68,17 @@ impl Ordered {
     }
 
     /// Number of vertices.
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.order.len()
     }
 
     /// Entries of a column, the diagonal first.
-    pub fn column(&self, j: usize) -> &[Entry] {
+    pub(super) fn column(&self, j: usize) -> &[Entry] {
         &self.entries[self.columns[j]..self.columns[j + 1]]
     }
 
     /// Column pointers and row indices of the scalar lower triangle with `size` unknowns a vertex.
-    pub fn scalar(&self, size: usize) -> (Vec<usize>, Vec<usize>) {
+    pub(super) fn scalar(&self, size: usize) -> (Vec<usize>, Vec<usize>) {
         let (mut col_ptr, mut row_idx) = (vec![0], Vec::new());
         for j in 0..self.len() {
             for c in 0..size {

@@ -81,7 +81,7 @@ pub fn deform_to(
 }
 
 /// `Σⱼ (1 − θ²/θ₀²)² (gⱼ − v) + lift ‖·‖ N` at every vertex: the displacement of [`deform`] for κ = 1.
-pub fn attraction_field(mesh: &Mesh, attractions: &[Attraction], lift: f64) -> Vec<Vector3> {
+pub(crate) fn attraction_field(mesh: &Mesh, attractions: &[Attraction], lift: f64) -> Vec<Vector3> {
     let normals = vertex_normals(&mesh.topology, &mesh.positions);
     mesh.positions.iter().zip(&normals).map(|(v, n)| pull(v, n, attractions, lift)).collect()
 }

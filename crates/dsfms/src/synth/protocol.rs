@@ -122,7 +122,7 @@ impl Protocol {
 
     /// Case `index` of a cell on an organ (rest shape about the origin, outward normals along −z).
     /// Cases of even number pull towards the camera, the others push away from it.
-    pub fn case_on(&self, organ: Patch, cell: Cell, index: usize) -> Case {
+    pub(crate) fn case_on(&self, organ: Patch, cell: Cell, index: usize) -> Case {
         let seed = self.case_seed(index);
         let mut random = Random::new(seed, 0xCA5E);
         let options = CaseOptions {

@@ -13,7 +13,7 @@ const SIDE: usize = 768;
 const FAR: f64 = 1e4;
 
 /// One depth map per position of the light.
-pub struct Shadows {
+pub(super) struct Shadows {
     maps: Vec<ShadowMap>,
     /// A point this much behind the map is in shadow, length units.
     bias: f64,
@@ -27,7 +27,7 @@ struct ShadowMap {
 
 impl Shadows {
     /// Look at the surface (camera axes) from every position of the light along z.
-    pub fn cast(light: &LightModel, mesh: &Mesh) -> Self {
+    pub(super) fn cast(light: &LightModel, mesh: &Mesh) -> Self {
         let deepest = mesh.positions.iter().map(|p| p.z).fold(0.0, f64::max);
         let mut positions: Vec<Vector3> = light.sources().iter().map(|p| p.coords).collect();
         if positions.is_empty() {
@@ -38,7 +38,7 @@ impl Shadows {
     }
 
     /// Share of the light's positions that see a point.
-    pub fn lit(&self, point: &Point3) -> f64 {
+    pub(super) fn lit(&self, point: &Point3) -> f64 {
         let seen = self.maps.iter().filter(|map| map.sees(point, self.bias)).count();
         seen as f64 / self.maps.len().max(1) as f64
     }

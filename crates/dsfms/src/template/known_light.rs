@@ -15,12 +15,12 @@ pub(super) struct KnownLight<'a> {
 }
 
 impl KnownLight<'_> {
-    pub fn shade(&self, o: &SpotObservation) -> f64 {
+    pub(super) fn shade(&self, o: &SpotObservation) -> f64 {
         self.shade_of(&o.point, &o.normal).value
     }
 
     /// Point and normal in camera axes.
-    pub fn shade_of(&self, point: &Point3, normal: &Vector3) -> Shade {
+    pub(super) fn shade_of(&self, point: &Point3, normal: &Vector3) -> Shade {
         self.options.coat().shade(self.light, point, normal)
     }
 }
@@ -52,7 +52,7 @@ pub(super) struct FittedExposure {
 }
 
 impl FittedExposure {
-    pub fn solve(spots: &[SurfaceSpot], views: &[AlbedoView], model: &KnownLight) -> Self {
+    pub(super) fn solve(spots: &[SurfaceSpot], views: &[AlbedoView], model: &KnownLight) -> Self {
         let sigma = model.options.gain_sigma;
         let gain_priors = views.iter().map(|v| (v.gain.max(1e-6).ln(), sigma)).collect();
         let fit = LogLinear { model, spots: &repeated(spots), gain_priors }.solve(&[]);

@@ -57,7 +57,7 @@ pub(super) struct LogFit {
 
 impl<M: ShadingModel> LogLinear<'_, M> {
     /// Minimise from `theta`; the noise is re-estimated between rounds.
-    pub fn solve(&self, theta: &[f64]) -> LogFit {
+    pub(super) fn solve(&self, theta: &[f64]) -> LogFit {
         let mut x: Vec<f64> = theta.to_vec();
         self.model.clamp(&mut x);
         x.extend(self.gain_priors.iter().map(|p| p.0));
@@ -80,7 +80,7 @@ impl<M: ShadingModel> LogLinear<'_, M> {
     }
 
     /// `Σ w ρ` and the number of observations at a fit, for a common noise `scale`.
-    pub fn loss(&self, fit: &LogFit, scale: f64) -> (f64, usize) {
+    pub(super) fn loss(&self, fit: &LogFit, scale: f64) -> (f64, usize) {
         let at = self.model.at(&fit.theta);
         let per_spot = self.per_spot(|spot| {
             let r = self.residuals(spot, &at, &fit.log_gains, scale);

@@ -16,7 +16,7 @@ pub(super) struct NormalMap<'a> {
 
 impl<'a> NormalMap<'a> {
     /// At `positions`, moved along `directions`, with so many rounds of smoothing.
-    pub fn new(
+    pub(super) fn new(
         topology: &'a Topology,
         positions: &[Point3],
         directions: &[Vector3],
@@ -40,12 +40,12 @@ impl<'a> NormalMap<'a> {
     }
 
     /// The normals themselves.
-    pub fn normals(&self) -> &[Vector3] {
+    pub(super) fn normals(&self) -> &[Vector3] {
         &self.stages[self.stages.len() - 1].0
     }
 
     /// Change of every normal with the displacements.
-    pub fn forward(&self, displacement: &[f64]) -> Vec<Vector3> {
+    pub(super) fn forward(&self, displacement: &[f64]) -> Vec<Vector3> {
         let mut change = vec![Vector3::zeros(); displacement.len()];
         for (face, corners) in self.topology.faces.iter().zip(&self.corners) {
             let moved: Vector3 =
@@ -62,7 +62,7 @@ impl<'a> NormalMap<'a> {
     }
 
     /// The transposed map.
-    pub fn adjoint(&self, mut change: Vec<Vector3>) -> Vec<f64> {
+    pub(super) fn adjoint(&self, mut change: Vec<Vector3>) -> Vec<f64> {
         for (round, stage) in self.stages.iter().enumerate().rev() {
             tangential(stage, &mut change);
             if round > 0 {

@@ -93,7 +93,7 @@ pub(super) struct PreparedView<'a> {
 }
 
 impl<'a> PreparedView<'a> {
-    pub fn new(mesh: &Mesh, view: &'a AlbedoView<'a>, bounds: &ObservationBounds) -> Self {
+    pub(super) fn new(mesh: &Mesh, view: &'a AlbedoView<'a>, bounds: &ObservationBounds) -> Self {
         let PosedFrame { camera, pose, .. } = view.posed;
         let positions: Vec<_> = mesh.positions.iter().map(|p| pose * p).collect();
         let raster = rasterize(camera, &mesh.topology, &positions);
@@ -104,12 +104,12 @@ impl<'a> PreparedView<'a> {
     }
 
     /// A direction of the template frame in camera axes.
-    pub fn turned(&self, direction: &Vector3) -> Vector3 {
+    pub(super) fn turned(&self, direction: &Vector3) -> Vector3 {
         self.view.posed.pose * direction
     }
 
     /// What this view says about a surface point given in the template frame.
-    pub fn observe(
+    pub(super) fn observe(
         &self,
         index: usize,
         point: &Point3,

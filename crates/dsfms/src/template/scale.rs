@@ -110,7 +110,7 @@ pub struct ScaleScene<'a> {
 /// # Errors
 /// A reference that cannot be found in the scene, or whose length makes no sense.
 #[doc(alias = "metric scale")]
-pub fn find_scale(
+pub(crate) fn find_scale(
     scene: &ScaleScene,
     references: &[ScaleReference],
 ) -> Result<Option<Scale>, ScaleError> {

@@ -34,7 +34,7 @@ const MAX_MISFIT: f64 = 0.05;
 /// # Errors
 /// Surfaces that do not fit each other in one way only.
 #[doc(alias = "ICP")]
-pub fn fit_to_mesh(found: &Mesh, metric: &Mesh) -> Result<Scale, ScaleError> {
+pub(crate) fn fit_to_mesh(found: &Mesh, metric: &Mesh) -> Result<Scale, ScaleError> {
     let closest = ClosestPoints::new(metric);
     let fit = |points: &[Oriented]| ScaleFit { points: points.to_vec(), metric, closest: &closest };
     let (coarse, fine) = (fit(&oriented(found, POINTS[0])), fit(&oriented(found, POINTS[1])));

@@ -11,9 +11,9 @@ use crate::mesh::{Mesh, Topology};
 use crate::raster::rasterize;
 use std::sync::Arc;
 
-pub const SIZE: [usize; 2] = [96, 72];
+pub(super) const SIZE: [usize; 2] = [96, 72];
 
-pub struct Picture {
+pub(super) struct Picture {
     pub frame: Frame,
     pub tone: [f32; 256],
     pub camera: CameraModel,
@@ -21,16 +21,16 @@ pub struct Picture {
 }
 
 impl Picture {
-    pub fn view(&self) -> AlbedoView<'_> {
+    pub(super) fn view(&self) -> AlbedoView<'_> {
         AlbedoView { posed: self.posed(), tone: &self.tone, gain: 1.0 }
     }
 
-    pub fn posed(&self) -> PosedFrame<'_> {
+    pub(super) fn posed(&self) -> PosedFrame<'_> {
         PosedFrame::new(&self.frame, &self.camera, self.pose)
     }
 }
 
-pub fn patch() -> Mesh {
+pub(super) fn patch() -> Mesh {
     const N: u32 = 17;
     let at = |i: u32| -20.0 + 40.0 * f64::from(i) / f64::from(N - 1);
     let positions = (0..N * N)
@@ -43,23 +43,28 @@ pub fn patch() -> Mesh {
     Mesh { topology, positions }
 }
 
-pub fn true_albedo(p: &Point3) -> [f64; 3] {
+pub(crate) fn true_albedo(p: &Point3) -> [f64; 3] {
     let a = 0.4 + 0.1 * (0.3 * p.x).sin();
     [a, 0.8 * a, 0.5 * a]
 }
 
 /// Bounds that suit so small a picture, without any highlight in it.
-pub fn bounds() -> ObservationBounds {
+pub(super) fn bounds() -> ObservationBounds {
     ObservationBounds { contour_px: 2.0, halo_px: 2.0, specular_deg: 0.0, ..Default::default() }
 }
 
 /// Five views, tilted by 17 degrees to all sides, at different distances.
-pub fn pictures(mesh: &Mesh, light: &LightModel, gains: [f64; 5]) -> Vec<Picture> {
+pub(super) fn pictures(mesh: &Mesh, light: &LightModel, gains: [f64; 5]) -> Vec<Picture> {
     pictures_of(mesh, light, AlbedoOptions::default().coat(), gains)
 }
 
 /// The same of other tissue or through another lens.
-pub fn pictures_of(mesh: &Mesh, light: &LightModel, coat: Coat, gains: [f64; 5]) -> Vec<Picture> {
+pub(crate) fn pictures_of(
+    mesh: &Mesh,
+    light: &LightModel,
+    coat: Coat,
+    gains: [f64; 5],
+) -> Vec<Picture> {
     let tilts = [[0.0, 0.0], [0.3, 0.0], [-0.3, 0.1], [0.1, 0.3], [0.0, -0.3]];
     let distances = [45.0, 50.0, 60.0, 48.0, 55.0];
     (0..5)

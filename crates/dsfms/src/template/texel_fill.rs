@@ -108,7 +108,7 @@ fn spread_over_rings(rings: &[Vec<u32>], known: Vec<Option<[f64; 3]>>) -> Vec<[f
 
 /// The albedo as a camera sees it, and `true` where it was observed (not filled in); black where
 /// there is no surface. `raster` must be of the template's topology.
-pub fn render_albedo(raster: &Raster, texels: &SurfaceTexels) -> (ColorImage, Mask) {
+pub(crate) fn render_albedo(raster: &Raster, texels: &SurfaceTexels) -> (ColorImage, Mask) {
     let seen = raster.render(([0.0; 3], false), |face, w| {
         let i = texels.index(face, w);
         (texels.value[i], texels.views[i] > 0)

@@ -40,7 +40,7 @@ impl SurfaceTexels {
     }
 
     /// Mean of what was observed at points of a face (nearest texels); NaN where nothing was.
-    pub fn observed_mean(&self, face: usize, points: [[f64; 3]; 4]) -> [f32; 3] {
+    pub(crate) fn observed_mean(&self, face: usize, points: [[f64; 3]; 4]) -> [f32; 3] {
         let (first, resolution) = (self.offset[face] as usize, self.resolution[face]);
         let (mut sum, mut count) = ([0.0; 3], 0.0);
         for texel in points.map(|b| first + place(resolution, b)) {

@@ -34,7 +34,7 @@ pub struct Usual {
 
 impl Usual {
     /// All figures are finite, and those that others are measured by are positive.
-    pub fn is_plausible(&self) -> bool {
+    pub(crate) fn is_plausible(&self) -> bool {
         let Appearance { correlation, contrast, residual, shown, compared } = self.appearance;
         let [near, far] = self.depth;
         let positive = |x: f64| x.is_finite() && x > 0.0;

@@ -18,7 +18,7 @@ pub(super) struct BaselineResidual {
 
 impl BaselineResidual {
     /// Remember a good frame.
-    pub fn add(&mut self, residual: f64) {
+    pub(super) fn add(&mut self, residual: f64) {
         if self.residuals.len() == REMEMBERED {
             self.residuals.pop_front();
         }
@@ -26,7 +26,7 @@ impl BaselineResidual {
     }
 
     /// Their median; `None` where there are too few.
-    pub fn median(&self) -> Option<f64> {
+    pub(super) fn median(&self) -> Option<f64> {
         if self.residuals.len() < ENOUGH {
             return None;
         }

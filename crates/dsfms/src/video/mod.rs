@@ -166,7 +166,7 @@ pub fn select_frames(path: &Path, options: &VideoOptions) -> Result<Vec<Frame>, 
 ///
 /// # Errors
 /// As [`select_frames`].
-pub fn select_reporting(
+pub(crate) fn select_reporting(
     path: &Path,
     options: &VideoOptions,
     progress: &mut dyn FnMut(usize, Option<usize>),

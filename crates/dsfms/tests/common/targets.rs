@@ -7,6 +7,7 @@
 pub mod mp4;
 
 use dsfms::geometry::Point3;
+use dsfms::image::Frame;
 use dsfms::io::camera::read_camera;
 use dsfms::io::colmap::{read_cameras, read_images, read_points};
 use dsfms::io::igtl::{HEADER, picture, read};
@@ -16,7 +17,7 @@ use dsfms::io::matches::read_matches;
 use dsfms::io::mesh::parse_mesh;
 use dsfms::io::poses::{PoseList, read_poses};
 use dsfms::io::vertex_truth::read_vertex_truth;
-use dsfms::pipeline::{ReconstructOptions, TemplateOptions, strokes_from};
+use dsfms::pipeline::{OrganScene, ReconstructOptions, TemplateOptions, strokes_from};
 use dsfms::track::TrackOptions;
 use dsfms::track::shapes::read_shapes;
 use dsfms::video::count_frames;
@@ -28,7 +29,7 @@ use std::path::{Path, PathBuf};
 pub type Target = fn(&[u8]) -> bool;
 
 /// Name (and folder of the corpus), extensions, reader.
-pub const TARGETS: [(&str, &[&str], Target); 20] = [
+pub const TARGETS: [(&str, &[&str], Target); 21] = [
     ("ply", &["ply"], |b| mesh(b, "a.ply")),
     ("obj", &["obj"], |b| mesh(b, "a.obj")),
     ("stl", &["stl"], |b| mesh(b, "a.stl")),
@@ -49,6 +50,7 @@ pub const TARGETS: [(&str, &[&str], Target); 20] = [
     ("options", &["toml"], options),
     ("igtl", &["igtl"], igtl),
     ("strokes", &["json"], strokes),
+    ("scene", &["scene"], scene),
 ];
 
 fn mesh(bytes: &[u8], name: &str) -> bool {
@@ -145,6 +147,20 @@ fn strokes(bytes: &[u8]) -> bool {
     let text = std::str::from_utf8(bytes).unwrap_or_default();
     strokes_from(text).is_ok_and(|found| {
         assert!(found.iter().flat_map(|s| &s.px).all(|p| p.iter().all(|v| v.is_finite())));
+        true
+    })
+}
+
+/// By what an organ was told, behind the head of its file; what is accepted can be parted.
+fn scene(bytes: &[u8]) -> bool {
+    OrganScene::of_value(bytes).is_ok_and(|scene| {
+        let [w, h] = scene.size();
+        if w.saturating_mul(h) < 10_000 && scene.names().count() < 8 {
+            let frame =
+                |name: &str| Frame { name: name.into(), size: [w, h], rgb: vec![[90; 3]; w * h] };
+            let frames: Vec<Frame> = scene.names().map(frame).collect();
+            let _ = scene.part(&frames, scene.strokes());
+        }
         true
     })
 }

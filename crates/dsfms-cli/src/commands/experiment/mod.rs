@@ -1,6 +1,5 @@
 //! `dsfms experiment`: the paper's experiment on synthetic cases (§8.1).
 
-mod font;
 pub mod pace;
 pub mod series;
 mod table1;
@@ -8,14 +7,15 @@ mod table1;
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
 use crate::interrupt;
-use crate::outputs::{prepare_folder, write_text};
+use crate::outputs::{prepare_folder, write_bytes, write_text};
 use crate::progress::Reporter;
-use crate::report::experiment::experiment_page;
+use crate::report::experiment::{error_chart, experiment_page};
+use crate::sheet::{pdf, svg};
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use dsfms::experiment::{
-    Arm, Metric, Plan, Row, ablation, arms_of, markdown, plot, run as run_plan, summarise,
-    table_csv, times_csv,
+    Arm, Metric, Plan, Row, ablation, arms_of, markdown, run as run_plan, summarise, table_csv,
+    times_csv,
 };
 use dsfms::pipeline::{Method, Progress, ReconstructOptions};
 use pace::Paced;
@@ -51,7 +51,7 @@ pub struct ExperimentArgs {
 
 #[derive(Debug, Subcommand)]
 enum Which {
-    /// Error against extension: CSV and Markdown tables, SVG plots.
+    /// Error against extension: CSV and Markdown tables, plots as SVG and PDF.
     Ext(ExtArgs),
     /// The methods side by side as pictures.
     Table1(table1::Table1Args),
@@ -190,14 +190,16 @@ fn work(
     Ok((plan, rows))
 }
 
-/// `zone.svg` and so on; with the noise in the name where there are several.
+/// `zone.svg`, `zone.pdf` and so on; with the noise in the name where there are several.
 fn write_plots(out: &Path, plan: &Plan, rows: &[Row]) -> anyhow::Result<()> {
     for &noise in &plan.noises {
         let of_noise: Vec<&Row> = rows.iter().filter(|r| r.cell.noise == noise).collect();
         let suffix = if plan.noises.len() > 1 { format!("_noise{noise}") } else { String::new() };
         for metric in Metric::ALL {
-            let name = format!("{}{suffix}.svg", metric.name());
-            write_text(&out.join(name), &plot(metric, &of_noise))?;
+            let name = |ending: &str| out.join(format!("{}{suffix}.{ending}", metric.name()));
+            let sheet = error_chart(plan, metric, &of_noise).paper();
+            write_text(&name("svg"), &svg::paper(&sheet)?)?;
+            write_bytes(&name("pdf"), &pdf::file(&sheet)?)?;
         }
     }
     Ok(())

@@ -1,14 +1,16 @@
 //! `dsfms experiment table1`: the methods side by side (the paper's Table 1, with the truth).
 
 use super::PlaceArgs;
-use super::font;
 use super::series::{SeriesArgs, percent};
 use crate::args::Global;
-use crate::draw::{SideView, error_colour, overlay, picture};
+use crate::draw::overlay::overlay;
+use crate::draw::{SideView, error_colour, picture};
 use crate::exit::Outcome;
 use crate::outputs::{prepare_folder, write_png, write_text};
 use crate::progress::Reporter;
 use crate::report::experiment::case_page;
+use crate::sheet::legend::ColourBar;
+use crate::sheet::{Anchor, Sheet, raster};
 use clap::Args;
 use dsfms::camera::CameraModel;
 use dsfms::experiment::{arms_of, measure, surface};
@@ -40,8 +42,9 @@ const METHODS: [(&str, Method); 4] = [
 const TILE: [u32; 2] = [360, 288];
 /// Room for a heading above every block.
 const HEAD: u32 = 26;
-const INK: [u8; 3] = [30, 34, 40];
-const PAPER: [u8; 3] = [246, 247, 249];
+/// Size of the letters, px.
+const TEXT: f64 = 16.0;
+const PAPER: [u8; 3] = [255; 3];
 
 /// Two cases, a pull and a push, one PNG and one page in 3D each.
 pub fn run(args: &Table1Args, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
@@ -101,34 +104,34 @@ fn figures(name: &str, case: &Case, shapes: &[Option<Vec<Point3>>; 4]) -> String
 
 fn grid(case: &Case, shapes: &[Option<Vec<Point3>>; 4]) -> RgbImage {
     let [w, h] = TILE;
-    let mut canvas = RgbImage::from_pixel(6 * w, 3 * (h + HEAD), Rgb(PAPER));
-    let mut put = |column: u32, row: u32, title: &str, tile: &RgbImage| {
+    let mut sheet = Sheet::in_pixels(6 * w, 3 * (h + HEAD));
+    let mut put = |column: u32, row: u32, title: &str, tile: RgbImage| {
         let (x, y) = (column * w, row * (h + HEAD));
-        imageops::replace(&mut canvas, tile, x.into(), (y + HEAD).into());
-        font::write(&mut canvas, title, [x + 8, y + 6], 2, INK);
+        sheet.put([x, y + HEAD], tile);
+        sheet.write([f64::from(x) + 8.0, f64::from(y) + 19.0], Anchor::Start, TEXT, title);
     };
     let topology = &case.template.mesh.topology;
     let half = |p: &RgbImage| imageops::resize(p, w, h, imageops::FilterType::Triangle);
-    put(0, 0, "image", &half(&picture(&case.frame)));
+    put(0, 0, "image", half(&picture(&case.frame)));
     let matches: Vec<_> = case.matches.iter().map(|m| (*m, true)).collect();
     let shown = overlay(&case.frame, &case.camera, topology, &case.truth, &case.visible, &matches);
-    put(0, 1, "truth mesh", &half(&shown));
+    put(0, 1, "truth mesh", half(&shown));
     let side = SideView::of(&case.truth, TILE.map(|s| s as usize * 5 / 4));
     let rest = &case.template.mesh.positions;
     let moved = case.deformation.vertices.iter().zip(rest).map(|(a, b)| (a - b).norm());
     let full = moved.fold(1e-3, f64::max);
-    put(0, 2, &format!("error 0 to {full:.1} mm"), &ramp());
+    put(0, 2, "error, mm", ramp(full));
     let columns = METHODS.iter().map(|m| m.0).zip(shapes.iter().map(Option::as_deref));
     for (k, (name, shape)) in columns.chain([("truth", Some(&case.truth[..]))]).enumerate() {
         let Some(shape) = shape else { continue };
         let column = k as u32 + 1;
         let front = rasterize(&halved(&case.camera), topology, shape);
-        put(column, 0, name, &textured(case, shape));
-        put(column, 1, &format!("{name} side"), &side_view(case, &side, shape));
+        put(column, 0, name, textured(case, shape));
+        put(column, 1, &format!("{name} side"), side_view(case, &side, shape));
         let zone = measure(case, shape).zone;
-        put(column, 2, &format!("{name} {zone:.2} mm"), &errors(case, shape, &front, full));
+        put(column, 2, &format!("{name} {zone:.2} mm"), errors(case, shape, &front, full));
     }
-    canvas
+    raster::pixels(&sheet, 1.0)
 }
 
 /// The camera of a picture of half the size.
@@ -173,12 +176,17 @@ fn errors(case: &Case, shape: &[Point3], raster: &Raster, full: f64) -> RgbImage
 }
 
 /// The scale of the error colours.
-fn ramp() -> RgbImage {
+fn ramp(full: f64) -> RgbImage {
     let [w, h] = TILE;
-    let inside =
-        |x: u32, y: u32| (30..w - 30).contains(&x) && (h / 2 - 14..h / 2 + 14).contains(&y);
-    RgbImage::from_fn(w, h, |x, y| match inside(x, y) {
-        true => Rgb(error_colour(f64::from(x - 30) / f64::from(w - 60), 1.0)),
-        false => Rgb(PAPER),
-    })
+    let ticks = [0.0, 0.25, 0.5, 0.75, 1.0].map(|t| (t, format!("{:.1}", full * t)));
+    let bar = ColourBar {
+        at: [30.0, f64::from(h) / 2.0 - 14.0],
+        size: [f64::from(w) - 60.0, 28.0],
+        colour: &|t| error_colour(t, 1.0),
+        ticks: &ticks,
+        text: TEXT,
+    };
+    let mut tile = Sheet::in_pixels(w, h);
+    tile.items = bar.items();
+    raster::pixels(&tile, 1.0)
 }

@@ -58,9 +58,10 @@ pub fn organ_hint(organ: &FoundOrgan, template: &Path) -> Vec<String> {
     let picture = |name: &str| template.join("pictures").join(name).display().to_string();
     if !organ.open() {
         return vec![format!(
-            "{} shows its outlines; --organ-click, --not-organ-click, --organ-scribbles, --organ-masks or \
-             --organ-polygon tell otherwise, --whole keeps all",
-            picture("organ.png")
+            "{} shows its outlines; dsfms view {} has a page to draw it on; --organ-click, --not-organ-click, \
+             --organ-scribbles, --organ-masks or --organ-polygon tell otherwise, --whole keeps all",
+            picture("organ.png"),
+            template.display()
         )];
     }
     let guess = |(letter, guess): (char, &OrganGuess)| {
@@ -77,9 +78,11 @@ pub fn organ_hint(organ: &FoundOrgan, template: &Path) -> Vec<String> {
         )
     };
     let mut lines: Vec<String> = LETTERS.into_iter().zip(organ.guesses()).map(guess).collect();
-    lines.push(
-        "if all that was seen is the organ, --whole; if none is right, --organ-scribbles".into(),
-    );
+    lines.push(format!(
+        "if all that was seen is the organ, --whole; if none is right, draw it: dsfms view {}, then \
+         --organ-scribbles",
+        template.display()
+    ));
     lines
 }
 

@@ -60,7 +60,7 @@ pub fn picture(
             let mesh = &template.mesh;
             let visible = visibility(camera, mesh, &s.vertices);
             let topology = &mesh.topology;
-            draw::overlay(frame, camera, topology, &s.vertices, &visible, &s.matches)
+            draw::overlay::overlay(frame, camera, topology, &s.vertices, &visible, &s.matches)
         }
         None => draw::picture(frame),
     };

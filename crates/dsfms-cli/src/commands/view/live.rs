@@ -60,9 +60,10 @@ fn version(source: &Source) -> String {
     since.map_or(0, |d| d.as_millis()).to_string()
 }
 
-/// The page that takes over what changes in its files.
-pub fn live(html: &str, version: &str) -> String {
-    let script = format!("<script>\n{}</script>\n", SCRIPT.replace("{{version}}", version));
+/// The page that takes over what changes in its files, and leads to the organ's where there is one.
+pub fn live(html: &str, version: &str, organ: bool) -> String {
+    let script = SCRIPT.replace("{{version}}", version).replace("{{organ}}", &organ.to_string());
+    let script = format!("<script>\n{script}</script>\n");
     let (place, with) = match html.contains(BEFORE) {
         true => (BEFORE, script + BEFORE),
         false => ("</body>", script + "</body>"),
@@ -78,13 +79,14 @@ mod tests {
     #[test]
     fn only_the_served_page_may_connect() {
         let page = "<meta content=\"default-src 'none'; img-src data:\"><body></body>";
-        let served = live(page, "7");
+        let served = live(page, "7", false);
         assert!(served.contains("connect-src 'self'") && served.contains("\"7\""), "{served}");
+        assert!(served.contains("\"false\" === \"true\""), "no organ to draw: {served}");
     }
 
     #[test]
     fn frames_can_be_asked_for_before_the_viewer_starts() {
-        let served = live(&format!("<body>{BEFORE}{{}}</script></body>"), "7");
+        let served = live(&format!("<body>{BEFORE}{{}}</script></body>"), "7", true);
         let at = |text: &str| served.find(text).unwrap();
         assert!(at("dsfmsLive") < at(BEFORE), "{served}");
     }

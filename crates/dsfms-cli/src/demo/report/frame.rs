@@ -115,7 +115,7 @@ fn method_card(
     if let Some((surface, _)) = &result.surface {
         let topology = &report.built.template.mesh.topology;
         let camera = &report.scene.camera.file.camera;
-        let overlay = draw::overlay(
+        let overlay = draw::overlay::overlay(
             &deformed.frame,
             camera,
             topology,

@@ -2,9 +2,9 @@
 
 use super::super::scene::{DeformedFrame, Scene};
 use super::{FrameResult, Report};
+use crate::chart::{Bar, Plot, Series, bars, lines};
 use crate::commands::demo::METHODS;
 use crate::commands::reconstruct::method_name;
-use crate::report::chart::{Bar, Plot, Series, bars, lines};
 use crate::report::frames::short;
 use dsfms::eval::{ErrorStats, Evaluation};
 use dsfms::mesh::Mesh;

@@ -12,7 +12,7 @@ pub(super) struct FixedEdges {
 }
 
 impl FixedEdges {
-    pub fn new(mesh: &Mesh, corner_deg: f64, length: f64) -> Self {
+    pub(super) fn new(mesh: &Mesh, corner_deg: f64, length: f64) -> Self {
         let mut segments = Vec::new();
         let mut corners = vec![false; mesh.positions.len()];
         for vertices in boundary_loops(&mesh.topology) {
@@ -38,7 +38,7 @@ impl FixedEdges {
         Self { segments, corners }
     }
 
-    pub fn closest(&self, p: &Point3) -> Point3 {
+    pub(super) fn closest(&self, p: &Point3) -> Point3 {
         let on = |[a, b]: &[Point3; 2]| {
             let ab = b - a;
             a + ab * ((p - a).dot(&ab) / ab.norm_squared().max(1e-300)).clamp(0.0, 1.0)

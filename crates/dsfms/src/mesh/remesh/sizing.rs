@@ -29,7 +29,7 @@ impl Sizing {
     /// For edges of mean `length`, length units. As many vertices are wanted as when all are of that
     /// length: the mean of `size⁻²` over the surface is 1. `strength` is
     /// [`RemeshOptions::adaptive`](super::RemeshOptions::adaptive).
-    pub fn new(mesh: &Mesh, length: f64, strength: f64) -> Self {
+    pub(super) fn new(mesh: &Mesh, length: f64, strength: f64) -> Self {
         let area = lumped_areas(mesh);
         let curvature: Vec<f64> =
             curvatures(mesh, &area, length.max(1.5 * mesh.mean_edge_length()))
@@ -58,7 +58,7 @@ impl Sizing {
     }
 
     /// Size wanted at the place of `surface` closest to a point.
-    pub fn at(&self, surface: &ClosestPoints, faces: &[[u32; 3]], point: &Point3) -> f64 {
+    pub(super) fn at(&self, surface: &ClosestPoints, faces: &[[u32; 3]], point: &Point3) -> f64 {
         let Some(found) = surface.closest(point) else { return 1.0 };
         let corners = faces[found.face as usize].map(|v| self.size[v as usize]);
         corners.iter().zip(found.barycentric).map(|(s, w)| s * w).sum()

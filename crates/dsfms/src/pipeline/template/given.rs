@@ -1,10 +1,8 @@
 //! Templates on a mesh that is given.
 
+use super::masks::{usable_masks, valid_masks};
 use super::views::Views;
-use super::{
-    BuiltTemplate, Exploration, TemplateError, TemplateOptions, try_flatten, usable_masks,
-    valid_masks,
-};
+use super::{BuiltTemplate, Exploration, TemplateError, TemplateOptions, try_flatten};
 use crate::geometry::Isometry;
 use crate::image::ToneCurve;
 use crate::light::Coat;
@@ -77,6 +75,7 @@ pub fn template_from_posed_frames(
         scale: None,
         precision: None,
         organ: None,
+        organ_scene: None,
     })
 }
 

@@ -60,7 +60,7 @@ pub(super) fn whole_maps(maps: &[DepthMap], frames: usize) -> bool {
 }
 
 /// Eight values a byte, the first lowest.
-fn pack(values: &[bool]) -> Vec<u8> {
+pub(super) fn pack(values: &[bool]) -> Vec<u8> {
     let byte = |eight: &[bool]| eight.iter().rev().fold(0, |byte, &bit| byte << 1 | u8::from(bit));
     values.chunks(8).map(byte).collect()
 }

@@ -1,11 +1,12 @@
 //! Which part of the frames is the organ: what is taken, and what else may be meant.
 
-use super::click::shown_at;
+use super::guess::{OrganGuess, guess_of};
+use super::organ_scene::OrganScene;
+use super::strokes::seeds;
 use super::surface::Scene;
 use super::{OrganClick, OrganStroke, TemplateError, also};
 use crate::dense::{
-    Border, DenseOptions, DepthMap, Labelling, Parting, PosedFrame, Seeds, outlines, overlap,
-    surface,
+    DenseOptions, DepthMap, Labelling, Parting, PosedFrame, Seeds, overlap, surface,
 };
 use crate::geometry::Point3;
 use crate::image::Mask;
@@ -36,19 +37,15 @@ impl FoundOrgan {
     }
 }
 
-/// A part of the frames that may be the organ.
-#[derive(Clone, Debug)]
-pub struct OrganGuess {
-    /// Name of every frame that shows it, and where: `true` = organ.
-    pub masks: Vec<(String, Mask)>,
-    /// Its outline in these frames, and how clearly it is marked.
-    pub borders: Vec<Vec<Border>>,
-    /// Share of its outline along which depth steps: where it is small all is one surface.
-    pub stepping: f64,
-    /// Share along which depth steps or the image changes: where it is small the outline is a guess.
-    pub marked: f64,
-    /// A click that gives this part; `None` where none was found.
-    pub click: Option<OrganClick>,
+/// What the frames tell of the organ.
+#[derive(Default)]
+pub(super) struct ToldOrgan {
+    /// See [`super::BuiltTemplate::organ`].
+    pub(super) organ: Option<FoundOrgan>,
+    /// The surface around it.
+    pub(super) around: Option<Mesh>,
+    /// By what it was told; `None` where nobody asked the frames.
+    pub(super) scene: Option<OrganScene>,
 }
 
 /// Shares of the outline found. Where depth steps along less, all is one surface; where more is marked, it is the
@@ -74,11 +71,11 @@ impl Scene<'_> {
     pub(super) fn outlined(
         &self,
         maps: &[DepthMap],
+        scene: OrganScene,
         options: &DenseOptions,
-    ) -> Result<Option<(FoundOrgan, Option<Mesh>)>, TemplateError> {
-        let seeds = self.seeds(maps)?;
-        let moved = also::moved(self.exploration, self.sparse, &self.options.sfm);
-        let parting = Parting::new(&self.views, maps, &seeds, &moved);
+    ) -> Result<ToldOrgan, TemplateError> {
+        let seeds = seeds(&scene.strokes, &self.named, maps, self.camera)?;
+        let parting = Parting::new(&self.views, maps, &seeds, &scene.moved);
         let own = parting.best();
         let said = seeds != Seeds::default() || self.views.iter().any(|view| view.organ.is_some());
         let sure = said || own.stepping >= STEPPING && own.marked >= MARKED;
@@ -91,13 +88,13 @@ impl Scene<'_> {
                     self.progress.warn(
                         "depth steps along little of any outline: all that was seen is taken for the organ",
                     );
-                    return Ok(None);
+                    return Ok(ToldOrgan { scene: Some(scene), ..ToldOrgan::default() });
                 }
                 // Nothing ends there: what another prior found does.
                 parts.remove(0);
             }
         }
-        let mut guesses = self.guesses(&parts, maps, (!sure).then_some(&moved));
+        let mut guesses = self.guesses(&parts, maps, (!sure).then_some(&scene.moved));
         let guess = guesses.remove(0);
         let taken = guess.masks.len() >= 2 && sure;
         let found = FoundOrgan { guess, taken, others: guesses };
@@ -105,23 +102,21 @@ impl Scene<'_> {
             self.progress.warn(&found.told(said));
         }
         let around = taken.then(|| self.around(&parts[0].masks, maps, options)).flatten();
-        Ok(Some((found, around)))
+        Ok(ToldOrgan { organ: Some(found), around, scene: Some(scene) })
     }
 
-    /// What was clicked and drawn, as places of the surface.
-    fn seeds(&self, maps: &[DepthMap]) -> Result<Seeds, TemplateError> {
-        let mut seeds = Seeds::default();
+    /// By what the organ is told: depth, what moved, and what was clicked and drawn.
+    pub(super) fn kept(&self, maps: &[DepthMap]) -> OrganScene {
         let click = self.options.click.iter().map(OrganStroke::from);
-        for stroke in click.chain(self.options.strokes.iter().cloned()) {
-            let (name, pose) = stroke.frame_of(&self.named)?;
-            let pixels = stroke.pixels();
-            let places = shown_at(maps, self.camera, &pose, &pixels);
-            if let (true, Some(&pixel)) = (places.is_empty(), pixels.first()) {
-                return Err(TemplateError::ClickBeside { frame: name.to_string(), pixel });
-            }
-            if stroke.organ { &mut seeds.organ } else { &mut seeds.other }.extend(places);
-        }
-        Ok(seeds)
+        let drawn = click.chain(self.options.strokes.iter().cloned());
+        let on_its_frame = |stroke: OrganStroke| match stroke.frame_of(&self.named) {
+            Ok((name, _)) => OrganStroke { frame: Some(name.to_string()), ..stroke },
+            Err(_) => stroke,
+        };
+        let mut scene = OrganScene::among(&self.named, &self.views, maps, self.camera);
+        scene.moved = also::moved(self.exploration, self.sparse, &self.options.sfm);
+        scene.strokes = drawn.map(on_its_frame).collect();
+        scene
     }
 
     /// Labellings as outlines in the frames; where it is open what is meant, with a click for each, under what is
@@ -133,14 +128,8 @@ impl Scene<'_> {
         moved: Option<&Vec<(Point3, f64)>>,
     ) -> Vec<OrganGuess> {
         let guess = |(i, part): (usize, &Labelling)| {
-            let outlines = outlines(&part.masks, &self.views, maps);
-            let shown = self.views.iter().zip(outlines).zip(&part.borders);
-            let shown = shown.filter(|((_, mask), _)| mask.data.contains(&true));
-            let (masks, borders) = shown
-                .map(|((view, mask), border)| ((view.frame.name.clone(), mask), border.clone()))
-                .unzip();
             let click = moved.and_then(|moved| self.click_for(i, parts, maps, moved));
-            OrganGuess { masks, borders, stepping: part.stepping, marked: part.marked, click }
+            guess_of(part, &self.views, maps, click)
         };
         parts.iter().enumerate().map(guess).collect()
     }
@@ -178,7 +167,7 @@ impl Scene<'_> {
         };
         let maps: Vec<DepthMap> = kept.iter().map(rest).collect();
         let vertices = self.options.vertices;
-        let options = DenseOptions { target_vertices: FINER * vertices, ..options.clone() };
+        let options = DenseOptions { target_vertices: Some(FINER * vertices), ..options.clone() };
         let seen = surface(&views, &maps, &options).ok()?;
         remesh(&seen.mesh, vertices, &self.options.remesh).ok()
     }

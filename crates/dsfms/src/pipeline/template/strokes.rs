@@ -1,7 +1,9 @@
 //! The organ, and what is not, as drawn on frames.
 
 use super::TemplateError;
-use super::click::{OrganClick, frame_named};
+use super::click::{OrganClick, frame_named, shown_at};
+use crate::camera::CameraModel;
+use crate::dense::{DepthMap, Seeds};
 use crate::geometry::{Isometry, Point2};
 use crate::io::atomic::write_atomic;
 use serde::{Deserialize, Serialize};
@@ -59,6 +61,26 @@ impl From<&OrganClick> for OrganStroke {
     }
 }
 
+/// What was drawn on frames, as places of the surface. `registered`: name and `camera_from_world`.
+pub(super) fn seeds(
+    strokes: &[OrganStroke],
+    registered: &[(&str, Isometry)],
+    maps: &[DepthMap],
+    camera: &CameraModel,
+) -> Result<Seeds, TemplateError> {
+    let mut seeds = Seeds::default();
+    for stroke in strokes {
+        let (name, pose) = stroke.frame_of(registered)?;
+        let pixels = stroke.pixels();
+        let places = shown_at(maps, camera, &pose, &pixels);
+        if let (true, Some(&pixel)) = (places.is_empty(), pixels.first()) {
+            return Err(TemplateError::ClickBeside { frame: name.to_string(), pixel });
+        }
+        if stroke.organ { &mut seeds.organ } else { &mut seeds.other }.extend(places);
+    }
+    Ok(seeds)
+}
+
 /// Why strokes could not be read.
 #[derive(Debug, thiserror::Error)]
 #[error("strokes {}: {reason}", path.display())]
@@ -101,12 +123,25 @@ pub fn read_strokes(path: &Path) -> Result<Vec<OrganStroke>, StrokeError> {
 /// # Errors
 /// What is wrong with it.
 pub fn strokes_from(text: &str) -> Result<Vec<OrganStroke>, String> {
+    match drawn_from(text)? {
+        strokes if strokes.is_empty() => {
+            Err(format!("expected 1 to {MOST_STROKES} strokes, found 0"))
+        }
+        strokes => Ok(strokes),
+    }
+}
+
+/// The strokes of a text like that of a file, which may be none.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn drawn_from(text: &str) -> Result<Vec<OrganStroke>, String> {
     let file: File = serde_json::from_str(text).map_err(|e| {
         format!(
             "{e}; expected {{\"strokes\": [{{\"frame\": NAME, \"organ\": true, \"px\": [[x, y], ...]}}]}}"
         )
     })?;
-    if file.strokes.is_empty() || file.strokes.len() > MOST_STROKES {
+    if file.strokes.len() > MOST_STROKES {
         return Err(format!("expected 1 to {MOST_STROKES} strokes, found {}", file.strokes.len()));
     }
     for (i, stroke) in file.strokes.iter().enumerate() {

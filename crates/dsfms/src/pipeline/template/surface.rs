@@ -1,5 +1,6 @@
 //! The surface that stereo saw, as the template's mesh.
 
+use super::organ::ToldOrgan;
 use super::{Exploration, FoundOrgan, TemplateError, TemplateOptions, click, kept, named, outline};
 use crate::camera::CameraModel;
 use crate::checkpoint::Keep;
@@ -19,10 +20,8 @@ pub(super) struct Surface {
     pub mesh: Mesh,
     /// See [`crate::template::Template::sigma`].
     pub sigma: Vec<f64>,
-    /// See [`super::BuiltTemplate::organ`].
-    pub organ: Option<FoundOrgan>,
-    /// See [`crate::template::Template::surroundings`].
-    pub around: Option<Mesh>,
+    /// What the frames tell of the organ, and what is around it.
+    pub told: ToldOrgan,
 }
 
 /// Stereo on the registered frames, the organ of what it saw, remeshed. `points` are those of
@@ -40,7 +39,7 @@ pub(super) fn dense_mesh(
         largest_only: options.dense.largest_only
             && options.outlines.is_empty()
             && options.click.is_none(),
-        ..options.dense.clone()
+        ..options.dense.for_template(options.vertices)
     };
     let (camera, poses) = (&sparse.camera, &sparse.poses);
     let scene = Scene {
@@ -54,8 +53,8 @@ pub(super) fn dense_mesh(
         progress,
     };
     logging::views(&scene.views, scene.named.len(), dense.max_frames);
-    let (organ, around) = scene.organ(&dense)?.unzip();
-    let views = match organ.as_ref().filter(|organ| organ.taken) {
+    let told = scene.organ(&dense)?;
+    let views = match told.organ.as_ref().filter(|organ| organ.taken) {
         Some(organ) => shown(&scene.views, organ),
         None => scene.views.clone(),
     };
@@ -80,7 +79,7 @@ pub(super) fn dense_mesh(
         "surface"
     );
     progress.step("surface", 2, 2);
-    Ok(Surface { mesh, sigma, organ, around: around.flatten() })
+    Ok(Surface { mesh, sigma, told })
 }
 
 /// The views that show the organ, with the outlines found.
@@ -126,27 +125,25 @@ impl Scene<'_> {
     }
 
     /// The organ as the frames tell it from what lies behind, and that; see [`super::BuiltTemplate::organ`].
-    fn organ(
-        &self,
-        options: &DenseOptions,
-    ) -> Result<Option<(FoundOrgan, Option<Mesh>)>, TemplateError> {
-        if self.told() {
-            return Ok(None);
+    fn organ(&self, options: &DenseOptions) -> Result<ToldOrgan, TemplateError> {
+        if self.said() {
+            return Ok(ToldOrgan::default());
         }
         let coarse = self.coarser(options);
         let maps = self.stereo(&self.views, &coarse, "coarse stereo")?;
         let alone = self.options.click.is_some() && self.options.strokes.is_empty();
+        let scene = self.kept(&maps);
         if alone && self.piece_alone(&maps, &coarse)? {
-            return Ok(None);
+            return Ok(ToldOrgan { scene: Some(scene), ..ToldOrgan::default() });
         }
         self.progress.step("organ", 0, 1);
-        let found = self.outlined(&maps, &coarse);
+        let found = self.outlined(&maps, scene, &coarse);
         self.progress.step("organ", 1, 1);
         found
     }
 
     /// Whether the user says in every frame where the organ ends, or wants everything.
-    fn told(&self) -> bool {
+    fn said(&self) -> bool {
         let masks = self.views.iter().all(|view| view.organ.is_some());
         let options = self.options;
         let named = options.click.is_some() || !options.strokes.is_empty();

@@ -33,7 +33,7 @@ pub(super) struct RegisteredFrame {
 impl Views<'_> {
     /// Everything on the surface that comes from the frames; `sigma`: expected error of the vertices, for a
     /// surface that may be refined.
-    pub fn dress(
+    pub(super) fn dress(
         &self,
         mut mesh: Mesh,
         sigma: Option<&[f64]>,

@@ -51,12 +51,12 @@ impl Covariance {
     }
 
     /// Expected angle between the rotation of a camera and the truth (root mean square), radians.
-    pub fn rotation_error(&self, view: usize) -> f64 {
+    pub(crate) fn rotation_error(&self, view: usize) -> f64 {
         self.poses[view].fixed_view::<3, 3>(0, 0).trace().sqrt()
     }
 
     /// Expected distance of a point from the truth (root mean square), length units.
-    pub fn point_error(&self, point: usize) -> f64 {
+    pub(crate) fn point_error(&self, point: usize) -> f64 {
         self.points[point].trace().sqrt()
     }
 }

@@ -35,7 +35,7 @@ pub(in crate::sfm) struct BundleLayout {
 
 impl BundleLayout {
     /// Eliminates what leaves the smaller system.
-    pub fn new(bundle: &Bundle, active: &[usize]) -> Self {
+    pub(crate) fn new(bundle: &Bundle, active: &[usize]) -> Self {
         let free: Vec<bool> = bundle.fixed.iter().map(|fixed| !fixed).collect();
         let points = bundle.points.len();
         let poses = free.iter().filter(|free| **free).count();
@@ -45,18 +45,18 @@ impl BundleLayout {
     }
 
     /// Every pose unknown, the points eliminated.
-    pub fn whole(bundle: &Bundle, active: &[usize]) -> Self {
+    pub(crate) fn whole(bundle: &Bundle, active: &[usize]) -> Self {
         let free = vec![true; bundle.poses.len()];
         Self { free, eliminate: Eliminate::Points, ..Self::new(bundle, active) }
     }
 
     /// Size of the reduced system of a [`whole`](Self::whole) layout.
-    pub fn kept(&self) -> usize {
+    pub(crate) fn kept(&self) -> usize {
         6 * self.free.len() + self.cameras * self.intrinsics.len()
     }
 
     /// What a [`whole`](Self::whole) layout eliminates with one point, from the point's rows.
-    pub fn point_block(&self, rows: &[BundleRow]) -> PointBlock {
+    pub(crate) fn point_block(&self, rows: &[BundleRow]) -> PointBlock {
         let mut block = PointBlock { own: SMatrix::zeros(), couplings: Vec::new() };
         for row in rows {
             block.own += row.by_point.transpose() * row.by_point;

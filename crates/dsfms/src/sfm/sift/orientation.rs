@@ -20,13 +20,13 @@ pub(super) struct OctaveGradients {
 }
 
 impl OctaveGradients {
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self { magnitude: [0.0; ROW], angle: [0.0; ROW] }
     }
 
     /// Pixels `x` to `x + count` of row `y`, all of them inside the border of one pixel.
     #[inline(always)]
-    pub fn fill(&mut self, image: &[f32], w: usize, [x, y]: [usize; 2], count: usize) {
+    pub(super) fn fill(&mut self, image: &[f32], w: usize, [x, y]: [usize; 2], count: usize) {
         let (row, up, down) =
             (&image[y * w + x - 1..][..count + 2], &image[(y - 1) * w + x..][..count], {
                 &image[(y + 1) * w + x..][..count]

@@ -27,19 +27,24 @@ pub(super) struct InstrumentHit {
 }
 
 impl Instrument {
-    pub fn new(tip: Point3, trocar: Point3) -> Self {
+    pub(super) fn new(tip: Point3, trocar: Point3) -> Self {
         let axis = trocar - tip;
         let length = axis.norm();
         Self { tip, along: axis / length.max(1e-9), length }
     }
 
     /// In other axes.
-    pub fn moved(&self, pose: &Isometry) -> Self {
+    pub(super) fn moved(&self, pose: &Isometry) -> Self {
         Self { tip: pose * self.tip, along: pose * self.along, ..*self }
     }
 
     /// First meeting with the ray `origin + t direction` (unit) between 0 and `limit`.
-    pub fn hit(&self, origin: &Point3, direction: &Vector3, limit: f64) -> Option<InstrumentHit> {
+    pub(super) fn hit(
+        &self,
+        origin: &Point3,
+        direction: &Vector3,
+        limit: f64,
+    ) -> Option<InstrumentHit> {
         let t = self.cylinder(origin, direction).or_else(|| self.cap(origin, direction))?;
         if !(t > 1e-6 && t < limit) {
             return None;
@@ -65,13 +70,13 @@ impl Instrument {
     }
 
     /// Whether it stands between the camera and a point.
-    pub fn hides(&self, point: &Point3) -> bool {
+    pub(super) fn hides(&self, point: &Point3) -> bool {
         let distance = point.coords.norm();
         self.hit(&Point3::origin(), &(point.coords / distance), distance).is_some()
     }
 
     /// Whether it stands between two points.
-    pub fn between(&self, from: &Point3, to: &Point3) -> bool {
+    pub(super) fn between(&self, from: &Point3, to: &Point3) -> bool {
         let way = to - from;
         let distance = way.norm();
         self.hit(from, &(way / distance), distance).is_some()
@@ -86,7 +91,7 @@ fn first_root(a: f64, b: f64, c: f64) -> Option<f64> {
 
 impl InstrumentHit {
     /// Brightness of the metal, linear, before exposure: bright jaws, dark shaft, a hard highlight.
-    pub fn brightness(&self, light: &LightModel) -> [f64; 3] {
+    pub(super) fn brightness(&self, light: &LightModel) -> [f64; 3] {
         let jaws = self.behind < JAWS;
         let base = if jaws { [0.42, 0.42, 0.44] } else { [0.06, 0.06, 0.065] };
         let shade = light.shade(&self.point, &self.normal).value;

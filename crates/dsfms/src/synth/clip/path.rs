@@ -16,7 +16,7 @@ pub(super) struct Wave([[f64; 3]; 3]);
 
 impl Wave {
     /// Periods from about 4 to 17 seconds.
-    pub fn new(random: &mut Random) -> Self {
+    pub(super) fn new(random: &mut Random) -> Self {
         let mut term = |amplitude: f64, hertz: f64| {
             let hertz = hertz * (0.8 + 0.4 * uniform(random));
             [amplitude, std::f64::consts::TAU * hertz, std::f64::consts::TAU * uniform(random)]
@@ -25,7 +25,7 @@ impl Wave {
     }
 
     /// At `t` seconds.
-    pub fn at(&self, t: f64) -> f64 {
+    pub(super) fn at(&self, t: f64) -> f64 {
         self.0.iter().map(|[amplitude, omega, phase]| amplitude * (omega * t + phase).sin()).sum()
     }
 }
@@ -70,7 +70,7 @@ pub(super) struct CameraPath {
 }
 
 impl CameraPath {
-    pub fn new(cut: usize, seed: u64) -> Self {
+    pub(super) fn new(cut: usize, seed: u64) -> Self {
         let mut random = Random::new(seed, 0xCA3E);
         let waves = std::array::from_fn(|_| Wave::new(&mut random));
         let tremor = std::array::from_fn(|_| Wave::new(&mut random));
@@ -80,7 +80,7 @@ impl CameraPath {
     }
 
     /// `camera_from_template` at frame `k`.
-    pub fn pose(&self, k: usize) -> Isometry {
+    pub(super) fn pose(&self, k: usize) -> Isometry {
         let t = k as f64 / super::RATE;
         let [yaw, tilt, distance, roll, x, y] = std::array::from_fn(|i| self.waves[i].at(t));
         // A hand trembles at 8 to 10 Hz.
@@ -97,7 +97,7 @@ impl CameraPath {
     }
 
     /// Exploration view `i` of `n`: a spiral over a cap of 35 degrees.
-    pub fn exploration(i: usize, n: usize) -> Isometry {
+    pub(super) fn exploration(i: usize, n: usize) -> Isometry {
         let share = (i as f64 + 0.5) / n as f64;
         // The golden angle spreads the views evenly.
         let (radius, turn) = (0.61 * share.sqrt(), 2.399_963 * i as f64);

@@ -42,7 +42,7 @@ pub(super) struct Set {
 
 impl Set {
     /// In camera axes, with the organ's vertices as they are (camera axes).
-    pub fn posed(&self, organ: &[Point3], pose: &Isometry) -> Mesh {
+    pub(super) fn posed(&self, organ: &[Point3], pose: &Isometry) -> Mesh {
         let wall = self.mesh.positions[organ.len()..].iter().map(|p| pose * p);
         self.mesh.with_positions(organ.iter().copied().chain(wall).collect())
     }

@@ -39,7 +39,7 @@ pub(super) struct ClipPlan {
 
 impl ClipPlan {
     /// Share of the full deformation at frame `k`.
-    pub fn amount(&self, k: usize) -> f64 {
+    pub(super) fn amount(&self, k: usize) -> f64 {
         let at = |[from, to]: [f64; 2]| match to > from {
             true => smooth((k as f64 - from) / (to - from)),
             false => f64::from(u8::from(k as f64 >= from)),
@@ -48,13 +48,13 @@ impl ClipPlan {
     }
 
     /// 0 at its beginning, 1 at its end.
-    pub fn progress(&self, k: usize) -> f64 {
+    pub(super) fn progress(&self, k: usize) -> f64 {
         let [first, last] = [self.rise[0], self.fall[1]];
         ((k as f64 - first) / (last - first).max(1.0)).clamp(0.0, 1.0)
     }
 
     /// How near the instrument has come, 1 where it touches; `None` where it is away.
-    pub fn tool(&self, k: usize) -> Option<f64> {
+    pub(super) fn tool(&self, k: usize) -> Option<f64> {
         // It comes within the first part of the rise and leaves once it has let go.
         let rise = self.rise[1] - self.rise[0];
         let come = smooth((k as f64 - self.rise[0] + 0.5 * rise) / (0.5 * rise).max(1.0));
@@ -76,7 +76,7 @@ pub(super) struct Pass {
 
 impl Pass {
     /// `[0, 1]` while it lasts.
-    pub fn progress(&self, k: usize) -> Option<f64> {
+    pub(super) fn progress(&self, k: usize) -> Option<f64> {
         let share = (k as f64 - self.frames[0]) / (self.frames[1] - self.frames[0]);
         (0.0..=1.0).contains(&share).then_some(share)
     }

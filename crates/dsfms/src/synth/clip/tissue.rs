@@ -16,12 +16,12 @@ pub(super) struct Palette {
 }
 
 impl Palette {
-    pub const ORGAN: Self = Self {
+    pub(super) const ORGAN: Self = Self {
         ground: [[0.62, 0.27, 0.22], [0.44, 0.15, 0.13]],
         vessel: [0.24, 0.045, 0.05],
         trees: 7.0,
     };
-    pub const WALL: Self = Self {
+    pub(super) const WALL: Self = Self {
         ground: [[0.60, 0.38, 0.20], [0.50, 0.20, 0.15]],
         vessel: [0.33, 0.06, 0.06],
         trees: 0.5,
@@ -39,7 +39,7 @@ pub(super) struct TissueTexture {
 }
 
 impl TissueTexture {
-    pub fn new(half: [f64; 2], step: f64, palette: Palette, seed: u64) -> Self {
+    pub(super) fn new(half: [f64; 2], step: f64, palette: Palette, seed: u64) -> Self {
         let size = half.map(|h| (2.0 * h / step).ceil() as usize + 1);
         let place = |i: usize| {
             [(i % size[0]) as f64 * step - half[0], (i / size[0]) as f64 * step - half[1]]
@@ -63,7 +63,7 @@ impl TissueTexture {
     }
 
     /// Albedo and bump at a place of the rest shape; the nearest there is outside.
-    pub fn at(&self, x: f64, y: f64) -> ([f64; 3], f64) {
+    pub(super) fn at(&self, x: f64, y: f64) -> ([f64; 3], f64) {
         let [w, h] = self.albedo.size.map(|s| s as f64 - 1.001);
         let u = ((x + self.half[0]) / self.step).clamp(0.0, w);
         let v = ((y + self.half[1]) / self.step).clamp(0.0, h);

@@ -16,7 +16,7 @@ pub(super) struct Cut<'a> {
 impl<'a> Cut<'a> {
     /// A short cut that makes the surface a disc: nothing for a disc, shortest paths between the
     /// boundaries, loops for handles, and a path between two extremal points of a closed sphere.
-    pub fn to_disc(mesh: &'a Mesh) -> Self {
+    pub(super) fn to_disc(mesh: &'a Mesh) -> Self {
         let lengths = mesh.edge_lengths();
         let open = cut_graph(&mesh.topology, &lengths);
         let mut cut = Self { mesh, lengths, open };
@@ -30,7 +30,7 @@ impl<'a> Cut<'a> {
     }
 
     /// Lengthen the cut by the shortest path to a vertex. `false` where it already lies on it.
-    pub fn extend_to(&mut self, vertex: u32) -> bool {
+    pub(super) fn extend_to(&mut self, vertex: u32) -> bool {
         let on = self.cut_vertices();
         let distances = shortest_paths(&self.mesh.topology, &self.lengths, &on);
         distances.previous[vertex as usize] != vertex && {
@@ -65,7 +65,7 @@ impl<'a> Cut<'a> {
 
     /// The surface opened along the cut: every corner gets the vertex of its own fan. Second: the
     /// old vertex of each new one.
-    pub fn opened(&self) -> (Mesh, Vec<u32>) {
+    pub(super) fn opened(&self) -> (Mesh, Vec<u32>) {
         let t = &self.mesh.topology;
         let mut fans = DisjointSets::new(3 * t.faces.len());
         let corner = |f: u32, v: u32| {

@@ -77,7 +77,7 @@ pub(super) fn models(
 }
 
 impl ParametricLight {
-    pub fn start(&self) -> Vec<f64> {
+    pub(super) fn start(&self) -> Vec<f64> {
         let mut theta = Vec::new();
         if let Family::Near { offset, spot } = self.family {
             if offset {
@@ -141,7 +141,7 @@ impl ParametricLight {
         format!("{place}{profile}{vignetting}")
     }
 
-    pub fn candidate(&self, fit: &LogFit, bic: f64) -> LightCandidate {
+    pub(super) fn candidate(&self, fit: &LogFit, bic: f64) -> LightCandidate {
         let (light, coat) = self.decode(&fit.theta);
         LightCandidate {
             name: self.name(),

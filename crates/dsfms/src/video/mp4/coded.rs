@@ -45,7 +45,7 @@ pub(super) struct Coded<'c> {
 type Tell<'a> = dyn FnMut(usize, Outcome) + 'a;
 
 impl<'c> Coded<'c> {
-    pub fn new(config: &'c [u8]) -> Result<Self, DecodeStop> {
+    pub(super) fn new(config: &'c [u8]) -> Result<Self, DecodeStop> {
         let damaged = |reason: String| DecodeStop::Damaged(format!("parameter sets: {reason}"));
         let config = caught(|| parse_avcc_config(config)).map_err(damaged)?;
         let config = config.map_err(|reason| damaged(reason.into()))?;
@@ -81,7 +81,7 @@ impl<'c> Coded<'c> {
         Ok(())
     }
 
-    pub fn sample(
+    pub(super) fn sample(
         &mut self,
         index: usize,
         bytes: &[u8],
@@ -167,7 +167,7 @@ impl<'c> Coded<'c> {
     }
 
     /// A sample whose bytes are not there or not whole.
-    pub fn lost(&mut self, index: usize, reason: String, tell: &mut Tell) {
+    pub(super) fn lost(&mut self, index: usize, reason: String, tell: &mut Tell) {
         self.fail(index, reason, true, tell);
     }
 
@@ -186,7 +186,7 @@ impl<'c> Coded<'c> {
     }
 
     /// The end; an error where nothing was decoded and the decoder says that it cannot.
-    pub fn finish(&mut self, tell: &mut Tell) -> Result<(), DecodeStop> {
+    pub(super) fn finish(&mut self, tell: &mut Tell) -> Result<(), DecodeStop> {
         if let Ok(Some(frame)) = self.flush() {
             self.give(frame, tell);
         }

@@ -26,7 +26,7 @@ pub(super) struct Order<'a> {
 }
 
 impl<'a> Order<'a> {
-    pub fn new(track: &Track, each: &'a mut dyn FnMut(ShownPicture) -> bool) -> Self {
+    pub(super) fn new(track: &Track, each: &'a mut dyn FnMut(ShownPicture) -> bool) -> Self {
         let mut order: Vec<usize> = (0..track.samples.len()).collect();
         order.sort_by_key(|&i| track.samples[i].time);
         let mut rank = vec![0; order.len()];
@@ -34,7 +34,7 @@ impl<'a> Order<'a> {
         Self { each, rank, waiting: BTreeMap::new(), next: 0, given: 0, enough: false }
     }
 
-    pub fn resolve(&mut self, index: usize, outcome: Outcome) {
+    pub(super) fn resolve(&mut self, index: usize, outcome: Outcome) {
         let rank = self.rank[index];
         if rank >= self.next {
             self.waiting.insert(rank, outcome);
@@ -62,7 +62,7 @@ impl<'a> Order<'a> {
     }
 
     /// What is not known by now never came: of a stream in fields the second halves.
-    pub fn finish(&mut self) {
+    pub(super) fn finish(&mut self) {
         for rank in self.next..self.rank.len() {
             self.waiting.entry(rank).or_insert(Outcome::Half);
         }

@@ -1,10 +1,9 @@
+use super::axes::{Axes, tick};
+use super::lines::{MOST_POINTS, thinned};
 use super::*;
 
 #[test]
-fn axes_end_at_round_numbers() {
-    for (v, top) in [(0.7, 0.8), (1.0, 1.0), (1.1, 1.5), (3.2, 4.0), (45.0, 50.0), (81.0, 100.0)] {
-        assert!((nice(v) - top).abs() < 1e-9 * top, "{v}");
-    }
+fn ticks_have_no_needless_digits() {
     assert_eq!((tick(0.5, 2.0).as_str(), tick(25.0, 100.0).as_str()), ("0.5", "25"));
     assert_eq!((tick(3.75, 15.0).as_str(), tick(0.225, 0.3).as_str()), ("3.75", "0.225"));
 }
@@ -59,7 +58,26 @@ fn a_peak_survives_thinning() {
 #[test]
 fn runs_of_a_status_are_one_bar() {
     let strip = status_strip("Status", &["ok", "ok", "lost", "ok"], None);
-    assert_eq!(strip.matches("<rect").count(), 3);
+    // Three runs and three keys.
+    assert_eq!(strip.matches("<polygon").count(), 6);
     assert!(strip.contains("data-runs=\"ok:2 lost:1 ok:1\""), "{strip}");
     assert!(strip.contains("status failed"));
+}
+
+#[test]
+fn a_chart_on_paper_is_the_chart_of_the_page_with_its_words_above() {
+    let series = |label: &str| Series {
+        label: label.into(),
+        points: vec![(0.0, 1.0)],
+        ..Default::default()
+    };
+    let plot = Plot { value: "error, mm", against: "extension, %", ..Default::default() };
+    let chart = line_chart(&plot, &[series("dsfm"), series("joint")]);
+    let (page, sheet) = (chart.page(), chart.paper());
+    let paper = svg::paper(&sheet).unwrap();
+    for word in ["error, mm", "extension, %", "dsfm", "joint"] {
+        assert!(page.contains(word) && paper.contains(word), "{word}");
+    }
+    assert!(paper.contains("width=\"122.00mm\"") && !paper.contains("class="), "{paper}");
+    assert!(page.contains("class=\"marker s1\"") && !page.contains("font-size"), "{page}");
 }
