@@ -289,7 +289,7 @@ fn pale_clip() -> Clip {
 }
 
 #[test]
-fn a_followed_frame_gets_the_matches_of_a_fresh_look() {
+fn a_followed_frame_has_no_fewer_matches_than_a_fresh_look() {
     let clip = pale_clip();
     let usable = Mask::filled(clip.camera.size, true);
     let features = clip.template.features.as_ref().unwrap();
@@ -306,8 +306,7 @@ fn a_followed_frame_gets_the_matches_of_a_fresh_look() {
         })
         .collect();
     println!("{figures:?}");
-    // The first that is followed may lack what turned; what it lacks is sought for the next.
-    for (k, (status, origin, kept, fresh)) in figures.iter().enumerate().skip(2) {
+    for (k, (status, origin, kept, fresh)) in figures.iter().enumerate().skip(1) {
         assert_ne!(*status, TrackStatus::Lost, "frame {k}: {figures:?}");
         assert!(k > 2 || *origin == Some(Origin::Followed), "frame {k}: {figures:?}");
         assert!(*fresh >= 60 && 10 * kept >= 9 * fresh, "frame {k}: {figures:?}");

@@ -1,6 +1,7 @@
 //! Matches of a frame from the last shape: places of the rendered template carried on by its motion and
 //! then by their look, and those that descriptors found, by the look of the frame that they were found in.
 
+use super::covered::CoveredCells;
 use super::look::{Anchor, Look};
 use super::places::{Earlier, FollowedPlace, stays};
 use super::prepare::View;
@@ -30,10 +31,6 @@ const APART_PX: f64 = 4.0;
 /// Least correlation of a patch with white pixels in it. The albedo holds no highlights, so that a patch
 /// which looks like it in spite of them is pale tissue.
 const PALE: f64 = 0.85;
-
-/// Within this distance of a followed place of the rendered template one that descriptors found tells
-/// nothing more, px of the working image.
-pub(super) const COVERED_PX: f64 = 12.0;
 
 /// Of the places that could be followed at least this share is, or they are sought by their neighbours' motion
 /// too.
@@ -88,7 +85,7 @@ impl Tracker<'_> {
         {
             tracks = better;
         }
-        let places = self.carried_places(view, last, start, &tracks);
+        let places = self.places_by_motion(view, last, start, &tracks);
         let pixel = |t: &TrackedPlace| Match {
             face: t.face,
             barycentric: t.barycentric,
@@ -203,18 +200,7 @@ impl Tracker<'_> {
         start: &[Point3],
         tracks: &[TrackedPlace],
     ) -> Option<Vec<TrackedPlace>> {
-        if tracks.len() < LEAST {
-            return None;
-        }
-        let pixels: Vec<Point2> = tracks.iter().map(|t| self.working.to_frame(t.place)).collect();
-        let faces = &self.template.mesh.topology.faces;
-        let on = |t: &TrackedPlace| {
-            point_at(faces[t.face as usize].map(|v| &start[v as usize]), t.barycentric)
-        };
-        let points: Vec<Point3> = tracks.iter().map(on).collect();
-        let options = &self.options.reconstruct.register;
-        let motion = pose_near(self.camera, &points, &pixels, options, Isometry::identity());
-        let motion = motion.ok()?.pose;
+        let motion = self.motion(start, tracks)?;
         let shape: Vec<Point3> = start.iter().map(|v| motion * v).collect();
         let whole = align_rigid_robust(&last.vertices, &shape)?;
         let depth = |s: &[Point3]| s.iter().map(|p| p.z).sum::<f64>() / s.len().max(1) as f64;
@@ -227,7 +213,49 @@ impl Tracker<'_> {
         Some(self.by_look(view, last, &ShownLook { look: &look, start: &shape }))
     }
 
-    /// The places that descriptors found, where no anchor tells the same.
+    /// The rigid motion of a shape that tracks tell; `None` of too few.
+    fn motion(&self, start: &[Point3], tracks: &[TrackedPlace]) -> Option<Isometry> {
+        if tracks.len() < LEAST {
+            return None;
+        }
+        let pixels: Vec<Point2> = tracks.iter().map(|t| self.working.to_frame(t.place)).collect();
+        let faces = &self.template.mesh.topology.faces;
+        let corners = |t: &TrackedPlace| faces[t.face as usize].map(|v| &start[v as usize]);
+        let points: Vec<Point3> =
+            tracks.iter().map(|t| point_at(corners(t), t.barycentric)).collect();
+        let options = &self.options.reconstruct.register;
+        Some(pose_near(self.camera, &points, &pixels, options, Isometry::identity()).ok()?.pose)
+    }
+
+    /// The places that descriptors found, where no anchor tells the same: from where the motion that the
+    /// anchors tell puts them, and again from where they do so themselves.
+    fn places_by_motion(
+        &self,
+        view: &View,
+        last: &Last,
+        start: &[Point3],
+        tracks: &[TrackedPlace],
+    ) -> Vec<(TrackedPlace, FollowedPlace)> {
+        if self.places.is_empty() {
+            return Vec::new();
+        }
+        let moved = |tracks: &[TrackedPlace]| -> Option<Vec<Point3>> {
+            let motion = self.motion(start, tracks)?;
+            Some(start.iter().map(|v| motion * v).collect())
+        };
+        let shape = moved(tracks);
+        let found = self.carried_places(view, last, shape.as_deref().unwrap_or(start), tracks);
+        if found.len() as f64 >= ENOUGH * self.places.len() as f64 {
+            return found;
+        }
+        let all: Vec<TrackedPlace> =
+            tracks.iter().copied().chain(found.iter().map(|f| f.0)).collect();
+        let Some(shape) = moved(&all) else { return found };
+        let again = self.carried_places(view, last, &shape, tracks);
+        if again.len() > found.len() { again } else { found }
+    }
+
+    /// The places near where a shape has them.
     fn carried_places(
         &self,
         view: &View,
@@ -339,53 +367,9 @@ fn typical(named: &[usize], offsets: &[Option<Vector2>]) -> Option<Vector2> {
     (known.len() >= 3).then(|| Some(Vector2::new(axis(0)?, axis(1)?)))?
 }
 
-/// Which parts of the working image have a match near.
-pub(super) struct CoveredCells {
-    across: usize,
-    cells: Vec<bool>,
-}
-
-/// Side of a part, px.
-const CELL: f64 = 4.0;
-
-impl CoveredCells {
-    /// Of an image of a size that has matches at some places.
-    pub(super) fn of(size: [usize; 2], places: impl Iterator<Item = Point2>) -> Self {
-        let [across, down] = size.map(|n| n.div_ceil(CELL as usize) + 1);
-        let mut cells = vec![false; across * down];
-        let reach = (COVERED_PX / CELL) as isize;
-        for place in places {
-            let [x, y] = [place.x, place.y].map(|c| (c / CELL).round() as isize);
-            for (dx, dy) in (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy)))
-            {
-                let (x, y) = (x + dx, y + dy);
-                let near = dx * dx + dy * dy <= reach * reach;
-                if near && (0..across as isize).contains(&x) && (0..down as isize).contains(&y) {
-                    cells[y as usize * across + x as usize] = true;
-                }
-            }
-        }
-        Self { across, cells }
-    }
-
-    /// Whether a match is near; outside the image none.
-    pub(super) fn at(&self, place: Point2) -> bool {
-        let [x, y] = [place.x, place.y].map(|c| (c / CELL).round());
-        let inside = x >= 0.0 && y >= 0.0 && x < self.across as f64;
-        inside && self.cells.get(y as usize * self.across + x as usize).copied().unwrap_or(false)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn matches_cover_their_surroundings() {
-        let covered = CoveredCells::of([100, 80], [Point2::new(40.0, 40.0)].into_iter());
-        assert!(covered.at(Point2::new(40.0, 40.0)) && covered.at(Point2::new(48.0, 44.0)));
-        assert!(!covered.at(Point2::new(56.0, 40.0)) && !covered.at(Point2::new(-3.0, 500.0)));
-    }
 
     #[test]
     fn the_typical_offset_is_a_median_of_what_is_known() {

@@ -9,6 +9,7 @@
 mod attempts;
 mod baseline;
 mod busy_wait;
+mod covered;
 mod exposed;
 mod follow;
 mod judged;

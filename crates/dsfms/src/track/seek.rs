@@ -2,7 +2,7 @@
 //! of the picture a frame.
 
 use super::Surface;
-use super::follow::CoveredCells;
+use super::covered::CoveredCells;
 use super::places::{FollowedPlace, OLD};
 use super::prepare::View;
 use super::tracker::Tracker;
