@@ -184,7 +184,7 @@ fn other_commands() {
         ("inspect notes.txt", NOTHING, &["notes.txt"]),
         ("inspect gone", NOTHING, &["gone"]),
         ("export gone --mesh a.ply", NOTHING, &["gone"]),
-        ("export organ.template --colmap c", NOTHING, &["organ.template"]),
+        ("export organ.template --colmap c", USAGE, &["no exploration frames"]),
         ("figure gone -o a.svg", NOTHING, &["gone"]),
         ("figure empty -o a.svg", NOTHING, &["empty", "frame_NNN.ply"]),
         ("figure truth -o a.jpg", USAGE, &["a.jpg", ".svg", ".pdf", ".png"]),
