@@ -253,8 +253,11 @@ mod tests {
             |turn: f64, z| Isometry::new(Vector3::new(0.0, 0.0, z), Vector3::new(0.0, 0.0, turn));
         let same = kept.turn(&camera, &mesh, &now(0.0, 75.0)).unwrap();
         assert!((same - Matrix2::identity()).norm() < 1e-9, "{same}");
-        let twice = kept.turn(&camera, &mesh, &now(0.0, 37.5)).unwrap();
-        assert!((twice.determinant() / 4.0 - 1.0).abs() < 0.3, "{twice}");
+        // Areas in the image go with the inverse square of depth.
+        let z = point_at(mesh.corners(kept.found.face as usize), kept.found.barycentric).z;
+        let nearer = kept.turn(&camera, &mesh, &now(0.0, 37.5)).unwrap();
+        let expected = ((z + 75.0) / (z + 37.5)).powi(2);
+        assert!((nearer.determinant() / expected - 1.0).abs() < 0.3, "{nearer} {expected} {z}");
         assert!(kept.lasts(5) && !kept.lasts(1 + MISSED + 1));
         assert!(!FollowedPlace { held: OLD, ..kept }.lasts(1 + OLD));
         assert!(

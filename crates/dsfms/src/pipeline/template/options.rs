@@ -144,7 +144,7 @@ const TABLES: [Documented; 11] = [
     ("flatten", include_str!("../../template/flatten.rs"), "FlattenOptions"),
     ("light", include_str!("../../template/light_fit.rs"), "LightFitOptions"),
     ("light.bounds", include_str!("../../template/photometric.rs"), "ObservationBounds"),
-    ("albedo", include_str!("../../template/albedo.rs"), "AlbedoOptions"),
+    ("albedo", include_str!("../../template/albedo_options.rs"), "AlbedoOptions"),
     ("albedo.bounds", include_str!("../../template/photometric.rs"), "ObservationBounds"),
     ("anchor", include_str!("../../template/anchor.rs"), "AnchorOptions"),
 ];
