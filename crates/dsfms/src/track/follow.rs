@@ -85,7 +85,12 @@ impl Tracker<'_> {
         {
             tracks = better;
         }
-        let places = self.places_by_motion(view, last, start, &tracks);
+        // Where the render holds on to as many places, nothing moved that the last motion does not foretell.
+        let enough = tracks.len() >= self.places.len();
+        let places = match enough {
+            true => self.carried_places(view, last, start, &tracks),
+            false => self.places_by_motion(view, last, start, &tracks),
+        };
         let pixel = |t: &TrackedPlace| Match {
             face: t.face,
             barycentric: t.barycentric,
