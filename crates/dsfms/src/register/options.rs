@@ -80,8 +80,8 @@ pub struct RegisterOptions {
     /// pose does not explain: bending is seen foreshortened.
     pub depth_hold_motion: f64,
     /// How firmly the hidden side of a closed surface hangs on its surroundings, of the stiffness of
-    /// tissue as thick as the organ; what is seen carries it along. Bends ask for less, pushes for more: of
-    /// 0 to 0.3, 0.03 is best in the mean of three choosing scenes (`docs/results/scenes.md`).
+    /// tissue as thick as the organ; what is seen carries it along. Bends ask for less, pushes for more; 0.03 lies
+    /// between (figures: `docs/results/choices.md`).
     pub anchor: f64,
 }
 
