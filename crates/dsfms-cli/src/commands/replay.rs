@@ -62,6 +62,7 @@ pub fn run(args: &ReplayArgs, reporter: &Reporter) -> anyhow::Result<Outcome> {
     track.output = moved(&args.keep)?.unwrap_or_else(|| temporary.path().join("out"));
     track.template = template.unwrap_or_else(|| run.folder.join(&track.template));
     track.camera = camera.or_else(|| track.camera.take().map(|path| run.folder.join(path)));
+    track.poses = track.poses.take().map(|path| run.folder.join(path));
     unchanged(&run, &track, reporter)?;
     let recorded = source(&mut track, frames, &run)?;
     plain(&mut track, &run.folder);
@@ -100,6 +101,9 @@ fn unchanged(run: &RunFile, track: &TrackArgs, reporter: &Reporter) -> anyhow::R
     same(&track.template, &run.template, "--template")?;
     if let (Some(path), Some(expected)) = (&track.camera, &run.camera) {
         same(path, expected, "--camera")?;
+    }
+    if let (Some(path), Some(expected)) = (&track.poses, &run.poses) {
+        same(path, expected, "no option")?;
     }
     let own = (VERSION, target());
     if (run.version.as_str(), &run.target) != (own.0, &own.1) {
@@ -165,8 +169,8 @@ fn complete(folder: &Path, run: &RunFile) -> anyhow::Result<()> {
 
 /// No further outputs, and paths from the folder of the first run.
 fn plain(track: &mut TrackArgs, folder: &Path) {
-    let masks = [&mut track.instrument_masks, &mut track.organ_masks, &mut track.masks];
-    for path in masks.into_iter().filter_map(Option::as_mut) {
+    let TrackArgs { instrument_masks, organ_masks, masks, .. } = track;
+    for path in [instrument_masks, organ_masks, masks].into_iter().filter_map(Option::as_mut) {
         *path = folder.join(&path);
     }
     track.without_outputs();

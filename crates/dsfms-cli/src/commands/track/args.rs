@@ -16,6 +16,8 @@ Examples:
   dsfms track organ.template clip.mp4 --camera camera.json --overlay -o out
   # Motion alone: faster
   dsfms track organ.template frames/ --camera camera.json --method dsfm -o out
+  # A mesh (of a CT) that was laid on one frame by hand, and no exploration
+  dsfms track liver.ply frames/ --poses pose.json --camera camera.json -o out
   # A live source: raw RGB frames in, one line of JSON a frame out
   capture | dsfms track organ.template - --size 1280x720 --camera camera.json \\
       -o out
@@ -54,7 +56,7 @@ no surface. In Python:
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub struct TrackArgs {
-    /// Template folder.
+    /// Template folder, or with --poses a mesh.
     #[arg(value_name = "TEMPLATE")]
     pub template: PathBuf,
     /// A video, image files, folders of them, - for frames on standard input, or an OpenIGTLink server,
@@ -73,6 +75,10 @@ pub struct TrackArgs {
     /// Intrinsics of these frames; default the template's own camera.
     #[arg(help_heading = "Input", long, value_name = "FILE")]
     pub camera: Option<PathBuf>,
+    /// Of a mesh in place of a template: poses of one frame of VIDEO or more, of the organ at rest
+    /// (camera_from_world, as of `dsfms template`). What they show is the look that the mesh is followed by.
+    #[arg(help_heading = "Input", long, value_name = "FILE")]
+    pub poses: Option<PathBuf>,
     /// What is solved in every frame. joint has the smaller errors; dsfm is faster, and right where the
     /// template's albedo or light is not to be trusted (smoke, blood, another lens).
     #[arg(help_heading = "Method", long, value_enum, default_value_t = TrackMethod::Joint)]

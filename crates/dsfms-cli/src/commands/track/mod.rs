@@ -2,6 +2,7 @@
 
 mod again;
 mod args;
+mod bare;
 mod capture;
 mod incoming;
 mod job;
@@ -30,7 +31,6 @@ use args::check;
 pub use args::{TrackArgs, size};
 use dsfms::camera::CameraModel;
 use dsfms::io::masks::MaskKind;
-use dsfms::io::template::read_template;
 use dsfms::pipeline::Method;
 use dsfms::register::Prior;
 use dsfms::track::shapes::ShapeFile;
@@ -68,7 +68,7 @@ fn follow(
     let live = args.input == [PathBuf::from("-")];
     check(args, live)?;
     place::check(&args.output, &places(args))?;
-    let mut template = read_template(&args.template)?;
+    let mut template = bare::template(args, global, reporter)?;
     let (camera, tone) = inputs::frame_camera(args.camera.as_deref(), global, &mut template)?;
     if !live {
         check_files(args, &camera)?;
@@ -176,7 +176,7 @@ fn watch(args: &TrackArgs, live: bool) -> anyhow::Result<()> {
 fn places(args: &TrackArgs) -> Vec<&Path> {
     let masks = args.masks().map(|(path, _)| path);
     let files = args.input.iter().filter(|input| !incoming::is_address(input));
-    files.chain([&args.template]).chain(masks).map(PathBuf::as_path).collect()
+    files.chain([&args.template]).chain(&args.poses).chain(masks).map(PathBuf::as_path).collect()
 }
 
 /// Frames a second where nothing says so.

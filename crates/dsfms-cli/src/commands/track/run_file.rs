@@ -29,6 +29,9 @@ pub struct RunFile {
     pub template: String,
     /// Digest of the camera file; `None`: the template's camera.
     pub camera: Option<String>,
+    /// Digest of the poses that give a mesh its look.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub poses: Option<String>,
     /// The frames that were taken, in order.
     pub frames: Vec<Taken>,
 }
@@ -58,6 +61,7 @@ impl RunFile {
             options: options.clone(),
             template: digest(&args.template)?,
             camera: args.camera.as_deref().map(digest).transpose()?,
+            poses: args.poses.as_deref().map(digest).transpose()?,
             frames: Vec::new(),
         })
     }

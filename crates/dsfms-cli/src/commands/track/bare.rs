@@ -1,0 +1,137 @@
+//! What `track` follows: a template, or a mesh that frames of known pose give the organ's look.
+
+use super::TrackArgs;
+use crate::args::Global;
+use crate::commands::template::mesh::{Reading, open_mesh, unit};
+use crate::exit::Usage;
+use crate::inputs::{self, Purpose, Source, mask_of};
+use crate::progress::Reporter;
+use dsfms::geometry::Isometry;
+use dsfms::image::{Frame, Mask};
+use dsfms::io::masks::MaskKind;
+use dsfms::io::poses::{PoseList, match_poses, read_poses};
+use dsfms::io::template::read_template;
+use dsfms::mesh::Mesh;
+use dsfms::pipeline::{TemplateOptions, template_from_posed_frames};
+use dsfms::template::{LengthUnit, Template};
+use std::path::Path;
+
+/// The template that the arguments name; with `--poses` made of a mesh and the frames that they pose.
+pub fn template(
+    args: &TrackArgs,
+    global: &Global,
+    reporter: &Reporter,
+) -> anyhow::Result<Template> {
+    let path = &args.template;
+    if path.is_dir() {
+        let template = read_template(path)?;
+        return match (&args.poses, &template.features) {
+            (Some(_), Some(_)) => wrong("--poses gives a mesh its look; this template has one"),
+            (None, Some(_)) => Ok(template),
+            (None, None) => wrong(&no_look(path)),
+            (Some(poses), None) => {
+                seen_in(args, global, poses, template.mesh, template.unit, reporter)
+            }
+        };
+    }
+    if !path.exists() {
+        // Its reader says what is missing.
+        return Ok(read_template(path)?);
+    }
+    let Some(poses) = &args.poses else { return wrong(&no_look(path)) };
+    let file = open_mesh(path, Reading::default(), reporter)?;
+    let unit = unit(&file);
+    seen_in(args, global, poses, file.mesh, unit, reporter)
+}
+
+fn wrong<T>(text: &str) -> anyhow::Result<T> {
+    Err(Usage(text.into()).into())
+}
+
+fn no_look(path: &Path) -> String {
+    format!(
+        "{} is a surface without the organ's look, by which it would be found in a video; give the pose of one \
+         frame or more with --poses, or build a template of exploration frames (dsfms template)",
+        path.display()
+    )
+}
+
+/// A surface with the look that posed frames of the input show.
+fn seen_in(
+    args: &TrackArgs,
+    global: &Global,
+    path: &Path,
+    mesh: Mesh,
+    unit: LengthUnit,
+    reporter: &Reporter,
+) -> anyhow::Result<Template> {
+    let Some(camera_path) = &args.camera else {
+        return wrong("a mesh with --poses needs --camera");
+    };
+    if !args.takes_files() {
+        return wrong(
+            "--poses names frames of files; a live source needs a template (dsfms template)",
+        );
+    }
+    let camera = inputs::camera(camera_path, global)?;
+    let posed = posed_frames(args, path, reporter)?;
+    for frame in &posed.frames {
+        inputs::check_size(frame, &camera.file.camera, camera_path)?;
+    }
+    let mut options = TemplateOptions::default();
+    options.sfm.seed = global.seed;
+    camera.tell_options(&mut options);
+    let exploration = camera.exploration(&posed.frames).valid(&posed.valid).organ(&posed.organ);
+    let built =
+        template_from_posed_frames(&exploration, mesh, unit, &posed.poses, &options, reporter)?;
+    reporter.say(&format!("the surface has its look from {} posed frame(s)", posed.frames.len()));
+    Ok(built.template)
+}
+
+/// Frames of known pose with their masks.
+#[derive(Default)]
+struct Posed {
+    frames: Vec<Frame>,
+    poses: Vec<Option<Isometry>>,
+    valid: Vec<Option<Mask>>,
+    organ: Vec<Option<Mask>>,
+}
+
+/// The frames of the input that a list of poses names.
+fn posed_frames(args: &TrackArgs, path: &Path, reporter: &Reporter) -> anyhow::Result<Posed> {
+    let list = read_poses(path, PoseList::Exploration)?;
+    let sources = inputs::sources(&args.input, Purpose::Reconstruct, reporter)?;
+    let names: Vec<String> = sources.iter().map(Source::name).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let mut posed = Posed::default();
+    for (source, pose) in sources.iter().zip(match_poses(&list, &names)) {
+        if pose.is_none() {
+            continue;
+        }
+        let frame = source.frame()?;
+        let mask = |of: &Option<_>, kind| {
+            let read =
+                |masks: &std::path::PathBuf| mask_of(&frame, source.path(), masks, kind, reporter);
+            of.as_ref().map(read).transpose()
+        };
+        let valid = mask(&args.masks, MaskKind::Valid)?;
+        let instrument = mask(&args.instrument_masks, MaskKind::Instrument)?;
+        let free = instrument.map(|instrument| instrument.complement());
+        posed.organ.push(mask(&args.organ_masks, MaskKind::Organ)?);
+        posed.valid.push(match (valid, free) {
+            (Some(valid), Some(free)) => Some(valid.and(&free)),
+            (valid, free) => valid.or(free),
+        });
+        posed.frames.push(frame);
+        posed.poses.push(pose);
+    }
+    anyhow::ensure!(
+        !posed.frames.is_empty(),
+        "{}: none of its {} poses is of one of the {} frames of the input; expected names or numbers as in {}",
+        path.display(),
+        list.len(),
+        names.len(),
+        names.first().copied().unwrap_or("frame_000")
+    );
+    Ok(posed)
+}

@@ -1,0 +1,79 @@
+//! `dsfms track` of a bare mesh, which one posed frame gives the organ's look.
+
+mod clip;
+
+use clip::{CLIP, Text, column};
+use dsfms::geometry::{Isometry, Point3, align_rigid};
+use dsfms::io::clip_truth::read_clip_truth;
+use dsfms::io::mesh::read_mesh;
+use dsfms::track::shapes::read_shapes;
+use std::path::Path;
+
+/// Truth of a frame, and where the rest shape lies in it.
+fn truth(frame: usize) -> (Vec<Point3>, Isometry) {
+    let clip = read_clip_truth(&CLIP.path().join("clip/truth/clip.npz")).unwrap();
+    let shape: Vec<Point3> =
+        clip.vertices[frame].iter().map(|v| Point3::from(v.map(f64::from))).collect();
+    let rest = read_mesh(&CLIP.path().join("clip/organ.template/template.ply")).unwrap().mesh;
+    let pose = align_rigid(&rest.positions, &shape).unwrap();
+    (shape, pose)
+}
+
+fn write_pose(path: &Path, image: &str, pose: &Isometry) {
+    let r = pose.rotation.to_rotation_matrix();
+    let rows: Vec<Vec<f64>> = (0..3).map(|i| (0..3).map(|j| r[(i, j)]).collect()).collect();
+    let t: Vec<f64> = pose.translation.vector.iter().copied().collect();
+    let list = serde_json::json!([{"image": image, "R": rows, "t": t}]);
+    std::fs::write(path, list.to_string()).unwrap();
+}
+
+#[test]
+fn one_posed_frame_gives_a_mesh_the_look_that_it_is_followed_by() {
+    let folder = tempfile::tempdir().unwrap();
+    let (poses, out) = (folder.path().join("poses.json"), folder.path().join("out"));
+    let (_, pose) = truth(0);
+    write_pose(&poses, "frame_000.png", &pose);
+    let mesh = "organ.template/template.ply";
+    let posed = ["--poses", poses.to_str().unwrap()];
+    let said = mesh_track(&out, mesh, &posed);
+    let (shapes, status) = read_shapes(&out.join("vertices.npz")).unwrap();
+    let good: Vec<usize> = (0..status.len()).filter(|&k| status[k] < 2).collect();
+    assert!(good.len() >= 6, "{status:?} {said}");
+    for k in good {
+        let (shape, _) = truth(k);
+        let far: f64 = shapes[k].iter().zip(&shape).map(|(a, b)| (a - b).norm()).sum::<f64>();
+        let mean = far / shape.len() as f64;
+        assert!(mean < 2.0, "frame {k}: {mean} mm");
+    }
+    assert_eq!(column(&out, "status").len(), clip::FRAMES);
+
+    // Without a pose, with one of another clip, and with one too many.
+    let fresh = |name: &str| folder.path().join(name);
+    let said = mesh_track(&fresh("a"), mesh, &[]);
+    assert!(said.contains("--poses") && said.contains("dsfms template"), "{said}");
+    let other = fresh("other.json");
+    write_pose(&other, "scan_a", &pose);
+    let said = mesh_track(&fresh("b"), mesh, &["--poses", other.to_str().unwrap()]);
+    assert!(said.contains("none of its 1 poses") && said.contains("frame_000"), "{said}");
+    let said = mesh_track(&fresh("c"), "organ.template", &posed);
+    assert!(said.contains("this template has one"), "{said}");
+    for name in ["a", "b", "c"] {
+        assert!(!fresh(name).exists(), "{name} is left");
+    }
+}
+
+/// What `track` says of a mesh.
+fn mesh_track(out: &Path, mesh: &str, arguments: &[&str]) -> String {
+    std::process::Command::new(env!("CARGO_BIN_EXE_dsfms"))
+        .current_dir(CLIP.path().join("clip"))
+        .args(["track", mesh, "frames", "--camera", "camera.json", "--no-report"])
+        .args(["--method", "dsfm"])
+        .args(arguments)
+        .arg("-o")
+        .arg(out)
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap()
+        .said()
+}
