@@ -4,7 +4,7 @@
 mod clip;
 
 use clip::{FRAMES, SIZE, Text, assert_as_files, column, frame, track};
-use dsfms::io::igtl::{HEADER, Head, Plane, Received, image as picture, read, string};
+use dsfms::io::igtl::{HEADER, Head, ImagePlacement, Received, image as picture, read, string};
 use dsfms::track::shapes::read_shapes;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -91,7 +91,7 @@ fn a_client_is_told_what_the_files_hold() {
 
 /// What a server of pictures sends, `mend` and all.
 fn message(device: &str, k: usize) -> Vec<u8> {
-    let plane = Plane { axes: [[0.0; 3]; 3], centre: [0.0; 3] };
+    let plane = ImagePlacement { axes: [[0.0; 3]; 3], centre: [0.0; 3] };
     picture(Head { device, time: None }, &frame(k), &plane)
 }
 

@@ -3,7 +3,7 @@
 use dsfms::geometry::{Isometry, Point3, median};
 use dsfms::light::{LightModel, PointLight, Spot};
 use dsfms::synth::{Case, CaseOptions, Draw, RenderOptions, render};
-use dsfms::template::View;
+use dsfms::template::TemplateView;
 use dsfms::{Method, Observation, ReconstructOptions, reconstruct};
 
 /// A pull under a near light, after an exploration of six frames of one exposure.
@@ -16,7 +16,7 @@ fn case() -> Case {
     let draw = Draw { count: 25, sigma_px: 0.3 };
     let options = CaseOptions { vertices: 300, extension: 0.05, light, draw, pull: true };
     let mut case = Case::new(&options, 5);
-    let view = |k: usize| View {
+    let view = |k: usize| TemplateView {
         name: format!("frame_{k}"),
         camera_from_template: Isometry::identity(),
         gain: [0.998, 1.002][k % 2],

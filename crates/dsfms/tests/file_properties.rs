@@ -8,7 +8,7 @@ use dsfms::io::camera::{CameraFile, read_camera, write_camera};
 use dsfms::io::colmap::{
     ColmapCamera, ColmapImage, ColmapModel, ColmapPoint, Format, read_model, write_model,
 };
-use dsfms::io::igtl::{Head, Plane, image as image_message, picture, read};
+use dsfms::io::igtl::{Head, ImagePlacement, image as image_message, picture, read};
 use dsfms::io::masks::read_mask;
 use dsfms::io::matches::{read_matches, write_matches};
 use dsfms::io::mesh::{MeshUnit, read_mesh};
@@ -399,7 +399,7 @@ proptest! {
         device in "[A-Za-z]{1,20}",
     ) {
         let frame = Frame { name: String::new(), size, rgb };
-        let plane = Plane { axes: [[1.0, 0.0, 0.0]; 3], centre: [0.0; 3] };
+        let plane = ImagePlacement { axes: [[1.0, 0.0, 0.0]; 3], centre: [0.0; 3] };
         let bytes = image_message(Head { device: &device, time: None }, &frame, &plane);
         let found = read(&mut bytes.as_slice(), |_| true).unwrap().unwrap();
         prop_assert_eq!(&found.header.device, &device);

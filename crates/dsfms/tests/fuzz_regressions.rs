@@ -8,7 +8,7 @@ mod targets;
 
 use dsfms::geometry::Point3;
 use dsfms::image::Frame;
-use dsfms::io::igtl::{Head, Plane, image as image_message, string};
+use dsfms::io::igtl::{Head, ImagePlacement, image as image_message, string};
 use dsfms::io::images::decode_bytes;
 use image::ImageFormat;
 use std::path::Path;
@@ -64,7 +64,7 @@ fn made(target: &str) -> Vec<(String, Vec<u8>)> {
         "igtl" => {
             let frame = Frame { name: String::new(), size: [4, 3], rgb: vec![[9, 8, 7]; 12] };
             let (head, axes) = (Head { device: "a", time: None }, [[0.0; 3]; 3]);
-            let image = image_message(head, &frame, &Plane { axes, centre: [0.0; 3] });
+            let image = image_message(head, &frame, &ImagePlacement { axes, centre: [0.0; 3] });
             one("two.igtl", [image, string(head, "text")].concat())
         }
         "npz" => {

@@ -3,7 +3,9 @@
 #[path = "common/mp4.rs"]
 mod mp4;
 
-use dsfms::video::{VideoFrame, VideoOptions, count_frames, each_frame, frame_rate, select_frames};
+use dsfms::video::{
+    SelectOptions, VideoFrame, count_frames, each_frame, frame_rate, select_frames,
+};
 use mp4::{Coded, Video, boxed, encode, video};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -119,7 +121,7 @@ fn what_is_predicted_from_a_lost_picture_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mp4");
     std::fs::write(&path, &cut.bytes).unwrap();
-    let options = VideoOptions { min_motion: 0.0, ..Default::default() };
+    let options = SelectOptions { min_motion: 0.0, ..Default::default() };
     let names: Vec<_> =
         select_frames(&path, &options).unwrap().into_iter().map(|f| f.name).collect();
     assert_eq!(names, ["frame_000", "frame_004", "frame_005"]);

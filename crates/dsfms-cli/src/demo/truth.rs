@@ -153,7 +153,7 @@ pub fn steps(scene: &Scene) -> Vec<ScaleReference> {
 /// Camera centres of the registered frames: template frame, true world.
 fn centres(template: &Template, scene: &Scene) -> (Vec<Point3>, Vec<Point3>) {
     let centre = |pose: &Isometry| pose.inverse() * Point3::origin();
-    let pair = |view: &dsfms::template::View| {
+    let pair = |view: &dsfms::template::TemplateView| {
         let i = scene.exploration.iter().position(|f| f.name == view.name)?;
         Some((centre(&view.camera_from_template), centre(&scene.poses[i])))
     };

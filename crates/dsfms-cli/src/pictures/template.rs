@@ -12,7 +12,7 @@ use dsfms::geometry::{Point2, Vector2, barycentric};
 use dsfms::image::{Frame, Mask, viewport};
 use dsfms::template::bake::bake;
 use dsfms::template::texture::Texture;
-use dsfms::template::{Flattening, SurfaceTexels, Template, View};
+use dsfms::template::{Flattening, SurfaceTexels, Template, TemplateView};
 use image::{Rgb, RgbImage};
 use std::path::{Path, PathBuf};
 
@@ -71,7 +71,7 @@ pub fn write_textures(
             (own, lit) => own.or(lit.as_ref()).cloned(),
         })
         .collect();
-    let view = |v: &View| {
+    let view = |v: &TemplateView| {
         let i = frames.iter().position(|f| f.name == v.name)?;
         let (pose, valid) = (v.camera_from_template, masks[i].as_ref());
         Some(PosedFrame { valid, ..PosedFrame::new(&frames[i], camera, pose) })

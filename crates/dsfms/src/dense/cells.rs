@@ -1,6 +1,6 @@
 //! What the labelling of the organ reads of one frame, on a coarse grid of its depth map.
 
-use super::labels::Seeds;
+use super::seeds::Seeds;
 use super::{DepthMap, PosedFrame, tolerance};
 use crate::camera::Camera;
 use crate::geometry::{Point2, Point3, Vector3};
@@ -20,11 +20,11 @@ pub(super) struct Grid<'a> {
     pub(super) map: &'a DepthMap,
     stride: usize,
     size: [usize; 2],
-    pub(super) cells: Vec<Cell>,
+    pub(super) cells: Vec<GridNode>,
 }
 
 /// One node of the grid.
-pub(super) struct Cell {
+pub(super) struct GridNode {
     /// Camera axes; `None` without depth.
     pub(super) point: Option<Point3>,
     normal: Vector3,
@@ -73,7 +73,7 @@ impl Colours {
 }
 
 /// Two neighbours of one grid.
-pub(super) struct Neighbours {
+pub(super) struct NodePair {
     pub(super) p: usize,
     pub(super) q: usize,
     /// One over their distance, nodes.
@@ -96,7 +96,7 @@ impl<'a> Grid<'a> {
         let stride = ((w * h) as f64 / NODES as f64).sqrt().ceil().max(1.0) as usize;
         let size = [w.div_ceil(stride), h.div_ceil(stride)];
         let place = |k: usize| k / size[0] * stride * w + k % size[0] * stride;
-        let cell = |k: usize| Cell::new(view, map, colours.mean(place(k)), axis, place(k));
+        let cell = |k: usize| GridNode::new(view, map, colours.mean(place(k)), axis, place(k));
         let cells = (0..size[0] * size[1]).map(cell);
         Self { map, stride, size, cells: cells.collect() }
     }
@@ -114,7 +114,7 @@ impl<'a> Grid<'a> {
     }
 
     /// Neighbours to the right, below, and on both diagonals.
-    pub(super) fn neighbours(&self) -> impl Iterator<Item = Neighbours> + '_ {
+    pub(super) fn neighbours(&self) -> impl Iterator<Item = NodePair> + '_ {
         let [w, h] = self.size;
         let near = [(1, 0), (0, 1), (1, 1), (-1, 1)];
         (0..w * h).flat_map(move |p| {
@@ -124,7 +124,7 @@ impl<'a> Grid<'a> {
                 let q = (x < w && y < h).then_some(y * w + x)?;
                 let [a, b] = [&self.cells[p], &self.cells[q]];
                 let (joined, contrast) = (a.joined(b), a.contrast(b));
-                Some(Neighbours { p, q, nearness, joined, contrast })
+                Some(NodePair { p, q, nearness, joined, contrast })
             })
         })
     }
@@ -208,7 +208,7 @@ impl<'a> Grid<'a> {
     }
 }
 
-impl Cell {
+impl GridNode {
     fn new(view: &PosedFrame, map: &DepthMap, rgb: [f64; 3], axis: &Vector3, place: usize) -> Self {
         let point = (map.depth[place] > 0.0).then(|| map.point(place));
         let pixel = pixel_of(view, map, place);

@@ -15,9 +15,10 @@
 //!
 //! Weights were chosen on five of the generated scenes (`docs/results/parting.md` has what others give).
 
-use super::cells::{Cell, Colours, Grid, NODES, Neighbours};
+use super::cells::{Colours, Grid, GridNode, NODES, NodePair};
 use super::cut::Graph;
 use super::looks::LogRatio;
+use super::seeds::Seeds;
 use super::{DepthMap, PosedFrame};
 use crate::geometry::{DisjointSets, Point2, Point3, Vector3};
 use crate::image::Mask;
@@ -49,7 +50,7 @@ const UNIT: f64 = 1.0 / 256.0;
 
 /// What is held of the organ before anything is seen of it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Prior {
+pub(super) struct LabelPrior {
     /// Distance from the middle of the frame (1: its edge) within which all is organ to begin with.
     pub(super) middle: f64,
     /// Added to what every node says for the organ.
@@ -63,19 +64,8 @@ pub(super) struct Prior {
 }
 
 /// That of the labels that are taken.
-pub(super) const USUAL: Prior =
-    Prior { middle: 0.55, favour: 0.0, looks: 1.0, gaze: 0.0, apart: true };
-
-/// Places known to show the organ, or something else: points of the surface, world axes. What lies nearer to the
-/// middle of the frame than to any of the others is organ to begin with, or, where the organ is named, what lies nearer to
-/// it.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Seeds {
-    /// Of the organ.
-    pub organ: Vec<Point3>,
-    /// Of something else.
-    pub other: Vec<Point3>,
-}
+pub(super) const USUAL: LabelPrior =
+    LabelPrior { middle: 0.55, favour: 0.0, looks: 1.0, gaze: 0.0, apart: true };
 
 /// Where the organ is in every depth map.
 #[derive(Clone, Debug)]
@@ -144,7 +134,7 @@ impl<'a> Parting<'a> {
     }
 
     /// The labels of least energy under another prior.
-    pub(super) fn under(&self, prior: &Prior) -> Labelling {
+    pub(super) fn under(&self, prior: &LabelPrior) -> Labelling {
         self.nodes.labelling(&self.nodes.solve(prior))
     }
 }
@@ -187,7 +177,7 @@ impl<'a> Nodes<'a> {
     }
 
     /// How near every node is to what is looked at: above 0 where all is organ to begin with, 1 at most.
-    fn gaze(&self, prior: &Prior) -> Vec<f64> {
+    fn gaze(&self, prior: &LabelPrior) -> Vec<f64> {
         let gaze = |&[organ, other]: &[f64; 2]| {
             let near = 1.0 - organ / prior.middle;
             if other < organ { near.min(0.0) } else { near }
@@ -195,12 +185,12 @@ impl<'a> Nodes<'a> {
         self.off.iter().map(gaze).collect()
     }
 
-    fn cells(&self) -> impl Iterator<Item = &Cell> {
+    fn cells(&self) -> impl Iterator<Item = &GridNode> {
         self.grids.iter().flat_map(|g| &g.cells)
     }
 
     /// The labels of least energy.
-    fn solve(&self, prior: &Prior) -> Vec<bool> {
+    fn solve(&self, prior: &LabelPrior) -> Vec<bool> {
         let costs = self.pairs.iter().map(|pair| (pair.p, pair.q, whole(pair.cost)));
         let links = self.links.iter().map(|&(p, q)| (p, q, whole(LINK)));
         let gaze = self.gaze(prior);
@@ -220,7 +210,7 @@ impl<'a> Nodes<'a> {
     }
 
     /// What masks, seeds and looks, as the last labels have them, say of every node for the organ.
-    fn favour(&self, organ: &[bool], gaze: &[f64], prior: &Prior) -> Vec<i32> {
+    fn favour(&self, organ: &[bool], gaze: &[f64], prior: &LabelPrior) -> Vec<i32> {
         let mut says = vec![0.0; organ.len()];
         for (feature, weight) in SAYS.into_iter().enumerate() {
             let values: Vec<f64> = self.cells().map(|c| c.features[feature]).collect();
@@ -239,7 +229,7 @@ impl<'a> Nodes<'a> {
     }
 
     /// Of the pieces that are organ, joined in frames or between them, that which is looked at most; see
-    /// [`Prior::apart`].
+    /// [`LabelPrior::apart`].
     fn piece(&self, organ: Vec<bool>, gaze: &[f64], apart: bool) -> Vec<bool> {
         let mut pieces = DisjointSets::new(organ.len());
         let close = self.pairs.iter().filter(|pair| pair.joined || !apart);
@@ -311,10 +301,10 @@ fn whole(energy: f64) -> i32 {
 
 /// The neighbours of all frames and what a border between them costs.
 fn pairs(grids: &[Grid], start: &[usize]) -> Vec<Pair> {
-    let near: Vec<Vec<Neighbours>> = grids.par_iter().map(|g| g.neighbours().collect()).collect();
+    let near: Vec<Vec<NodePair>> = grids.par_iter().map(|g| g.neighbours().collect()).collect();
     let count = near.iter().map(Vec::len).sum::<usize>();
     let mean = near.iter().flatten().map(|n| n.contrast).sum::<f64>() / count.max(1) as f64;
-    let pair = |frame: usize, n: &Neighbours| {
+    let pair = |frame: usize, n: &NodePair| {
         let like = (-0.5 * n.contrast / mean.max(1e-12)).exp();
         let image = PLAIN + (1.0 - PLAIN) * like;
         let lambda = LAMBDA * (grids[frame].cells.len() as f64 / NODES as f64).sqrt();

@@ -37,6 +37,7 @@ mod plates;
 mod polish;
 mod rim;
 mod score;
+mod seeds;
 mod smooth;
 mod surface;
 #[cfg(test)]
@@ -48,9 +49,10 @@ mod volume;
 pub use cells::Colours;
 pub use contour::outlines;
 pub use error::DenseError;
-pub use labels::{Border, Labelling, Parting, Seeds};
+pub use labels::{Border, Labelling, Parting};
 pub use options::DenseOptions;
 pub use others::overlap;
+pub use seeds::Seeds;
 pub use surface::{DenseSurface, VertexSupport, surface};
 
 pub use crate::camera::PosedFrame;

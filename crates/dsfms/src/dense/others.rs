@@ -1,15 +1,15 @@
 //! What else may be meant by the organ, where its outline is a guess: the same energy under other priors.
 
-use super::labels::{Labelling, Parting, Prior, USUAL};
+use super::labels::{LabelPrior, Labelling, Parting, USUAL};
 use crate::image::Mask;
 
 /// Priors, the likeliest meaning first: with the pieces that it borders on, less, more than what is looked at, and what
 /// depth and folds alone enclose.
-const OTHERS: [Prior; 4] = [
-    Prior { apart: false, ..USUAL },
-    Prior { middle: 0.3, favour: -0.75, ..USUAL },
-    Prior { middle: 0.9, favour: 0.75, ..USUAL },
-    Prior { middle: 0.7, looks: 0.0, gaze: 1.0, ..USUAL },
+const OTHERS: [LabelPrior; 4] = [
+    LabelPrior { apart: false, ..USUAL },
+    LabelPrior { middle: 0.3, favour: -0.75, ..USUAL },
+    LabelPrior { middle: 0.9, favour: 0.75, ..USUAL },
+    LabelPrior { middle: 0.7, looks: 0.0, gaze: 1.0, ..USUAL },
 ];
 /// Labellings that overlap by more are the same to a user.
 const SAME: f64 = 0.9;

@@ -3,7 +3,7 @@
 use crate::camera::CameraModel;
 use crate::image::ToneCurve;
 use crate::light::{Coat, LightModel};
-use crate::template::{LengthUnit, View};
+use crate::template::{LengthUnit, TemplateView};
 use serde::{Deserialize, Serialize};
 
 /// Version of the layout; raised when an older reader would misunderstand it.
@@ -29,7 +29,7 @@ pub(super) struct Manifest {
     #[serde(default)]
     pub files: Vec<FileNote>,
     #[serde(default)]
-    pub views: Vec<View>,
+    pub views: Vec<TemplateView>,
 }
 
 /// Sizes that the other files must agree with.

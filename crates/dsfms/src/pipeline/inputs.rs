@@ -11,7 +11,7 @@ use crate::io::masks::{MaskKind, read_masks};
 use crate::template::Template;
 use crate::template::light_fit::Vignetting;
 use crate::video::{
-    VideoError, VideoFrame, VideoOptions, each_frame, frame_name, is_video, select_reporting,
+    SelectOptions, VideoError, VideoFrame, each_frame, frame_name, is_video, select_reporting,
 };
 use std::path::{Path, PathBuf};
 
@@ -190,7 +190,7 @@ fn video_frames(
             shown = shown.max(done);
             report(done, total);
         };
-        let frames = select_reporting(path, &VideoOptions::default(), &mut report)?;
+        let frames = select_reporting(path, &SelectOptions::default(), &mut report)?;
         progress.note(&format!("{} frames chosen of {shown}", frames.len()));
         return Ok(frames.into_iter().map(|frame| Source::Decoded(frame, None)).collect());
     }

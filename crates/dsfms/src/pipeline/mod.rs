@@ -5,11 +5,15 @@ mod logging;
 pub(crate) mod moved;
 pub mod progress;
 pub mod reconstruct;
+mod reconstruct_options;
+mod sight;
+mod stage_log;
 pub mod template;
 mod trust;
 
 pub use progress::{Progress, Silent};
-pub use reconstruct::{ReconstructOptions, reconstruct, reconstruct_with};
+pub use reconstruct::{reconstruct, reconstruct_with};
+pub use reconstruct_options::ReconstructOptions;
 pub use template::{
     BuiltTemplate, Exploration, FoundOrgan, FramePrecision, OrganClick, OrganGuess, OrganOutline,
     OrganScene, OrganSceneError, OrganStroke, SparsePrecision, StrokeError, TemplateError,

@@ -1,18 +1,13 @@
 //! Pose, eq. 3 and eq. 4 in a row, with the visibility, the masks and the verdict around them.
 
 use super::logging;
-use super::moved::MOVED;
+use super::sight::{Sight, check};
+use super::stage_log::StageLog;
 use super::trust::{Trusted, trust};
-use super::{Method, Observation, ReconstructError, Reconstruction, StageReport};
+use super::{Method, Observation, ReconstructError, ReconstructOptions, Reconstruction};
 use crate::camera::Camera;
 use crate::expected_error::{Model, Solved, expected_errors};
-use crate::image::{Mask, Outline, Picture, diagonal, usable, viewport};
-use crate::light::Coated;
-use crate::options::{Documented, OptionError, commented, read};
-use crate::refine::{
-    Comparison, Joined, JointOptions, Photograph, RefineOptions, Refined, join, refine,
-    refine_printed,
-};
+use crate::refine::{Joined, Photograph, RefineOptions, Refined, join, refine, refine_printed};
 use crate::register::scene::visibility;
 use crate::register::solve::{EXPLAINED, limit_px};
 use crate::register::{
@@ -20,113 +15,8 @@ use crate::register::{
     register_printed,
 };
 use crate::sfs::{SfsInput, SfsOptions, shape_from_shading};
-use crate::template::{SurfaceTexels, Template};
-use crate::verdict::{Evidence, Level, Thresholds, Verdict};
-use serde::{Deserialize, Serialize};
-use std::time::Instant;
-
-/// Options of a reconstruction. Lengths in pixels are those of an image of 640×480 and scale with the
-/// diagonal.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ReconstructOptions {
-    /// Seed of every random draw.
-    pub seed: u64,
-    /// Solve eqs. 3 and 4 as printed in the paper instead of the repaired form.
-    pub literal: bool,
-    /// Method joint adds the matches that descriptors find to those that are given.
-    pub find_beside_given: bool,
-    /// Weights of the pose and of eq. 3.
-    pub register: RegisterOptions,
-    /// Weights of eq. 4.
-    pub refine: RefineOptions,
-    /// Weights of the joint solve.
-    pub joint: JointOptions,
-    /// When a surface is believed.
-    pub verdict: Thresholds,
-}
-
-impl Default for ReconstructOptions {
-    fn default() -> Self {
-        Self {
-            seed: 0,
-            literal: false,
-            find_beside_given: true,
-            register: RegisterOptions::default(),
-            refine: RefineOptions::default(),
-            joint: JointOptions::default(),
-            verdict: Thresholds::default(),
-        }
-    }
-}
-
-impl ReconstructOptions {
-    /// Options from TOML; what the text does not name keeps its default.
-    ///
-    /// # Errors
-    /// Malformed TOML, a field that does not exist, or one out of its bounds.
-    pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
-        let options = read(&Self::default(), text, "", &MOVED)?;
-        options.validate().map_err(serde::de::Error::custom)?;
-        Ok(options)
-    }
-
-    /// The defaults as TOML, every field under its documentation.
-    pub fn commented() -> String {
-        commented(&Self::default(), &TABLES)
-    }
-
-    /// Check every field against its bounds.
-    ///
-    /// # Errors
-    /// The first field out of them.
-    pub fn validate(&self) -> Result<(), OptionError> {
-        self.register.validate()?;
-        self.refine.validate()?;
-        self.joint.validate()?;
-        self.verdict.validate()
-    }
-
-    /// What decides how much of a deformation stays.
-    pub(crate) fn comparison<'a>(
-        &'a self,
-        body: &'a Body,
-        matches: &'a [Match],
-        photo: &'a Photograph,
-    ) -> Comparison<'a> {
-        let sigma_px = self.register.match_sigma_px;
-        Comparison { body, matches, sigma_px, photo, options: &self.joint }
-    }
-
-    /// The same for frames of a size, px: lengths in pixels are stated for [`DIAGONAL`] and grow with
-    /// the image.
-    fn at_size(mut self, size: [usize; 2]) -> Self {
-        let scale = diagonal(size) / DIAGONAL;
-        let (register, joint) = (&mut self.register, &mut self.joint);
-        register.match_sigma_px *= scale;
-        register.robust_px = register.robust_px.map(|px| scale * px);
-        joint.match_px *= scale;
-        joint.silhouette_px *= scale;
-        self
-    }
-}
-
-/// Image diagonal that lengths in pixels are stated for: 640×480.
-const DIAGONAL: f64 = 800.0;
-
-/// Where the fields of the options are documented.
-const TABLES: [Documented; 10] = [
-    ("", include_str!("reconstruct.rs"), "ReconstructOptions"),
-    ("register", include_str!("../register/options.rs"), "RegisterOptions"),
-    ("register.prior", include_str!("../register/options.rs"), "PriorWeights"),
-    ("refine", include_str!("../refine/options.rs"), "RefineOptions"),
-    ("refine.image", include_str!("../refine/photometric_model.rs"), "PhotometricModel"),
-    ("joint", include_str!("../refine/joint_options.rs"), "JointOptions"),
-    ("joint.prior", include_str!("../register/options.rs"), "PriorWeights"),
-    ("joint.image", include_str!("../refine/photometric_model.rs"), "PhotometricModel"),
-    ("joint.exposure_unknown", include_str!("../refine/joint_options.rs"), "ExposureUnknown"),
-    ("verdict", include_str!("../verdict/thresholds.rs"), "Thresholds"),
-];
+use crate::template::Template;
+use crate::verdict::{Evidence, Level, Verdict};
 
 /// Reconstruct one deformed frame; of several, see [`reconstruct_with`].
 ///
@@ -200,7 +90,7 @@ fn reconstruct_logged(
                 true => Body::plain(&scene),
                 false => Body::new(&scene, deformable, options.register.anchor),
             };
-            let deformation = Deformation { sight: &sight, body: &body, options };
+            let deformation = FrameSolve { sight: &sight, body: &body, options };
             deformation.solve(method, &matches, &posed, &mut result, &mut log)?;
         }
     }
@@ -221,13 +111,13 @@ fn reconstruct_logged(
 }
 
 /// The solves of a frame that deforms, on the mesh of `body`.
-struct Deformation<'a> {
+struct FrameSolve<'a> {
     sight: &'a Sight<'a>,
     body: &'a Body<'a>,
     options: &'a ReconstructOptions,
 }
 
-impl Deformation<'_> {
+impl FrameSolve<'_> {
     /// Eq. 3, and from its shape what the method asks for; into `result`.
     fn solve(
         &self,
@@ -284,91 +174,6 @@ impl Deformation<'_> {
         joined.vertices = options.comparison(body, kept, photo).kept(still, joined.vertices);
         joined.settled(body)
     }
-}
-
-/// What the stages read of one frame, made once.
-pub(super) struct Sight<'a> {
-    pub(super) template: &'a Template,
-    pub(super) observation: &'a Observation<'a>,
-    /// Pixels where the organ may be seen.
-    pub(super) usable: Mask,
-    /// Where the organ ends, if a mask says and the method asks.
-    outline: Option<Outline>,
-    pub(super) light: Coated,
-    /// The frame beside the albedo, where there is one.
-    pub(super) compared: Option<(Picture, &'a SurfaceTexels)>,
-}
-
-impl<'a> Sight<'a> {
-    fn new(template: &'a Template, observation: &'a Observation, method: Method) -> Self {
-        let Observation { frame, tone, instrument, organ, .. } = *observation;
-        let lit = viewport(std::slice::from_ref(frame));
-        let albedo = template.albedo.as_ref();
-        Self {
-            template,
-            observation,
-            usable: usable(frame.size, lit, instrument, organ),
-            outline: organ
-                .filter(|_| method == Method::Joint)
-                .map(|organ| Outline::new(organ, instrument)),
-            light: template.lighting(),
-            compared: albedo.map(|albedo| (Picture::of(frame, tone), albedo)),
-        }
-    }
-
-    fn photograph(&self) -> Option<Photograph<'_>> {
-        let (picture, albedo) = self.compared.as_ref()?;
-        Some(Photograph {
-            camera: self.observation.camera,
-            picture,
-            usable: &self.usable,
-            outline: self.outline.as_ref(),
-            light: &self.light,
-            albedo,
-            exposure: self.template.exposure(),
-        })
-    }
-}
-
-/// Times stages and keeps their reports.
-#[derive(Default)]
-struct StageLog {
-    stages: Vec<StageReport>,
-}
-
-impl StageLog {
-    fn time<T>(&mut self, name: &str, work: impl FnOnce() -> T) -> T {
-        let start = Instant::now();
-        let value = work();
-        let seconds = start.elapsed().as_secs_f64();
-        self.stages.push(StageReport { name: name.to_owned(), seconds, summary: None });
-        value
-    }
-
-    fn attach(&mut self, summary: &crate::solver::Summary) {
-        if let Some(last) = self.stages.last_mut() {
-            last.summary = Some(summary.clone());
-        }
-    }
-}
-
-fn check(
-    template: &Template,
-    observation: &Observation,
-    method: Method,
-) -> Result<(), ReconstructError> {
-    let (found, expected) = (observation.frame.size, observation.camera.size());
-    if found != expected {
-        return Err(ReconstructError::SizeMismatch { found, expected });
-    }
-    let brightest = observation.frame.rgb.iter().flatten().copied().max().unwrap_or(0);
-    if brightest < 16 {
-        return Err(ReconstructError::Black(brightest));
-    }
-    if matches!(method, Method::Sfs | Method::Dsfms | Method::Joint) && template.albedo.is_none() {
-        return Err(ReconstructError::NoAlbedo(method));
-    }
-    Ok(())
 }
 
 /// The given matches, with found ones behind them for the joint solve; or found ones alone.

@@ -49,7 +49,7 @@ use crate::template::scale::{Scale, ScaleError, ScaleScene, find_scale};
 use crate::template::scale_mesh::fit_to_mesh;
 use crate::template::{Flattening, LengthUnit, SparsePoint, Template};
 use masks::{usable_masks, valid_masks};
-use surface::{Surface, dense_mesh};
+use surface::{StereoSurface, dense_mesh};
 use views::Views;
 
 /// The exploration: frames of the organ at rest, one camera.
@@ -269,7 +269,7 @@ fn from_sparse(
     logging::sparse(exploration.frames, &sparse, &options.sfm, progress);
     let keep = keep.with(|key| kept::dense_key(key, exploration, options));
     let points: Vec<Point3> = sparse.points.iter().map(|p| p.position).collect();
-    let Surface { mut mesh, mut sigma, mut told } =
+    let StereoSurface { mut mesh, mut sigma, mut told } =
         dense_mesh(exploration, &sparse, &points, options, progress, keep)?;
     // Reconstruction took long: a mark beside the surface costs the unit, not the template.
     let scale = measure(exploration, &sparse.camera, &sparse.poses, &mesh, options).unwrap_or_else(

@@ -1,6 +1,6 @@
 //! Everything that is asked of a surface before it is handed out.
 
-use super::reconstruct::Sight;
+use super::sight::Sight;
 use super::{Method, ReconstructOptions, Reconstruction};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point3, median};

@@ -3,7 +3,7 @@
 use super::Photograph;
 use super::contour::silhouette;
 use super::joint_options::JointOptions;
-use super::look::Look;
+use super::look::FrameLook;
 use crate::camera::CameraModel;
 use crate::energy::{Silhouette, Specular};
 use crate::geometry::{Point3, Vector3, median};
@@ -27,7 +27,7 @@ pub(super) struct Cues<'a> {
 impl<'a> Cues<'a> {
     /// `look`: at the full mesh, which `shape`, the mesh that is solved on, carries.
     pub(super) fn of(
-        look: &Look,
+        look: &FrameLook,
         body: &Body,
         shape: &[Point3],
         photo: &Photograph<'a>,

@@ -1,42 +1,21 @@
 //! Which vertices show shading, which mirror the light, and what albedo they have.
 
-use super::RefineOptions;
 use super::glare::weigh;
-use super::look::Look;
-use crate::camera::{Camera, CameraModel};
+use super::look::FrameLook;
+use super::{Photograph, RefineOptions};
+use crate::camera::Camera;
 use crate::energy::diffuse::DiffuseVertex;
 use crate::geometry::{Point3, Vector3};
-use crate::image::{ColorImage, Mask, Outline, Picture, diagonal};
-use crate::light::Coated;
+use crate::image::{ColorImage, diagonal};
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
 use crate::raster::visible_vertices;
 use crate::register::Body;
-use crate::template::{Exposure, SurfaceTexels};
 use nalgebra::{Matrix3, Rotation3};
-
-/// The photometric side of one frame.
-#[derive(Clone, Copy, Debug)]
-pub struct Photograph<'a> {
-    /// Camera of the frame.
-    pub camera: &'a CameraModel,
-    /// Linear light.
-    pub picture: &'a Picture,
-    /// `true` where the organ may be seen (no instrument, inside the organ mask if there is one).
-    pub usable: &'a Mask,
-    /// Where the organ ends, if a mask says.
-    pub outline: Option<&'a Outline>,
-    /// Light of the frame.
-    pub light: &'a Coated,
-    /// Albedo of the template.
-    pub albedo: &'a SurfaceTexels,
-    /// What the exploration tells of the exposure; `None` without one.
-    pub exposure: Option<Exposure>,
-}
 
 /// What one shape makes of a photograph.
 #[derive(Clone, Debug)]
-pub struct Evidence {
+pub struct ShadingEvidence {
     /// Image smoothed within what is usable.
     pub image: ColorImage,
     /// The diffuse vertices `𝒟ᵥ`.
@@ -49,7 +28,7 @@ pub struct Evidence {
     pub log_gain: f64,
 }
 
-impl Evidence {
+impl ShadingEvidence {
     /// The vertices that the camera sees.
     pub(super) fn seen(&self) -> impl Iterator<Item = u32> + '_ {
         (0..self.visible.len() as u32).filter(|&v| self.visible[v as usize])
@@ -67,10 +46,10 @@ pub fn gather(
     rest: &Mesh,
     shape: &[Point3],
     options: &RefineOptions,
-) -> Evidence {
+) -> ShadingEvidence {
     let diagonal = diagonal(photo.picture.linear.size);
     let seen = options.image.look(options.blur * diagonal, diagonal);
-    let look = Look::new(photo, rest, shape, seen);
+    let look = FrameLook::new(photo, rest, shape, seen);
     let (camera, topology) = (photo.camera, &rest.topology);
     let visible = visible_vertices(camera, topology, shape, &look.raster, look.tolerance);
     let specular = look.highlights(&visible);
@@ -88,7 +67,7 @@ pub fn gather(
     let weighed = weigh(&channels, &options.image.noise());
     let turn = Matrix3::identity();
     let diffuse = |(i, brightness)| DiffuseVertex { vertex: vertices[i], brightness, turn };
-    Evidence {
+    ShadingEvidence {
         diffuse: weighed.brightness.into_iter().map(diffuse).collect(),
         log_gain: weighed.log_gain,
         image: look.image,
@@ -103,7 +82,7 @@ pub(super) fn gather_on(
     shape: &[Point3],
     photo: &Photograph,
     options: &RefineOptions,
-) -> Evidence {
+) -> ShadingEvidence {
     let (full, rest) = (body.carried(shape), body.scene().rest);
     let mut found = gather(photo, body.full().rest, &full, options);
     if !body.is_carried() {

@@ -8,9 +8,10 @@
 
 use super::PhotometricModel;
 use super::depth_prior::shared_motions;
-use super::look::Look;
+use super::look::FrameLook;
 use crate::geometry::triangle::area;
 use crate::geometry::{Point3, Vector3, median};
+use crate::light::LightModel;
 use crate::mesh::normals::vertex_normals;
 use crate::register::{Match, Scene};
 use crate::template::Exposure;
@@ -105,6 +106,11 @@ impl GainPrior {
     pub(super) fn is_told(&self, sigma: f64) -> bool {
         self.sigma < sigma
     }
+
+    /// Whether brightness tells distance: a near light, and its exposure known.
+    pub(super) fn tells_distance(&self, light: &LightModel, image: &PhotometricModel) -> bool {
+        light.tells_distance() && self.is_told(image.gain_sigma)
+    }
 }
 
 /// What the tissue that the matches hold tells of a frame's exposure.
@@ -132,7 +138,7 @@ impl AtMatches {
     /// Of the half of the matches that moved least; `shape` is that of the mesh they lie on, and `posed`
     /// its rest shape where they pose it. `None` where too few of them are seen.
     pub(super) fn of(
-        look: &Look,
+        look: &FrameLook,
         scene: &Scene,
         matches: &[Match],
         [shape, posed]: [&[Point3]; 2],
@@ -163,7 +169,7 @@ impl AtMatches {
 /// tissue does that, and a wrong exposure under a near light does.
 pub(super) fn scaled(scene: &Scene, shape: &[Point3]) -> bool {
     let rest = &scene.rest.positions;
-    // ImageSamples area, and how much of it is stretched and shrunk.
+    // Seen area, and how much of it is stretched and shrunk.
     let (mut seen, mut ends) = (0.0, [0.0; 2]);
     for face in &scene.rest.topology.faces {
         let [a, b, c] = face.map(|v| v as usize);

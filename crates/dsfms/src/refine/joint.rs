@@ -6,16 +6,15 @@
 
 use super::Photograph;
 use super::cues::Cues;
-use super::depth_prior::depth_prior;
 use super::field::GainField;
-use super::gain::{AtMatches, GainPrior, scaled};
+use super::gain::{AtMatches, scaled};
 use super::joint_objective::JointProblem;
 use super::joint_options::JointOptions;
 use super::mirror::mirrored;
+use super::near_frame::{NearFrame, Told};
 use super::samples::{ImageSamples, look};
-use crate::energy::{Boundary, FaceRings, Photometric, Unknowns, Workspace};
+use crate::energy::{FaceRings, Photometric, Unknowns, Workspace};
 use crate::geometry::Point3;
-use crate::mesh::Topology;
 use crate::register::{Body, Match, Scene};
 use crate::solver::{Options, Summary};
 
@@ -62,68 +61,102 @@ pub fn join(
     photo: &Photograph,
     options: &JointOptions,
 ) -> Joined {
-    let (told, held) = join_told(body, start, depth_sigma, matches, photo, options);
+    let posed = &body.scene().posed;
+    let frame = NearFrame { body, matches, posed, depth_sigma, photo };
+    let (told, held) = join_told(&frame, start, options);
     if !held || !scaled(body.scene(), &told.vertices) {
         return told;
     }
-    let photo = Photograph { exposure: None, ..*photo };
-    let (free, _) = join_told(body, start, depth_sigma, matches, &photo, options);
+    let photo = &Photograph { exposure: None, ..*photo };
+    let (free, _) = join_told(&NearFrame { photo, ..frame }, start, options);
     Joined { exposure_changed: true, ..free }
 }
 
 /// Solve with the exposure as the photograph tells it; `true` where brightness told distance.
-fn join_told(
-    body: &Body,
-    start: &[Point3],
-    depth_sigma: f64,
-    matches: &[Match],
-    photo: &Photograph,
-    options: &JointOptions,
-) -> (Joined, bool) {
-    let scene = body.scene();
-    let mut state = Unknowns { vertices: start.to_vec(), globals: vec![0.0; 2] };
-    let (mut last, mut told, mut workspace) = (None, None, Workspace::default());
+fn join_told(frame: &NearFrame, start: &[Point3], options: &JointOptions) -> (Joined, bool) {
     // Without any blur the picture is taken as it is.
     let blurs = if options.blurs.is_empty() { &[0.0][..] } else { &options.blurs };
-    let last_stage = blurs.len() - 1;
-    let mut reposed: Option<Scene> = None;
-    let rings = FaceRings::of(&scene.rest.topology);
-    for (stage, &blur) in blurs.iter().enumerate() {
-        let first = scene;
-        let scene = reposed.as_ref().unwrap_or(first);
+    let mut solve = JointSolve::new(frame, start, options);
+    let mut last = None;
+    for (k, &blur) in blurs.iter().enumerate() {
+        let finest = k + 1 == blurs.len();
+        let mirrors = if k == 0 || finest { 0 } else { options.mirrors };
+        last = Some(solve.at_blur(blur, mirrors, finest));
+    }
+    let (summary, samples, residual) = last.expect("there is at least one blur");
+    let JointSolve { state, told, .. } = solve;
+    let Told { gain, at_matches, .. } = told.expect("there is at least one blur");
+    let joined = Joined {
+        gain: state.globals[0].exp(),
+        ambient: state.globals[1],
+        vertices: state.vertices,
+        samples,
+        residual,
+        summary,
+        at_matches,
+        exposure_changed: gain.changed,
+    };
+    (joined, gain.tells_distance(&frame.photo.light.light, &options.image))
+}
+
+/// The solve from coarse blur to fine, and what one blur leaves to the next.
+struct JointSolve<'a> {
+    frame: &'a NearFrame<'a>,
+    start: &'a [Point3],
+    options: &'a JointOptions,
+    rings: FaceRings,
+    workspace: Workspace,
+    state: Unknowns,
+    /// Rest where the shape found poses it, if that knows the pose better than the matches.
+    reposed: Option<Scene<'a>>,
+    told: Option<Told>,
+}
+
+impl<'a> JointSolve<'a> {
+    fn new(frame: &'a NearFrame, start: &'a [Point3], options: &'a JointOptions) -> Self {
+        Self {
+            frame,
+            start,
+            options,
+            rings: FaceRings::of(&frame.body.scene().rest.topology),
+            workspace: Workspace::default(),
+            state: Unknowns { vertices: start.to_vec(), globals: vec![0.0; 2] },
+            reposed: None,
+            told: None,
+        }
+    }
+
+    /// One blur, from so many other starts too; the solver's report, the number of samples, and what they leave.
+    fn at_blur(&mut self, blur: f64, mirrors: usize, finest: bool) -> (Summary, usize, f64) {
+        let NearFrame { body, matches, photo, .. } = *self.frame;
+        let (first, state) = (body.scene(), &mut self.state);
+        let scene = self.reposed.as_ref().unwrap_or(first);
         // What is seen carries the hidden side along, which would hold it back at rest.
         let hidden = body.extrapolated(&state.vertices);
         if let Some(hidden) = &hidden {
             state.vertices.clone_from(hidden);
         }
         let full = body.carried(&state.vertices);
-        let look = look(photo, body.full().rest, &full, blur, options);
-        let cues = Cues::of(&look, body, &state.vertices, photo, options);
-        let at = || AtMatches::of(&look, scene, matches, [start, &scene.posed]);
-        let at_matches = if stage == 0 { at() } else { None };
-        let mut seen = ImageSamples::of(look, body, &state.vertices, options);
-        let Told { gain, hold, options, .. } = told.get_or_insert_with(|| {
+        let look = look(photo, body.full().rest, &full, blur, self.options);
+        let cues = Cues::of(&look, body, &state.vertices, photo, self.options);
+        let at = || AtMatches::of(&look, scene, matches, [self.start, &scene.posed]);
+        let at_matches = if self.told.is_none() { at() } else { None };
+        let mut seen = ImageSamples::of(look, body, &state.vertices, self.options);
+        let Told { gain, hold, options, .. } = self.told.get_or_insert_with(|| {
             state.globals[0] = seen.log_gain;
-            let gain = GainPrior::of(photo.exposure, seen.log_gain, at_matches, &options.image);
-            // Brightness tells the distance from a near light as well as the exposure is known.
-            let (light, slack) = (&photo.light.light, gain.slack(options.image.gain_sigma));
-            let hold =
-                depth_prior(scene, matches, &scene.posed, depth_sigma, light, options, slack);
-            let told = options.tells_distance(&gain, light) || !light.tells_distance();
-            let options = if told { options.clone() } else { options.without_exposure() };
-            Told { gain, at_matches, hold, options }
+            let distant = !photo.light.light.tells_distance();
+            let exposure = photo.exposure;
+            Told::of(self.frame, exposure, seen.log_gain, at_matches, self.options, distant)
         });
-        let options = &*options;
         // The coarse stages find the shape that the smooth gain would explain away.
-        let field = if stage == last_stage { smooth_gain(first, options) } else { None };
+        let field = if finest { smooth_gain(first, options) } else { None };
         let nodes = field.as_ref().map_or(0, GainField::len);
         state.globals.resize(2 + nodes, 0.0);
         if let Some(field) = &field {
             seen = seen.smoothed(body, field);
         }
-        let count = seen.samples.len();
-        let shading =
-            Photometric::new(photo.camera, photo.light, &seen.image, &rings, seen.samples);
+        let (count, camera) = (seen.samples.len(), photo.camera);
+        let shading = Photometric::new(camera, photo.light, &seen.image, &self.rings, seen.samples);
         let problem = JointProblem {
             scene,
             matches,
@@ -136,40 +169,18 @@ fn join_told(
             nodes,
             options,
         };
-        let mirrors = if (1..last_stage).contains(&stage) { options.mirrors } else { 0 };
         let topology = &scene.rest.topology;
-        let (next, summary) = settle(&problem, &mut workspace, topology, start, state, mirrors);
-        state = next;
-        let residual = shading.mean_residual(topology, &state.vertices, &state.globals);
-        last = Some((summary, count, residual));
+        let (found, summary) =
+            settle(&problem, &mut self.workspace, self.start, state.clone(), mirrors);
+        let residual = shading.mean_residual(topology, &found.vertices, &found.globals);
         // A near light tells the distance of everything, so the shape knows the pose better than
         // the matches did; under a distant one only the matches hold it.
         if photo.light.light.tells_distance() {
-            reposed = Some(scene.reposed(&state.vertices));
+            self.reposed = Some(scene.reposed(&found.vertices));
         }
+        self.state = found;
+        (summary, count, residual)
     }
-    let (summary, samples, residual) = last.expect("there is at least one blur");
-    let Told { gain, at_matches, .. } = told.expect("there is at least one blur");
-    let joined = Joined {
-        gain: state.globals[0].exp(),
-        ambient: state.globals[1],
-        vertices: state.vertices,
-        samples,
-        residual,
-        summary,
-        at_matches,
-        exposure_changed: gain.changed,
-    };
-    (joined, options.tells_distance(&gain, &photo.light.light))
-}
-
-/// What the first stage tells of the frame.
-pub(super) struct Told {
-    pub(super) gain: GainPrior,
-    pub(super) at_matches: Option<AtMatches>,
-    pub(super) hold: Boundary,
-    /// Those of the whole, or what they are without an exposure.
-    pub(super) options: JointOptions,
 }
 
 /// Minimise, then start again from the other answers to what moved since `coarse`; the lowest cost
@@ -177,13 +188,13 @@ pub(super) struct Told {
 fn settle(
     problem: &JointProblem,
     workspace: &mut Workspace,
-    topology: &Topology,
     coarse: &[Point3],
     state: Unknowns,
     mirrors: usize,
 ) -> (Unknowns, Summary) {
     let solver = Options { max_steps: 12, cost_tolerance: 1e-4, ..Options::default() };
     let mut best = problem.objective().minimise_in(workspace, state, &solver);
+    let topology = &problem.scene.rest.topology;
     for vertices in mirrored(topology, coarse, &best.0.vertices, mirrors) {
         let other = Unknowns { vertices, globals: best.0.globals.clone() };
         let other = problem.objective().minimise_in(workspace, other, &solver);

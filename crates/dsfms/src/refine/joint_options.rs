@@ -1,8 +1,6 @@
 //! Options of the joint solve.
 
 use super::PhotometricModel;
-use super::gain::GainPrior;
-use crate::light::LightModel;
 use crate::options::{OptionError, check, from_zero, positive};
 use crate::register::PriorWeights;
 use serde::{Deserialize, Serialize};
@@ -77,11 +75,6 @@ impl Default for ExposureUnknown {
 }
 
 impl JointOptions {
-    /// Whether brightness tells distance: a near light, and its exposure known.
-    pub(super) fn tells_distance(&self, gain: &GainPrior, light: &LightModel) -> bool {
-        light.tells_distance() && gain.is_told(self.image.gain_sigma)
-    }
-
     /// The same under a near light of unknown exposure.
     pub(super) fn without_exposure(&self) -> Self {
         let ExposureUnknown { stretch, strain, smooth_gain } = self.exposure_unknown;

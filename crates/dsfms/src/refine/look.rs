@@ -30,7 +30,7 @@ pub(super) struct LookOptions {
 }
 
 /// A photograph with a shape in front of it.
-pub(super) struct Look<'a> {
+pub(super) struct FrameLook<'a> {
     photo: &'a Photograph<'a>,
     pub(super) rest: &'a Mesh,
     pub(super) shape: &'a [Point3],
@@ -48,7 +48,7 @@ pub(super) struct Look<'a> {
     glossy: f64,
 }
 
-impl<'a> Look<'a> {
+impl<'a> FrameLook<'a> {
     pub(super) fn new(
         photo: &'a Photograph<'a>,
         rest: &'a Mesh,

@@ -16,8 +16,9 @@
 //! and λ₆ weigh a mean over what is seen, whatever the mesh; λₕ = `hidden`.
 
 use super::RefineOptions;
-use super::evidence::{Evidence, Photograph};
+use super::evidence::ShadingEvidence;
 use super::gain::GainPrior;
+use super::photograph::Photograph;
 use crate::energy::{Diffuse, GlobalsPrior, Objective, Reprojection, Smoothing, Specular};
 use crate::geometry::Point3;
 use crate::register::{Match, Scene};
@@ -29,7 +30,7 @@ pub(super) fn objective<'a>(
     coarse: &[Point3],
     matches: &[Match],
     photo: &Photograph<'a>,
-    evidence: &'a Evidence,
+    evidence: &'a ShadingEvidence,
     gain: GainPrior,
     options: &RefineOptions,
 ) -> Objective<'a> {

@@ -41,14 +41,15 @@ pub(super) fn occluders(
     shade: &[f64],
     known: &[bool],
 ) -> Mask {
-    let part =
-        |i: usize| known[i].then(|| Part::of(image.data[i], albedo.data[i], shade[i])).flatten();
-    let parts: Vec<Option<Part>> = (0..known.len()).into_par_iter().map(part).collect();
+    let part = |i: usize| {
+        known[i].then(|| ColouredPart::of(image.data[i], albedo.data[i], shade[i])).flatten()
+    };
+    let parts: Vec<Option<ColouredPart>> = (0..known.len()).into_par_iter().map(part).collect();
     let some = parts.iter().step_by(parts.len().div_ceil(ENOUGH).max(1));
     let mut all: Vec<f64> = some.flatten().map(|p| p.coloured).collect();
     let (gain, spread) = centre_and_spread(&mut all);
-    let strange = |part: &Option<Part>| {
-        part.as_ref().is_some_and(|&Part { coloured, white, noise }| {
+    let strange = |part: &Option<ColouredPart>| {
+        part.as_ref().is_some_and(|&ColouredPart { coloured, white, noise }| {
             let limit = if white > 0.5 { LITTLE } else { NOTHING };
             let least = || gain - DEVIATIONS * (spread * spread + noise * noise).sqrt();
             coloured < limit * gain && coloured < least()
@@ -60,7 +61,7 @@ pub(super) fn occluders(
 }
 
 /// The coloured part of a pixel.
-struct Part {
+struct ColouredPart {
     /// Exposure times what the shading is of that expected.
     coloured: f64,
     /// The rest, as a part of the brightness.
@@ -69,7 +70,7 @@ struct Part {
     noise: f64,
 }
 
-impl Part {
+impl ColouredPart {
     /// `None` where nothing coloured is expected.
     fn of(image: [f32; 3], albedo: [f32; 3], shade: f64) -> Option<Self> {
         let mean = |c: [f32; 3]| c.iter().map(|&v| f64::from(v)).sum::<f64>() / 3.0;

@@ -13,7 +13,8 @@
 //! gain 1 and no ambient light.
 
 use super::RefineOptions;
-use super::evidence::{Evidence, Photograph, gather_on};
+use super::evidence::{ShadingEvidence, gather_on};
+use super::photograph::Photograph;
 use super::solve::{Refined, solver};
 use crate::energy::{
     Diffuse, GlobalsPrior, Objective, Reprojection, Smoothing, Specular, Unknowns,
@@ -31,7 +32,7 @@ fn objective<'a>(
     coarse: &[Point3],
     matches: &[Match],
     photo: &Photograph<'a>,
-    evidence: &'a Evidence,
+    evidence: &'a ShadingEvidence,
     options: &RefineOptions,
 ) -> Objective<'a> {
     let (topology, laplacian) = (&scene.rest.topology, &scene.laplacian);

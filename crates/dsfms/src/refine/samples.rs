@@ -4,7 +4,7 @@ use super::Photograph;
 use super::field::GainField;
 use super::glare::{Channels, weigh};
 use super::joint_options::JointOptions;
-use super::look::Look;
+use super::look::FrameLook;
 use crate::energy::photometric::{Gain, Sample};
 use crate::energy::{Brightness, Lift};
 use crate::geometry::{Point3, Vector3};
@@ -34,9 +34,9 @@ pub(super) fn look<'a>(
     shape: &'a [Point3],
     blur: f64,
     options: &JointOptions,
-) -> Look<'a> {
+) -> FrameLook<'a> {
     let diagonal = diagonal(photo.picture.linear.size);
-    Look::new(photo, rest, shape, options.image.look(blur * diagonal, diagonal))
+    FrameLook::new(photo, rest, shape, options.image.look(blur * diagonal, diagonal))
 }
 
 /// What a look leaves for the solve.
@@ -49,7 +49,12 @@ pub(super) struct ImageSamples {
 
 impl ImageSamples {
     /// `shape`: the mesh that is solved on, which carries the full mesh that the look is at.
-    pub(super) fn of(look: Look, body: &Body, shape: &[Point3], options: &JointOptions) -> Self {
+    pub(super) fn of(
+        look: FrameLook,
+        body: &Body,
+        shape: &[Point3],
+        options: &JointOptions,
+    ) -> Self {
         let places = match body.is_carried() {
             true => at_vertices(&look, body, shape, options),
             false => inside_faces(&look, options),
@@ -83,7 +88,7 @@ struct Place {
 }
 
 /// Samples inside the faces of a mesh that is solved on itself.
-fn inside_faces(look: &Look, options: &JointOptions) -> Vec<(Place, Channels)> {
+fn inside_faces(look: &FrameLook, options: &JointOptions) -> Vec<(Place, Channels)> {
     let faces = &look.rest.topology.faces;
     let fine = 3 * faces_drawn(&look.raster, faces.len()) > options.max_samples;
     let inside = if fine { &CENTRE[..] } else { &INSIDE };
@@ -98,7 +103,7 @@ fn inside_faces(look: &Look, options: &JointOptions) -> Vec<(Place, Channels)> {
 
 /// Samples at the vertices of a full mesh that a control mesh carries; of very many one in several.
 fn at_vertices(
-    look: &Look,
+    look: &FrameLook,
     body: &Body,
     shape: &[Point3],
     options: &JointOptions,

@@ -1,9 +1,10 @@
 //! The solve of eq. 4: rounds, each with visibility and albedo as the last shape shows them.
 
 use super::RefineOptions;
-use super::evidence::{Evidence, Photograph, gather_on};
+use super::evidence::{ShadingEvidence, gather_on};
 use super::gain::GainPrior;
 use super::objective::objective;
+use super::photograph::Photograph;
 use crate::energy::{Unknowns, Workspace};
 use crate::geometry::Point3;
 use crate::register::{Body, Match};
@@ -32,7 +33,7 @@ pub struct Refined {
 }
 
 impl Refined {
-    pub(super) fn of(found: Unknowns, evidence: &Evidence, summary: Summary) -> Self {
+    pub(super) fn of(found: Unknowns, evidence: &ShadingEvidence, summary: Summary) -> Self {
         Self {
             gain: found.globals[0].exp(),
             ambient: found.globals[1],

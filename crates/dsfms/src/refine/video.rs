@@ -5,16 +5,15 @@
 //! memory of the last solve.
 
 use super::Photograph;
-use super::depth_prior::depth_prior;
-use super::gain::{AtMatches, GainPrior, scaled};
-use super::joint::Told;
+use super::gain::{AtMatches, scaled};
 use super::joint_objective::JointProblem;
 use super::joint_options::JointOptions;
+use super::near_frame::{NearFrame, Told};
 use super::samples::{ImageSamples, look};
 use crate::energy::{FaceRings, Photometric, Unknowns, Workspace};
 use crate::geometry::Point3;
+use crate::mesh::Topology;
 use crate::options::{OptionError, check, from_zero, positive};
-use crate::register::{Body, Match};
 use crate::solver::Options;
 use crate::template::Exposure;
 use serde::{Deserialize, Serialize};
@@ -95,6 +94,15 @@ impl VideoOptions {
             ("video.least_blur_px", from_zero(&[self.least_blur_px]), "0 or more"),
         ])
     }
+
+    fn solver(&self) -> Options {
+        Options {
+            max_steps: self.steps,
+            cost_tolerance: self.tolerance,
+            reduction: self.reduction,
+            ..Options::default()
+        }
+    }
 }
 
 /// What outlives a frame of the same template: symbolic factors and workspaces.
@@ -102,6 +110,20 @@ impl VideoOptions {
 pub struct VideoMemory {
     workspace: Workspace,
     rings: Option<FaceRings>,
+}
+
+impl VideoMemory {
+    /// Made for a template's topology, where it is not yet.
+    fn ready(&mut self, topology: &Topology, vertices: usize) -> (&mut Workspace, &FaceRings) {
+        let Self { workspace, rings } = self;
+        let rings = rings.get_or_insert_with(|| {
+            let rings = FaceRings::of(topology);
+            // Whatever face comes into view, the system has its blocks.
+            *workspace = Workspace::reserved(vertices, 2, rings.stencils());
+            rings
+        });
+        (workspace, rings)
+    }
 }
 
 /// A shape near that of the frame, and the ambient light that went with it.
@@ -134,21 +156,6 @@ pub struct Carried {
     pub exposure_changed: bool,
 }
 
-/// A frame to solve from a shape near it; matches and shapes are those of the mesh of `body` that is
-/// solved on.
-pub struct NearFrame<'a> {
-    /// The rest shape posed where bending is counted from, and what of it is seen.
-    pub body: &'a Body<'a>,
-    /// Where the template's points are.
-    pub matches: &'a [Match],
-    /// The rest shape where the matches pose it: their depth is held to it.
-    pub posed: &'a [Point3],
-    /// Eq. 3's tolerance for the depth of the matches, under a distant light.
-    pub depth_sigma: f64,
-    /// The image.
-    pub photo: &'a Photograph<'a>,
-}
-
 /// Solve motion, prior and shading together, from a shape near the solution. An exposure that is held
 /// and scales all of the surface is taken for unknown.
 pub fn join_near(
@@ -176,21 +183,10 @@ fn near_told(
     video: &VideoOptions,
 ) -> (Carried, bool) {
     let joint = &JointOptions { max_samples: video.max_samples, ..joint.clone() };
-    let solver = Options {
-        max_steps: video.steps,
-        cost_tolerance: video.tolerance,
-        reduction: video.reduction,
-        ..Options::default()
-    };
+    let solver = video.solver();
     let NearFrame { body, matches, posed, photo, .. } = *frame;
-    let (scene, light) = (body.scene(), &photo.light.light);
-    let VideoMemory { workspace, rings } = memory;
-    let rings = &*rings.get_or_insert_with(|| {
-        let rings = FaceRings::of(&scene.rest.topology);
-        // Whatever face comes into view, the system has its blocks.
-        *workspace = Workspace::reserved(near.shape.len(), 2, rings.stencils());
-        rings
-    });
+    let scene = body.scene();
+    let (workspace, rings) = memory.ready(&scene.rest.topology, near.shape.len());
     let mut state = Unknowns { vertices: near.shape.to_vec(), globals: vec![0.0, near.ambient] };
     let (mut samples, mut residual, mut steps, mut told) = (0, 0.0, 0, None);
     let before = if near.gap { &video.blurs_after_gap[..] } else { &[] };
@@ -208,12 +204,7 @@ fn near_told(
             let here = at_matches.filter(AtMatches::calm).map(|at| at.log_gain);
             let here = |e: Exposure| Exposure { log_gain: here.unwrap_or(e.log_gain), ..e };
             let exposure = photo.exposure.map(here);
-            let gain = GainPrior::of(exposure, seen.log_gain, at_matches, &joint.image);
-            let slack = gain.slack(joint.image.gain_sigma);
-            let hold = depth_prior(scene, matches, posed, frame.depth_sigma, light, joint, slack);
-            let told = joint.tells_distance(&gain, light);
-            let options = if told { joint.clone() } else { joint.without_exposure() };
-            Told { gain, at_matches, hold, options }
+            Told::of(frame, exposure, seen.log_gain, at_matches, joint, false)
         });
         samples = seen.samples.len();
         let topology = &scene.rest.topology;
@@ -246,5 +237,5 @@ fn near_told(
         at_matches,
         exposure_changed: gain.changed,
     };
-    (carried, joint.tells_distance(&gain, light))
+    (carried, gain.tells_distance(&photo.light.light, &joint.image))
 }

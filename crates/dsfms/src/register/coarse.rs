@@ -1,14 +1,18 @@
-//! A start of eq. 3 from the same problem on a coarser mesh.
+//! Coarser meshes of a template, for a start of eq. 3.
 
-use super::Match;
-use super::objective::Problem;
 use super::pose::rest_point;
-use super::solve::RegisterMemory;
-use crate::geometry::{Point3, Vector3};
+use super::{Match, Scene};
+use crate::energy::Workspace;
 use crate::mesh::Mesh;
 use crate::mesh::decimate::{Decimated, decimate};
-use crate::solver::Loss;
 use std::sync::Arc;
+
+/// What outlives a frame of the same template: the coarse mesh and the symbolic factors.
+#[derive(Default)]
+pub struct RegisterMemory {
+    pub(super) coarse: Option<Coarse>,
+    pub(super) workspace: Workspace,
+}
 
 /// A coarser mesh of a template, and what outlives a frame on it.
 pub(super) struct Coarse {
@@ -28,18 +32,12 @@ const COARSE: usize = 300;
 /// Vertices of one mesh for each of the next coarser.
 const RATIO: usize = 16;
 
-/// How far a coarse mesh is solved: what is left is less than its own error.
-const COARSE_TOLERANCE: f64 = 1e-4;
-
-/// The annealing on a mesh of some of the vertices, carried to all of them: it finds the matches
-/// that count and all but the finest part of the shape. `None` for a mesh that is coarse already, or
-/// that cannot be made coarser.
-pub(super) fn coarse_start(
-    memory: &mut Option<Coarse>,
-    fine: &Problem,
-    losses: &[Loss],
-) -> Option<Vec<Point3>> {
-    let Problem { scene, matches, displacement, options } = *fine;
+/// The next coarser mesh of a scene's template and what is kept of its solves, made where there is none. `None` for
+/// a mesh that is coarse already, or that cannot be made coarser.
+pub(super) fn coarser<'m>(
+    memory: &'m mut Option<Coarse>,
+    scene: &Scene,
+) -> Option<(&'m Decimated, &'m mut RegisterMemory)> {
     if scene.posed.len() <= COARSE_ABOVE {
         return None;
     }
@@ -53,19 +51,15 @@ pub(super) fn coarse_start(
         *memory = Some(Coarse { rest, decimated, memory: Box::default() });
     }
     let Coarse { decimated, memory, .. } = memory.as_mut()?;
-    let decimated = decimated.as_ref()?;
-    let coarse = scene.on_some(&decimated.mesh, &decimated.kept);
+    Some((decimated.as_ref()?, memory))
+}
+
+/// The matches of a mesh on a coarser one; those beside it are left out.
+pub(super) fn on_coarser(decimated: &Decimated, rest: &Mesh, matches: &[Match]) -> Vec<Match> {
     let carried = |m: &Match| {
-        let (point, near) = (rest_point(scene.rest, m), scene.face(m)[0]);
+        let (point, near) = (rest_point(rest, m), rest.topology.faces[m.face as usize][0]);
         let (face, barycentric) = decimated.locate(&point, near)?;
         Some(Match { face, barycentric, pixel: m.pixel })
     };
-    let matches: Vec<Match> = matches.iter().filter_map(carried).collect();
-    let problem = Problem { scene: &coarse, matches: &matches, displacement, options };
-    let start = coarse.posed.clone();
-    let (found, _) = problem.solve(memory, start, losses, COARSE_TOLERANCE);
-    let moved: Vec<Vector3> =
-        found.iter().zip(&coarse.posed).map(|(now, posed)| now - posed).collect();
-    let carried = decimated.prolong(scene.rest, &moved);
-    Some(scene.posed.iter().zip(carried).map(|(p, d)| p + d).collect())
+    matches.iter().filter_map(carried).collect()
 }

@@ -17,13 +17,14 @@ mod terms;
 pub mod volume;
 
 use crate::geometry::Point2;
+pub use coarse::RegisterMemory;
 pub use control::{Body, Deformable};
 pub use find::find;
 pub use options::{Prior, PriorWeights, RegisterOptions};
 pub use pose::{Posed, pose, pose_near};
 pub use printed::register_printed;
 pub use scene::Scene;
-pub use solve::{RegisterMemory, Registered, register, register_in, register_near};
+pub use solve::{Registered, register, register_in, register_near};
 pub use volume::Volume;
 
 /// A correspondence between a template point and a pixel of the deformed frame.

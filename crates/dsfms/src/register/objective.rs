@@ -19,13 +19,12 @@
 //! h = `depth_hold`. The
 //! isometric and as-rigid-as-possible priors take the place of shearing, anisotropy and stretch.
 
-use super::solve::hold;
 use super::{Match, Prior, RegisterOptions, Scene};
 use crate::energy::{Anisotropy, Isometric, Objective, Shearing, Smoothing, Stretch};
 use crate::solver::Loss::{self, Huber, Squared};
 
 /// Eq. 3 on one mesh.
-pub(super) struct Problem<'a> {
+pub(super) struct MotionProblem<'a> {
     pub(super) scene: &'a Scene<'a>,
     pub(super) matches: &'a [Match],
     /// `d`: how far the surface is expected to move, length units.
@@ -33,7 +32,7 @@ pub(super) struct Problem<'a> {
     pub(super) options: &'a RegisterOptions,
 }
 
-impl Problem<'_> {
+impl MotionProblem<'_> {
     /// The lines of eq. 3, with a loss of the annealing.
     pub(super) fn objective(&self, loss: Loss) -> Objective<'_> {
         let Self { scene, matches, displacement, options } = *self;
@@ -69,4 +68,9 @@ impl Problem<'_> {
         let smoothing = options.prior.smoothing;
         smoothing / (1.0 + smoothing * contradiction)
     }
+}
+
+/// `h R`: the tolerance of the depth prior where the pose explains the matches, length units.
+pub(super) fn hold(scene: &Scene, options: &RegisterOptions) -> f64 {
+    options.depth_hold * scene.radius()
 }

@@ -11,7 +11,8 @@
 //! rest shape; that λ₁ = λ₂ (`prior.conformal`); and the units, which weights of any organ need: motion in
 //! standard deviations of a match, faces and vertices by their share of the visible area.
 
-use super::solve::{STEPS, TOLERANCE, expected_displacement, hold};
+use super::objective::hold;
+use super::solve::{STEPS, TOLERANCE, expected_displacement};
 use super::{Match, Posed, RegisterOptions, Registered, Scene};
 use crate::energy::{Anisotropy, Objective, Shearing, Smoothing, Unknowns};
 use crate::solver::Loss::{Norm, Squared};

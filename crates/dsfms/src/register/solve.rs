@@ -1,11 +1,11 @@
 //! The solve of eq. 3: rounds where the surface bends as a whole, the annealing of the loss, the coarse start.
 
-use super::coarse::{Coarse, coarse_start};
-use super::objective::Problem;
+use super::coarse::{RegisterMemory, coarser, on_coarser};
+use super::objective::{MotionProblem, hold};
 use super::{Match, Posed, RegisterOptions, Scene};
 use crate::camera::Camera;
 use crate::energy::{Unknowns, Workspace};
-use crate::geometry::{Point3, median};
+use crate::geometry::{Point3, Vector3, median};
 use crate::solver::{Loss, Options, Summary};
 
 /// The coarse shape V′.
@@ -33,15 +33,11 @@ const GROWTH: f64 = 1.1;
 /// A step that lowers the cost by less than this part of it is the last.
 pub(super) const TOLERANCE: f64 = 1e-4;
 
+/// How far a coarse mesh is solved: what is left is less than its own error.
+const COARSE_TOLERANCE: f64 = 1e-4;
+
 /// Steps under one loss at most: a bound on time.
 pub(super) const STEPS: usize = 15;
-
-/// What outlives a frame of the same template: the coarse mesh and the symbolic factors.
-#[derive(Default)]
-pub struct RegisterMemory {
-    coarse: Option<Coarse>,
-    workspace: Workspace,
-}
 
 /// Solve eq. 3 from the rigid pose.
 ///
@@ -96,7 +92,7 @@ pub fn register_in(
     let (mut reposed, mut round): (Option<Scene>, usize) = (None, 1);
     let summary = loop {
         let scene = reposed.as_ref().unwrap_or(scene);
-        let problem = Problem { scene, matches, displacement, options };
+        let problem = MotionProblem { scene, matches, displacement, options };
         let (next, summary) = problem.solve(memory, state, &losses, TOLERANCE);
         state = next;
         let moved = displacement_of(scene, matches, &state, options);
@@ -146,7 +142,7 @@ pub fn register_near(
     options: &RegisterOptions,
 ) -> Registered {
     let displacement = displacement_near(scene, matches, posed, near, options);
-    let problem = Problem { scene, matches, displacement, options };
+    let problem = MotionProblem { scene, matches, displacement, options };
     let losses = losses(options);
     let start = Unknowns { vertices: near.to_vec(), globals: Vec::new() };
     // Few good steps: a start this near needs no more, and the next frame continues.
@@ -187,7 +183,7 @@ pub fn explained(
     (kept, median(&mut inliers).unwrap_or(f64::INFINITY))
 }
 
-impl Problem<'_> {
+impl MotionProblem<'_> {
     /// Anneal on a coarser mesh where there is one, else here from `start`, and solve the last loss
     /// here.
     pub(super) fn solve(
@@ -197,11 +193,26 @@ impl Problem<'_> {
         losses: &[Loss],
         tolerance: f64,
     ) -> (Vec<Point3>, Summary) {
-        let (start, losses) = match coarse_start(&mut memory.coarse, self, losses) {
+        let (start, losses) = match self.coarse_start(memory, losses) {
             Some(start) => (start, &losses[losses.len() - 1..]),
             None => (start, losses),
         };
         self.anneal(&mut memory.workspace, start, losses, tolerance)
+    }
+
+    /// The annealing on a mesh of some of the vertices, carried to all of them: it finds the matches
+    /// that count and all but the finest part of the shape. `None` where there is no coarser mesh.
+    fn coarse_start(&self, memory: &mut RegisterMemory, losses: &[Loss]) -> Option<Vec<Point3>> {
+        let Self { scene, displacement, options, .. } = *self;
+        let (decimated, memory) = coarser(&mut memory.coarse, scene)?;
+        let coarse = scene.on_some(&decimated.mesh, &decimated.kept);
+        let matches = &on_coarser(decimated, scene.rest, self.matches);
+        let problem = MotionProblem { scene: &coarse, matches, displacement, options };
+        let (found, _) = problem.solve(memory, coarse.posed.clone(), losses, COARSE_TOLERANCE);
+        let moved: Vec<Vector3> =
+            found.iter().zip(&coarse.posed).map(|(now, posed)| now - posed).collect();
+        let carried = decimated.prolong(scene.rest, &moved);
+        Some(scene.posed.iter().zip(carried).map(|(p, d)| p + d).collect())
     }
 
     /// Solve under one loss after another; only the last to the given tolerance, since the others
@@ -265,11 +276,6 @@ fn losses(options: &RegisterOptions) -> Vec<Loss> {
     scales.into_iter().map(Loss::GemanMcClure).collect()
 }
 
-/// `h R`: the tolerance of the depth prior where the pose explains the matches, length units.
-pub(super) fn hold(scene: &Scene, options: &RegisterOptions) -> f64 {
-    options.depth_hold * scene.radius()
-}
-
 /// `d` from what neighbouring matches share in the image and the rigid pose cannot explain, carried to
 /// length units at the depth of the surface.
 pub(super) fn expected_displacement(
@@ -318,8 +324,12 @@ mod tests {
         let mut memory = RegisterMemory::default();
         let found = register_in(&mut memory, &scene, &case.matches, &posed, &options);
         let displacement = expected_displacement(&scene, &posed, &options);
-        let problem =
-            Problem { scene: &scene, matches: &case.matches, displacement, options: &options };
+        let problem = MotionProblem {
+            scene: &scene,
+            matches: &case.matches,
+            displacement,
+            options: &options,
+        };
         let start = scene.posed.clone();
         let (all, _) = problem.anneal(&mut Workspace::default(), start, &losses(&options), 1e-7);
         let squares = found.vertices.iter().zip(&all).map(|(a, b)| (a - b).norm_squared());

@@ -73,7 +73,7 @@ pub struct Template {
     /// Descriptors on the surface, for automatic matching.
     pub features: Option<Features>,
     /// Registered exploration frames.
-    pub views: Vec<View>,
+    pub views: Vec<TemplateView>,
     /// Sparse points of structure from motion, by sightings in `views`; empty for given poses.
     pub points: Vec<SparsePoint>,
     /// Camera of the exploration.
@@ -136,7 +136,7 @@ pub struct SparsePoint {
 /// One registered exploration frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct View {
+pub struct TemplateView {
     /// Name of the frame.
     pub name: String,
     /// `camera_from_template * point_in_template` is in camera axes.

@@ -8,19 +8,19 @@ const LEVELS: usize = 4;
 
 /// The albedo, fine to coarse.
 pub(super) struct Mips {
-    levels: Vec<Level>,
+    levels: Vec<MipLevel>,
     /// Texels along an edge of a face at the finest level, on average.
     along_edge: f64,
 }
 
 /// One resolution.
-pub(super) struct Level {
+pub(super) struct MipLevel {
     pub(super) texels: SurfaceTexels,
     /// Weighted sum of the square roots of the channels; NaN where never observed.
     pub(super) bright: Vec<f32>,
 }
 
-impl Level {
+impl MipLevel {
     fn new(texels: SurfaceTexels) -> Self {
         let bright = |(rgb, &views): (&[f32; 3], &u16)| {
             let sum: f32 = (0..3).map(|c| LUMA[c] * rgb[c].max(0.0).sqrt()).sum();
@@ -33,16 +33,16 @@ impl Level {
 
 impl Mips {
     pub(super) fn new(albedo: &SurfaceTexels) -> Self {
-        let mut levels = vec![Level::new(albedo.clone())];
+        let mut levels = vec![MipLevel::new(albedo.clone())];
         while levels.len() < LEVELS {
-            levels.push(Level::new(halved(&levels[levels.len() - 1].texels)));
+            levels.push(MipLevel::new(halved(&levels[levels.len() - 1].texels)));
         }
         let faces = albedo.resolution.len().max(1);
         Self { levels, along_edge: (albedo.value.len() as f64 / faces as f64).sqrt() }
     }
 
     /// The level whose texels are about a pixel wide where an edge of a face has so many pixels.
-    pub(super) fn for_edge(&self, px: f64) -> &Level {
+    pub(super) fn for_edge(&self, px: f64) -> &MipLevel {
         let level = (self.along_edge / px.max(1e-3)).log2().round().max(0.0) as usize;
         &self.levels[level.min(self.levels.len() - 1)]
     }

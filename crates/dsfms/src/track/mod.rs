@@ -128,7 +128,7 @@ const TABLES: [Documented; 12] = [
     ("", include_str!("mod.rs"), "TrackOptions"),
     ("video", include_str!("../refine/video.rs"), "VideoOptions"),
     ("reconstruct.verdict", include_str!("../verdict/thresholds.rs"), "Thresholds"),
-    ("reconstruct", include_str!("../pipeline/reconstruct.rs"), "ReconstructOptions"),
+    ("reconstruct", include_str!("../pipeline/reconstruct_options.rs"), "ReconstructOptions"),
     ("reconstruct.register", include_str!("../register/options.rs"), "RegisterOptions"),
     ("reconstruct.register.prior", include_str!("../register/options.rs"), "PriorWeights"),
     ("reconstruct.refine", include_str!("../refine/options.rs"), "RefineOptions"),

@@ -24,7 +24,7 @@ pub const EXTENSIONS: [&str; 10] =
 /// How frames are chosen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct VideoOptions {
+pub struct SelectOptions {
     /// Frames to choose, at most; at least 1. The video is cut into as many windows, of each of
     /// which the sharpest frame is a candidate. Default 48: ten seconds of exploration at about
     /// five frames a second.
@@ -37,13 +37,13 @@ pub struct VideoOptions {
     pub min_motion: f64,
 }
 
-impl Default for VideoOptions {
+impl Default for SelectOptions {
     fn default() -> Self {
         Self { max_frames: 48, stride: None, min_motion: 0.004 }
     }
 }
 
-impl VideoOptions {
+impl SelectOptions {
     /// Check every bound.
     ///
     /// # Errors
@@ -149,15 +149,15 @@ pub fn is_video(path: &Path) -> bool {
 /// camera gives no duplicates. The first candidate is always chosen.
 ///
 /// ```no_run
-/// use dsfms::video::{VideoOptions, select_frames};
+/// use dsfms::video::{SelectOptions, select_frames};
 ///
-/// let frames = select_frames("exploration.mp4".as_ref(), &VideoOptions::default())?;
+/// let frames = select_frames("exploration.mp4".as_ref(), &SelectOptions::default())?;
 /// # Ok::<_, dsfms::video::VideoError>(())
 /// ```
 ///
 /// # Errors
 /// A file that is no video, or of which no frame can be decoded.
-pub fn select_frames(path: &Path, options: &VideoOptions) -> Result<Vec<Frame>, VideoError> {
+pub fn select_frames(path: &Path, options: &SelectOptions) -> Result<Vec<Frame>, VideoError> {
     select_reporting(path, options, &mut |_, _| {})
 }
 
@@ -168,7 +168,7 @@ pub fn select_frames(path: &Path, options: &VideoOptions) -> Result<Vec<Frame>, 
 /// As [`select_frames`].
 pub(crate) fn select_reporting(
     path: &Path,
-    options: &VideoOptions,
+    options: &SelectOptions,
     progress: &mut dyn FnMut(usize, Option<usize>),
 ) -> Result<Vec<Frame>, VideoError> {
     options.validate()?;
@@ -261,13 +261,13 @@ mod tests {
     #[test]
     fn files_that_are_no_video() {
         let dir = tempfile::tempdir().unwrap();
-        let missing = select_frames(&dir.path().join("a.mp4"), &VideoOptions::default());
+        let missing = select_frames(&dir.path().join("a.mp4"), &SelectOptions::default());
         assert!(matches!(missing, Err(VideoError::Read { .. })));
         for (name, bytes) in [("text.mp4", b"not a video".to_vec()), ("empty.mp4", Vec::new())] {
             let path = dir.path().join(name);
             std::fs::write(&path, bytes).unwrap();
             // With or without an ffmpeg on this machine.
-            let message = select_frames(&path, &VideoOptions::default()).unwrap_err().to_string();
+            let message = select_frames(&path, &SelectOptions::default()).unwrap_err().to_string();
             assert!(message.contains(name), "{message}");
         }
         assert!(is_video(Path::new("a/B.MP4")) && !is_video(Path::new("mp4")));
@@ -275,10 +275,10 @@ mod tests {
 
     #[test]
     fn options_are_checked() {
-        let options = |text: &str| toml::from_str::<VideoOptions>(text);
+        let options = |text: &str| toml::from_str::<SelectOptions>(text);
         assert!(options("max_frames = 0").unwrap().validate().is_err());
         assert!(options("min_motion = 1.5").unwrap().validate().is_err());
         assert!(options("max_frame = 3").is_err());
-        assert_eq!(options("").unwrap(), VideoOptions::default());
+        assert_eq!(options("").unwrap(), SelectOptions::default());
     }
 }

@@ -1,6 +1,6 @@
 //! The sharpest frame of every window, then those that moved.
 
-use super::VideoOptions;
+use super::SelectOptions;
 use super::motion::{Thumbnail, displacement};
 use crate::image::Frame;
 use crate::image::filter::{halve, laplacian_variance};
@@ -17,7 +17,7 @@ pub(super) struct Candidates {
 impl Candidates {
     /// Windows for a video of `total` frames; of unknown length, windows start at one frame and
     /// double whenever there are twice as many as wanted.
-    pub(super) fn new(options: &VideoOptions, total: Option<usize>) -> Self {
+    pub(super) fn new(options: &SelectOptions, total: Option<usize>) -> Self {
         let auto = total.map_or(1.0, |total| total as f64 / options.max_frames as f64);
         let window = options.stride.map_or(auto, |stride| stride as f64).max(1.0);
         let limit = if options.stride.is_some() { usize::MAX } else { 2 * options.max_frames };
@@ -60,7 +60,7 @@ impl Candidates {
     }
 
     /// The candidates that moved against the one chosen before, at most `max_frames`.
-    pub(super) fn choose(mut self, options: &VideoOptions) -> Vec<Frame> {
+    pub(super) fn choose(mut self, options: &SelectOptions) -> Vec<Frame> {
         while self.best.len() > options.max_frames && self.best.len() > 1 {
             self.double();
         }
@@ -99,7 +99,7 @@ mod tests {
 
     #[test]
     fn the_sharpest_of_each_window() {
-        let options = VideoOptions { max_frames: 4, ..Default::default() };
+        let options = SelectOptions { max_frames: 4, ..Default::default() };
         let mut candidates = Candidates::new(&options, Some(20));
         for i in 0..20 {
             candidates.offer(i, picture(i, 2 * i, if i % 5 == 3 { 10 } else { 6 }));
@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn windows_need_not_be_of_whole_frames() {
-        let options = VideoOptions { max_frames: 8, ..Default::default() };
+        let options = SelectOptions { max_frames: 8, ..Default::default() };
         let mut candidates = Candidates::new(&options, Some(20));
         (0..20).for_each(|i| candidates.offer(i, picture(i, 3 * i, 6)));
         assert_eq!(candidates.choose(&options).len(), 8);
@@ -118,7 +118,7 @@ mod tests {
 
     #[test]
     fn a_resting_camera_gives_one_frame() {
-        let options = VideoOptions { max_frames: 4, ..Default::default() };
+        let options = SelectOptions { max_frames: 4, ..Default::default() };
         let mut candidates = Candidates::new(&options, Some(20));
         (0..20).for_each(|i| candidates.offer(i, picture(i, 7, 6)));
         assert_eq!(names(&candidates.choose(&options)), ["frame_000"]);
@@ -126,7 +126,7 @@ mod tests {
 
     #[test]
     fn unknown_length_keeps_memory_and_number_bounded() {
-        let options = VideoOptions { max_frames: 3, ..Default::default() };
+        let options = SelectOptions { max_frames: 3, ..Default::default() };
         let mut candidates = Candidates::new(&options, None);
         for i in 0..50 {
             candidates.offer(i, picture(i, 3 * i, 6));
@@ -134,7 +134,7 @@ mod tests {
         }
         let frames = candidates.choose(&options);
         assert!((2..=3).contains(&frames.len()), "{:?}", names(&frames));
-        let every = VideoOptions { stride: Some(5), max_frames: 100, min_motion: 0.0 };
+        let every = SelectOptions { stride: Some(5), max_frames: 100, min_motion: 0.0 };
         let mut candidates = Candidates::new(&every, None);
         (0..20).for_each(|i| candidates.offer(i, picture(i, 0, 6)));
         assert_eq!(candidates.choose(&every).len(), 4);

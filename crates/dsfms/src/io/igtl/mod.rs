@@ -21,7 +21,7 @@ pub use crc::crc64;
 pub use header::{HEADER, Head, Header, MOST_BODY};
 pub use image::picture;
 pub use read::{Received, read};
-pub use write::{Plane, StatusCode, image, status, string, surface, transform};
+pub use write::{ImagePlacement, StatusCode, image, status, string, surface, transform};
 
 /// What is wrong with a message or its stream.
 #[derive(Debug, thiserror::Error)]

@@ -125,7 +125,8 @@ fn frame() -> Frame {
 #[test]
 fn an_image_is_as_pyigtl_writes_it_and_comes_back() {
     let axes = [[0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 1.0]];
-    let found = image(head("Laparoscope"), &frame(), &Plane { axes, centre: [-0.5, -1.75, 10.0] });
+    let found =
+        image(head("Laparoscope"), &frame(), &ImagePlacement { axes, centre: [-0.5, -1.75, 10.0] });
     let mut body = vec![0, 1, 3, 3, 2, 1, 0, 3, 0, 2, 0, 1];
     for number in [0.5f32, 0., 0., 0., 0.5, 0., 0., 0., 1., -0.5, -1.75, 10.] {
         body.extend(number.to_be_bytes());
@@ -153,7 +154,8 @@ fn an_image_is_as_pyigtl_writes_it_and_comes_back() {
 #[test]
 fn pictures_that_are_none_are_named() {
     let good =
-        &image(head("a"), &frame(), &Plane { axes: [[0.0; 3]; 3], centre: [0.0; 3] })[HEADER..];
+        &image(head("a"), &frame(), &ImagePlacement { axes: [[0.0; 3]; 3], centre: [0.0; 3] })
+            [HEADER..];
     assert!(picture(good).is_ok());
     let changed = |at: usize, value: u8| {
         let mut bytes = good.to_vec();

@@ -92,7 +92,7 @@ pub fn surface(
 
 /// Where a picture lies in space.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plane {
+pub struct ImagePlacement {
     /// From a pixel to the next in its row, to the next in its column, and across the picture.
     pub axes: [[f32; 3]; 3],
     /// Centre of the picture.
@@ -100,7 +100,7 @@ pub struct Plane {
 }
 
 /// IMAGE: RGB of 8 bits, row by row from the top. Sides are at most 65,535 px.
-pub fn image(head: Head, frame: &Frame, plane: &Plane) -> Vec<u8> {
+pub fn image(head: Head, frame: &Frame, plane: &ImagePlacement) -> Vec<u8> {
     message("IMAGE", head, |out| {
         // Version 1, three components of unsigned bytes, little endian, axes taken as they are.
         out.reserve(72 + 3 * frame.rgb.len());

@@ -8,7 +8,7 @@ use crate::template::bake::choose_resolution;
 use crate::template::flatten::{FlattenOptions, flatten};
 use crate::template::statistics::template_statistics;
 use crate::template::usual::{Appearance, Usual};
-use crate::template::{Features, LengthUnit, SparsePoint, SurfaceTexels, View};
+use crate::template::{Features, LengthUnit, SparsePoint, SurfaceTexels, TemplateView};
 
 fn tiny() -> Template {
     let mesh = shapes::icosphere(1, 7.123456789);
@@ -31,7 +31,7 @@ fn tiny() -> Template {
             faces: vec![3, 5],
             barycentrics: vec![[0.1, 0.2, 0.7], [1.0 / 3.0; 3]],
         }),
-        views: vec![View {
+        views: vec![TemplateView {
             name: "frame_000".into(),
             camera_from_template: Isometry::new(
                 Vector3::new(0.1, 0.2, 1.0 / 3.0),

@@ -3,7 +3,7 @@
 use super::guess::{OrganGuess, guess_of};
 use super::organ_scene::OrganScene;
 use super::strokes::seeds;
-use super::surface::Scene;
+use super::surface::RegisteredFrames;
 use super::{OrganClick, OrganStroke, TemplateError, also};
 use crate::dense::{
     DenseOptions, DepthMap, Labelling, Parting, PosedFrame, Seeds, overlap, surface,
@@ -64,7 +64,7 @@ const GIVES: f64 = 0.9;
 /// more.
 const FINER: usize = 15;
 
-impl Scene<'_> {
+impl RegisteredFrames<'_> {
     /// Where the organ ends before something else (the wall of a cavity), and the surface of that. It is what was
     /// clicked or drawn, what masks of some frames show, or else what the frames look at; and then it is taken only if
     /// its outline is marked.

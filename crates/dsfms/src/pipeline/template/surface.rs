@@ -16,7 +16,7 @@ use crate::sfm::SparseReconstruction;
 use rayon::prelude::*;
 
 /// The mesh of a template and how well its place is known.
-pub(super) struct Surface {
+pub(super) struct StereoSurface {
     pub mesh: Mesh,
     /// See [`crate::template::Template::sigma`].
     pub sigma: Vec<f64>,
@@ -33,7 +33,7 @@ pub(super) fn dense_mesh(
     options: &TemplateOptions,
     progress: &dyn Progress,
     keep: Keep,
-) -> Result<Surface, TemplateError> {
+) -> Result<StereoSurface, TemplateError> {
     let dense = DenseOptions {
         // Which piece is the organ the user says, if anybody: it need not be the largest.
         largest_only: options.dense.largest_only
@@ -42,7 +42,7 @@ pub(super) fn dense_mesh(
         ..options.dense.for_template(options.vertices)
     };
     let (camera, poses) = (&sparse.camera, &sparse.poses);
-    let scene = Scene {
+    let scene = RegisteredFrames {
         exploration,
         sparse,
         camera,
@@ -79,7 +79,7 @@ pub(super) fn dense_mesh(
         "surface"
     );
     progress.step("surface", 2, 2);
-    Ok(Surface { mesh, sigma, told })
+    Ok(StereoSurface { mesh, sigma, told })
 }
 
 /// The views that show the organ, with the outlines found.
@@ -96,7 +96,7 @@ const COARSE: usize = 20_000;
 /// And at least, all frames together: stereo on less finds nothing.
 const COARSE_ALL: usize = 1000;
 /// The registered frames and what structure from motion knows of them.
-pub(super) struct Scene<'a> {
+pub(super) struct RegisteredFrames<'a> {
     pub(super) exploration: &'a Exploration<'a>,
     pub(super) sparse: &'a SparseReconstruction,
     pub(super) camera: &'a CameraModel,
@@ -108,7 +108,7 @@ pub(super) struct Scene<'a> {
     pub(super) progress: &'a dyn Progress,
 }
 
-impl Scene<'_> {
+impl RegisteredFrames<'_> {
     fn stereo(
         &self,
         views: &[PosedFrame],

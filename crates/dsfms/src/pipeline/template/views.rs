@@ -12,7 +12,7 @@ use crate::template::albedo::{AlbedoOptions, estimate_albedo, refine_by_shading}
 use crate::template::anchor::{FeatureView, anchor_features};
 use crate::template::light_fit::{LightFit, fit_light};
 use crate::template::photometric::AlbedoView;
-use crate::template::{LengthUnit, Template, View};
+use crate::template::{LengthUnit, Template, TemplateView};
 use rayon::prelude::*;
 
 /// Registered frames, with all that is measured in them. One entry per frame in every list.
@@ -112,8 +112,8 @@ impl Views<'_> {
         }
     }
 
-    fn named(&self, registered: &[RegisteredFrame], gains: &[f64]) -> Vec<View> {
-        let view = |(r, &gain): (&RegisteredFrame, &f64)| View {
+    fn named(&self, registered: &[RegisteredFrame], gains: &[f64]) -> Vec<TemplateView> {
+        let view = |(r, &gain): (&RegisteredFrame, &f64)| TemplateView {
             name: self.exploration.frames[r.frame].name.clone(),
             camera_from_template: r.pose,
             gain,

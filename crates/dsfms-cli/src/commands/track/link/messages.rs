@@ -6,7 +6,9 @@ use crate::reasons::joined;
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
 use dsfms::image::Frame;
-use dsfms::io::igtl::{Head, Plane, StatusCode, image, status, string, surface, transform};
+use dsfms::io::igtl::{
+    Head, ImagePlacement, StatusCode, image, status, string, surface, transform,
+};
 use dsfms::template::Template;
 use dsfms::track::{TrackStatus, Tracked};
 use std::time::SystemTime;
@@ -46,7 +48,7 @@ pub struct Messages {
     template: Template,
     camera: CameraModel,
     picture: Picture,
-    plane: Plane,
+    plane: ImagePlacement,
 }
 
 impl Messages {
@@ -106,11 +108,11 @@ fn radius(points: &[Point3]) -> f64 {
 
 /// The frame as a picture across the camera's axis: seen from the camera it covers what it shows
 /// (lens distortion aside).
-fn plane(camera: &CameraModel, depth: f64) -> Plane {
+fn plane(camera: &CameraModel, depth: f64) -> ImagePlacement {
     let [fx, fy] = camera.focal.map(|f| depth / f);
     let middle = |k: usize| (camera.size[k] as f64 - 1.0) / 2.0 - camera.centre[k];
     let centre = [middle(0) * fx, middle(1) * fy, depth].map(|v| v as f32);
-    Plane { axes: [[fx as f32, 0.0, 0.0], [0.0, fy as f32, 0.0], [0.0, 0.0, 1.0]], centre }
+    ImagePlacement { axes: [[fx as f32, 0.0, 0.0], [0.0, fy as f32, 0.0], [0.0, 0.0, 1.0]], centre }
 }
 
 #[cfg(test)]
