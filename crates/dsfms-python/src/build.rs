@@ -12,7 +12,7 @@ use dsfms::io::poses::{PoseList, match_poses, read_poses};
 use dsfms::mesh::Mesh;
 use dsfms::pipeline::inputs::{CameraInput, Purpose, Source, check_size, mask_of, sources};
 use dsfms::pipeline::{
-    BuiltTemplate, OrganClick, Progress, TemplateOptions, template_from_frames,
+    BuiltTemplate, OrganClick, OrganOptions, Progress, TemplateOptions, template_from_frames,
     template_from_posed_frames, template_from_poses,
 };
 use dsfms::sfm::RefineIntrinsics;
@@ -95,10 +95,12 @@ pub fn build_template(
     let base = options.map(|text| errors::options(TemplateOptions::from_toml(text))).transpose()?;
     let mut options = base.unwrap_or_default();
     options.vertices = vertices.unwrap_or(options.vertices);
-    options.whole |= whole;
     options.refine_by_shading &= refine_by_shading;
     let click = |(x, y): (f64, f64)| OrganClick { frame: None, pixel: [x, y].into() };
-    options.click = organ_click.map(click).or(options.click);
+    let mut organ = OrganOptions::from(options.organ);
+    organ.whole |= whole;
+    organ.click = organ_click.map(click).or(organ.click);
+    options.organ = organ.into();
     options.sfm.seed = seed;
     options.dense.seed = seed;
     if self_calibrate {

@@ -71,7 +71,8 @@ fn carry_over(named: &mut toml::Table, moved: &[Moved]) -> Result<bool, toml::de
     let mut any = false;
     for field in moved {
         let (Moved::To(from, to) | Moved::Scaled(from, to, _) | Moved::In(from, to, _)) = field;
-        let Some(value) = take(named, from) else { continue };
+        let within = to.strip_prefix(from).is_some_and(|rest| rest.starts_with('.'));
+        let Some(value) = take(named, from, within) else { continue };
         any = true;
         let number = value.as_float().or(value.as_integer().map(|i| i as f64));
         let value = match (field, number) {
@@ -94,11 +95,11 @@ fn carry_over(named: &mut toml::Table, moved: &[Moved]) -> Result<bool, toml::de
     Ok(any)
 }
 
-/// Remove the field at a path; a table is none.
-fn take(table: &mut toml::Table, path: &str) -> Option<toml::Value> {
+/// Remove the field at a path; where it stands `within` that now, a table is the new one.
+fn take(table: &mut toml::Table, path: &str, within: bool) -> Option<toml::Value> {
     match path.split_once('.') {
-        Some((key, below)) => take(table.get_mut(key)?.as_table_mut()?, below),
-        None if table.get(path)?.is_table() => None,
+        Some((key, below)) => take(table.get_mut(key)?.as_table_mut()?, below, within),
+        None if within && table.get(path)?.is_table() => None,
         None => table.remove(path),
     }
 }

@@ -15,11 +15,11 @@ pub use progress::{Progress, Silent};
 pub use reconstruct::{reconstruct, reconstruct_with};
 pub use reconstruct_options::ReconstructOptions;
 pub use template::{
-    BuiltTemplate, Exploration, FoundOrgan, FramePrecision, OrganClick, OrganGuess, OrganOutline,
-    OrganScene, OrganSceneError, OrganStroke, SparsePrecision, StrokeError, TemplateError,
-    TemplateOptions, drawn_from, read_strokes, strokes_from, template_from_frames,
-    template_from_frames_kept, template_from_mesh, template_from_posed_frames, template_from_poses,
-    template_from_poses_kept, write_strokes,
+    BuiltTemplate, Exploration, FoundOrgan, FramePrecision, Organ, OrganClick, OrganGuess,
+    OrganOptions, OrganOutline, OrganScene, OrganSceneError, OrganStroke, SparsePrecision,
+    StrokeError, TemplateError, TemplateOptions, drawn_from, read_strokes, strokes_from,
+    template_from_frames, template_from_frames_kept, template_from_mesh,
+    template_from_posed_frames, template_from_poses, template_from_poses_kept, write_strokes,
 };
 
 use crate::camera::CameraModel;

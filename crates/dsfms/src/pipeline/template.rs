@@ -8,6 +8,7 @@
 mod also;
 mod click;
 mod error;
+mod found_organ;
 mod given;
 mod guess;
 mod kept;
@@ -17,6 +18,7 @@ mod organ;
 mod organ_scene;
 mod outline;
 mod precision;
+mod registered;
 mod strokes;
 mod surface;
 mod usual;
@@ -24,10 +26,11 @@ mod views;
 
 pub use click::OrganClick;
 pub use error::TemplateError;
+pub use found_organ::FoundOrgan;
 pub use given::{template_from_mesh, template_from_posed_frames};
 pub use guess::OrganGuess;
 pub use options::TemplateOptions;
-pub use organ::FoundOrgan;
+pub use organ::{Organ, OrganOptions};
 pub use organ_scene::{OrganScene, OrganSceneError};
 pub use outline::OrganOutline;
 pub use precision::{FramePrecision, SparsePrecision};

@@ -2,7 +2,9 @@
 
 use super::load::{parse_click, parse_outline};
 use clap::Args;
-use dsfms::pipeline::{OrganClick, OrganOutline, OrganStroke, TemplateOptions, read_strokes};
+use dsfms::pipeline::{
+    Organ, OrganClick, OrganOptions, OrganOutline, OrganStroke, TemplateOptions, read_strokes,
+};
 use std::path::PathBuf;
 
 /// Which part of the frames is the organ.
@@ -38,24 +40,23 @@ pub struct OrganArgs {
 impl OrganArgs {
     /// Whether the options, or masks, say where the organ is.
     pub fn said(&self, options: &TemplateOptions) -> bool {
-        options.click.is_some() || !options.strokes.is_empty() || self.organ_masks.is_some()
+        matches!(options.organ, Organ::Shown(..)) || self.organ_masks.is_some()
     }
 
     /// What was said, over what the options say.
     pub fn apply(&self, options: &mut TemplateOptions) -> anyhow::Result<()> {
+        let mut said = OrganOptions::from(std::mem::take(&mut options.organ));
         if !self.organ_polygon.is_empty() {
-            options.outlines = self.organ_polygon.clone();
+            said.outlines = self.organ_polygon.clone();
         }
-        options.click = self.organ_click.clone().or(options.click.take());
+        said.click = self.organ_click.clone().or(said.click);
         if let Some(path) = &self.organ_scribbles {
-            options.strokes = read_strokes(path)?;
+            said.strokes = read_strokes(path)?;
         }
-        options.strokes.extend(
-            self.not_organ_click
-                .iter()
-                .map(|click| OrganStroke { organ: false, ..OrganStroke::from(click) }),
-        );
-        options.whole |= self.whole;
+        let not = |click| OrganStroke { organ: false, ..OrganStroke::from(click) };
+        said.strokes.extend(self.not_organ_click.iter().map(not));
+        said.whole |= self.whole;
+        options.organ = said.into();
         Ok(())
     }
 }

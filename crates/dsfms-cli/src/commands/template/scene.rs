@@ -40,8 +40,9 @@ impl Drawn {
 
     /// Write the strokes that the template is built with; without any, those that were drawn on its predecessor stay.
     pub fn keep(self, options: &TemplateOptions, reporter: &Reporter) -> anyhow::Result<()> {
-        if !options.strokes.is_empty() {
-            return Ok(write_strokes(&self.path, &options.strokes)?);
+        let strokes = options.organ.strokes();
+        if !strokes.is_empty() {
+            return Ok(write_strokes(&self.path, strokes)?);
         }
         let Some(text) = &self.text else { return Ok(()) };
         let place = self.path.display();
@@ -57,7 +58,7 @@ impl Drawn {
 mod tests {
     use super::*;
     use dsfms::geometry::Point2;
-    use dsfms::pipeline::{OrganStroke, read_strokes};
+    use dsfms::pipeline::{Organ, OrganStroke, read_strokes};
 
     #[test]
     fn strokes_outlive_the_template_that_they_were_drawn_on() {
@@ -77,7 +78,7 @@ mod tests {
         std::fs::remove_file(&path).unwrap();
         drawn.keep(&none, &reporter).unwrap();
         assert_eq!(read_strokes(&path).unwrap(), [stroke(1.0)]);
-        let given = TemplateOptions { strokes: vec![stroke(5.0)], ..none };
+        let given = TemplateOptions { organ: Organ::Shown(None, vec![stroke(5.0)]), ..none };
         Drawn::of(folder.path()).keep(&given, &reporter).unwrap();
         assert_eq!(read_strokes(&path).unwrap(), [stroke(5.0)]);
     }

@@ -25,10 +25,7 @@ pub(super) fn dense_key(key: &mut Digest, exploration: &Exploration, options: &T
     masks(key, exploration.organ);
     frames(key, exploration.also);
     key.value(&options.dense);
-    key.value(&options.outlines);
-    key.value(&options.click);
-    key.value(&options.strokes);
-    key.value(&options.whole);
+    key.value(&options.organ);
 }
 
 fn frames(key: &mut Digest, frames: &[Frame]) {
@@ -69,6 +66,7 @@ pub(super) fn pack(values: &[bool]) -> Vec<u8> {
 mod tests {
     use super::*;
     use crate::camera::CameraModel;
+    use crate::pipeline::Organ;
 
     type Change<'a> = &'a dyn Fn(&mut Frame, &mut Mask, &mut TemplateOptions);
 
@@ -100,7 +98,7 @@ mod tests {
             assert!(found[0] != usual[0] && found[1] != usual[1]);
         }
         // Of the surface alone: the poses serve it still.
-        let surface = key(&|_, _, options| options.whole = true);
+        let surface = key(&|_, _, options| options.organ = Organ::Whole);
         assert!(surface[0] == usual[0] && surface[1] != usual[1]);
     }
 

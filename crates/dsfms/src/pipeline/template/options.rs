@@ -1,9 +1,9 @@
 //! Options of template building.
 
-use super::{OrganClick, OrganOutline, OrganStroke, TemplateError};
+use super::{Organ, OrganStroke, TemplateError};
 use crate::dense::DenseOptions;
 use crate::mesh::remesh::RemeshOptions;
-use crate::options::{Documented, check, commented, from_zero, positive};
+use crate::options::{Documented, Moved, check, commented, from_zero, positive, read};
 use crate::sfm::SfmOptions;
 use crate::template::albedo::AlbedoOptions;
 use crate::template::anchor::AnchorOptions;
@@ -29,17 +29,10 @@ pub struct TemplateOptions {
     pub fit_diagonals: bool,
     /// Conformal flattening.
     pub flatten: FlattenOptions,
-    /// The organ as outlined on frames; empty = masks alone say what is organ.
-    pub outlines: Vec<OrganOutline>,
-    /// A pixel that shows the organ: the connected surface there stays.
-    pub click: Option<OrganClick>,
-    /// Pixels that show the organ, and such that do not, as drawn on frames.
-    pub strokes: Vec<OrganStroke>,
+    /// Which part of the frames is the organ.
+    pub organ: Organ,
     /// Refine the surface of stereo by the shading of all views.
     pub refine_by_shading: bool,
-    /// Keep what lies behind the organ too, where depth steps and no mask, outline or click tells them
-    /// apart.
-    pub whole: bool,
     /// Known distances; without any the unit of a template from frames is not metric.
     pub scale: Vec<ScaleReference>,
     /// Light estimation.
@@ -59,11 +52,8 @@ impl Default for TemplateOptions {
             remesh: RemeshOptions::default(),
             fit_diagonals: true,
             flatten: FlattenOptions::default(),
-            outlines: Vec::new(),
-            click: None,
-            strokes: Vec::new(),
+            organ: Organ::default(),
             refine_by_shading: true,
-            whole: false,
             scale: Vec::new(),
             light: LightFitOptions::default(),
             albedo: AlbedoOptions::default(),
@@ -78,7 +68,7 @@ impl TemplateOptions {
     /// # Errors
     /// Malformed TOML, a field that does not exist, or one out of its bounds.
     pub fn from_toml(text: &str) -> Result<Self, toml::de::Error> {
-        let options: Self = toml::from_str(text)?;
+        let options = read(&Self::default(), text, "", &MOVED)?;
         options.validate().map_err(serde::de::Error::custom)?;
         Ok(options)
     }
@@ -95,9 +85,10 @@ impl TemplateOptions {
     /// The first field out of them.
     pub fn validate(&self) -> Result<(), TemplateError> {
         let Self { vertices, remesh, flatten, light, albedo, anchor, .. } = self;
+        let strokes = self.organ.strokes();
         let anchoring = [anchor.merge_px, anchor.merge_deg, anchor.contour_px, anchor.grazing_cos];
         check(&[
-            ("strokes", self.strokes.iter().all(OrganStroke::is_sound), "places near the frames"),
+            ("organ.strokes", strokes.iter().all(OrganStroke::is_sound), "places near the frames"),
             ("vertices", (100..=50_000).contains(vertices), "100 to 50,000"),
             ("remesh.rounds", remesh.rounds >= 1, "at least 1"),
             (
@@ -134,9 +125,18 @@ impl TemplateOptions {
     }
 }
 
+/// Where the fields of earlier versions stand.
+const MOVED: [Moved; 4] = [
+    Moved::To("outlines", "organ.outlines"),
+    Moved::To("click", "organ.click"),
+    Moved::To("strokes", "organ.strokes"),
+    Moved::To("whole", "organ.whole"),
+];
+
 /// Where the fields of the options are documented.
-const TABLES: [Documented; 11] = [
+const TABLES: [Documented; 12] = [
     ("", include_str!("options.rs"), "TemplateOptions"),
+    ("organ", include_str!("organ.rs"), "OrganOptions"),
     ("sfm", include_str!("../../sfm/options.rs"), "SfmOptions"),
     ("sfm.refine", include_str!("../../sfm/intrinsics.rs"), "RefineIntrinsics"),
     ("dense", include_str!("../../dense/options.rs"), "DenseOptions"),

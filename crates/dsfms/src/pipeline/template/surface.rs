@@ -1,13 +1,11 @@
 //! The surface that stereo saw, as the template's mesh.
 
-use super::organ::ToldOrgan;
-use super::{Exploration, FoundOrgan, TemplateError, TemplateOptions, click, kept, named, outline};
-use crate::camera::CameraModel;
+use super::found_organ::ToldOrgan;
+use super::registered::{RegisteredFrames, posed};
+use super::{Exploration, FoundOrgan, TemplateError, TemplateOptions, kept, named, outline};
 use crate::checkpoint::Keep;
-use crate::dense::{
-    DenseError, DenseOptions, DenseSurface, DepthMap, PosedFrame, depth_maps, surface, worthwhile,
-};
-use crate::geometry::{Isometry, Point3};
+use crate::dense::{DenseOptions, DenseSurface, DepthMap, PosedFrame, surface, worthwhile};
+use crate::geometry::Point3;
 use crate::mesh::Mesh;
 use crate::mesh::remesh::{fit_diagonals, remesh};
 use crate::mesh::surface_points::ClosestPoints;
@@ -35,10 +33,7 @@ pub(super) fn dense_mesh(
     keep: Keep,
 ) -> Result<StereoSurface, TemplateError> {
     let dense = DenseOptions {
-        // Which piece is the organ the user says, if anybody: it need not be the largest.
-        largest_only: options.dense.largest_only
-            && options.outlines.is_empty()
-            && options.click.is_none(),
+        largest_only: options.dense.largest_only && !options.organ.names_a_piece(),
         ..options.dense.for_template(options.vertices)
     };
     let (camera, poses) = (&sparse.camera, &sparse.poses);
@@ -64,7 +59,7 @@ pub(super) fn dense_mesh(
     progress.step("surface", 0, 2);
     let seen = surface(&views, &maps, &dense)?;
     progress.step("surface", 1, 2);
-    let fine = outline::trim(seen.mesh.clone(), camera, &scene.named, &options.outlines)?;
+    let fine = outline::trim(seen.mesh.clone(), camera, &scene.named, options.organ.outlines())?;
     let fine = scene.piece(fine)?;
     let mut mesh = remesh(&fine, options.vertices, &options.remesh)?;
     if options.fit_diagonals {
@@ -89,99 +84,6 @@ fn shown<'a>(views: &[PosedFrame<'a>], organ: &'a FoundOrgan) -> Vec<PosedFrame<
         Some(PosedFrame { organ: Some(mask), ..*view })
     };
     views.iter().filter_map(own).collect()
-}
-
-/// Depth pixels of a frame by which the organ is told, at most: about as many as the labelling looks at.
-const COARSE: usize = 20_000;
-/// And at least, all frames together: stereo on less finds nothing.
-const COARSE_ALL: usize = 1000;
-/// The registered frames and what structure from motion knows of them.
-pub(super) struct RegisteredFrames<'a> {
-    pub(super) exploration: &'a Exploration<'a>,
-    pub(super) sparse: &'a SparseReconstruction,
-    pub(super) camera: &'a CameraModel,
-    pub(super) views: Vec<PosedFrame<'a>>,
-    points: &'a [Point3],
-    /// Name and `camera_from_world`.
-    pub(super) named: Vec<(&'a str, Isometry)>,
-    pub(super) options: &'a TemplateOptions,
-    pub(super) progress: &'a dyn Progress,
-}
-
-impl RegisteredFrames<'_> {
-    fn stereo(
-        &self,
-        views: &[PosedFrame],
-        options: &DenseOptions,
-        stage: &str,
-    ) -> Result<Vec<DepthMap>, DenseError> {
-        let report = |done, total| self.progress.step(stage, done, total);
-        depth_maps(views, self.points, options, &report)
-    }
-
-    /// The piece of a surface that was clicked; all of it without a click.
-    fn piece(&self, mesh: Mesh) -> Result<Mesh, TemplateError> {
-        click::pick(mesh, self.camera, &self.named, self.options.click.as_ref())
-    }
-
-    /// The organ as the frames tell it from what lies behind, and that; see [`super::BuiltTemplate::organ`].
-    fn organ(&self, options: &DenseOptions) -> Result<ToldOrgan, TemplateError> {
-        if self.said() {
-            return Ok(ToldOrgan::default());
-        }
-        let coarse = self.coarser(options);
-        let maps = self.stereo(&self.views, &coarse, "coarse stereo")?;
-        let alone = self.options.click.is_some() && self.options.strokes.is_empty();
-        let scene = self.kept(&maps);
-        if alone && self.piece_alone(&maps, &coarse)? {
-            return Ok(ToldOrgan { scene: Some(scene), ..ToldOrgan::default() });
-        }
-        self.progress.step("organ", 0, 1);
-        let found = self.outlined(&maps, scene, &coarse);
-        self.progress.step("organ", 1, 1);
-        found
-    }
-
-    /// Whether the user says in every frame where the organ ends, or wants everything.
-    fn said(&self) -> bool {
-        let masks = self.views.iter().all(|view| view.organ.is_some());
-        let options = self.options;
-        let named = options.click.is_some() || !options.strokes.is_empty();
-        masks || !options.outlines.is_empty() || (options.whole && !named)
-    }
-
-    /// Stereo on no more pixels than the labelling reads, of small frames on half their width and height, as the
-    /// surface itself: enough to tell the organ from what lies behind.
-    fn coarser(&self, options: &DenseOptions) -> DenseOptions {
-        let few = |view: &PosedFrame| (view.frame.rgb.len() / 4).min(COARSE);
-        let pixels = self.views.iter().map(few).sum::<usize>().max(COARSE_ALL);
-        DenseOptions { max_pixels: pixels.min(options.max_pixels), ..options.clone() }
-    }
-
-    /// Whether the piece clicked is the smaller part of what was seen and hangs on nothing else: its own rim is
-    /// then nearer the truth than an outline found in images.
-    fn piece_alone(&self, maps: &[DepthMap], options: &DenseOptions) -> Result<bool, DenseError> {
-        let seen = surface(&self.views, maps, options)?.mesh;
-        let all = seen.topology.faces.len();
-        Ok(self.piece(seen).is_ok_and(|piece| 2 * piece.topology.faces.len() < all))
-    }
-}
-
-fn posed<'a>(
-    exploration: &'a Exploration,
-    camera: &'a CameraModel,
-    poses: &[Option<Isometry>],
-) -> Vec<PosedFrame<'a>> {
-    let one = |(i, pose): (usize, &Option<Isometry>)| {
-        Some(PosedFrame {
-            frame: &exploration.frames[i],
-            camera,
-            pose: (*pose)?,
-            valid: exploration.valid.get(i).and_then(Option::as_ref),
-            organ: exploration.organ.get(i).and_then(Option::as_ref),
-        })
-    };
-    poses.iter().enumerate().filter_map(one).collect()
 }
 
 /// Standard deviation of what was seen where each vertex lies on it, length units; infinity where no
