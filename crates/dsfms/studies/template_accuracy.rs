@@ -124,12 +124,14 @@ struct Truth {
 impl Truth {
     fn read(scene: &Path) -> Outcome<Self> {
         let folder = scene.join("ground_truth");
-        let seen: ndarray::Array1<i16> =
-            ndarray_npy::read_npy(folder.join("rest_vertex_seen_count.npy"))?;
+        // A NumPy file of 16-bit counts behind a head of a stated length.
+        let seen = std::fs::read(folder.join("rest_vertex_seen_count.npy"))?;
+        let head = 10 + usize::from(u16::from_le_bytes([seen[8], seen[9]]));
+        let (seen, _) = seen[head..].as_chunks();
         Ok(Self {
             rest: read_mesh(&folder.join("rest_world.obj"))?,
             albedo: read_albedo_image(&folder.join("albedo.png"))?,
-            seen: seen.iter().map(|&n| n.max(0) as u32).collect(),
+            seen: seen.iter().map(|&n| i16::from_le_bytes(n).max(0) as u32).collect(),
             poses: read_poses(&folder.join("poses.json"), PoseList::Exploration)?,
         })
     }

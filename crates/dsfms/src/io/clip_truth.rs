@@ -3,11 +3,9 @@
 
 use super::InputError;
 use super::atomic::{WriteError, write_atomic};
-use super::npz::Npz;
+use super::npz::{NpyArray, Npz, NpzWriter};
 use crate::geometry::Point3;
-use ndarray::{Array2, Array3};
-use ndarray_npy::{NpzWriter, WriteNpzError};
-use std::io::Cursor;
+use std::io;
 use std::path::Path;
 
 /// One row of every list per frame, 32-bit.
@@ -50,29 +48,19 @@ impl ClipTruth {
 /// # Errors
 /// Frames of different vertex counts; a folder that cannot be written.
 pub fn write_clip_truth(path: &Path, truth: &ClipTruth) -> Result<(), WriteError> {
-    let bytes = pack(truth)
-        .map_err(|error| WriteError::new(path, std::io::Error::other(error.to_string())))?;
+    let bytes = pack(truth).map_err(|error| WriteError::new(path, error))?;
     write_atomic(path, |w| w.write_all(&bytes))
 }
 
-fn pack(truth: &ClipTruth) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
+fn pack(truth: &ClipTruth) -> io::Result<Vec<u8>> {
     let shape = [truth.frames(), truth.vertices.first().map_or(0, Vec::len)];
-    let flat = truth.vertices.iter().flatten().flatten().copied().collect();
-    let vertices = Array3::from_shape_vec((shape[0], shape[1], 3), flat)?;
-    let displacement = Array2::from_shape_vec(shape, truth.displacement.concat())?;
-    let visible = Array2::from_shape_vec(shape, truth.visible.concat())?;
-    let zone = Array2::from_shape_vec(shape, truth.zone.concat())?;
-    let mut buffer = Cursor::new(Vec::new());
-    let mut npz = NpzWriter::new_compressed(&mut buffer);
-    let mut add = || -> Result<(), WriteNpzError> {
-        npz.add_array("vertices", &vertices)?;
-        npz.add_array("displacement", &displacement)?;
-        npz.add_array("visible", &visible)?;
-        npz.add_array("zone", &zone)
-    };
-    add()?;
-    npz.finish()?;
-    Ok(buffer.into_inner())
+    let flat = truth.vertices.iter().flatten().flatten().copied();
+    let mut npz = NpzWriter::new(true);
+    npz.add("vertices", &[shape[0], shape[1], 3], flat)?;
+    npz.add("displacement", &shape, truth.displacement.concat())?;
+    npz.add("visible", &shape, truth.visible.concat())?;
+    npz.add("zone", &shape, truth.zone.concat())?;
+    npz.finish()
 }
 
 /// Read a truth.
@@ -82,24 +70,28 @@ fn pack(truth: &ClipTruth) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
 pub fn read_clip_truth(path: &Path) -> Result<ClipTruth, InputError> {
     let wrong = |reason: String| InputError::format(path, reason);
     let mut npz = Npz::open(path).map_err(wrong)?;
-    let vertices: Array3<f32> = npz.array("vertices").map_err(wrong)?;
-    let displacement: Array2<f32> = npz.array("displacement").map_err(wrong)?;
-    let visible: Array2<bool> = npz.array("visible").map_err(wrong)?;
-    let zone: Array2<bool> = npz.array("zone").map_err(wrong)?;
-    let expected = &vertices.shape()[..2];
-    let shapes = [displacement.shape(), visible.shape(), zone.shape()];
-    if vertices.shape()[2] != 3 || shapes.iter().any(|s| *s != expected) {
+    let vertices: NpyArray<f32, 3> = npz.array("vertices").map_err(wrong)?;
+    let displacement: NpyArray<f32, 2> = npz.array("displacement").map_err(wrong)?;
+    let visible: NpyArray<bool, 2> = npz.array("visible").map_err(wrong)?;
+    let zone: NpyArray<bool, 2> = npz.array("zone").map_err(wrong)?;
+    let [_, n, three] = vertices.shape;
+    let shapes = [displacement.shape, visible.shape, zone.shape];
+    if three != 3 || shapes.iter().any(|s| *s != vertices.shape[..2]) {
         let reason = "vertices (frames x vertices x 3), displacement, visible and zone (frames x \
                       vertices) differ in shape";
         return Err(InputError::Format { path: path.into(), reason: reason.into() });
     }
-    let frame = |f: ndarray::ArrayView2<f32>| f.outer_iter().map(|p| [p[0], p[1], p[2]]).collect();
     Ok(ClipTruth {
-        vertices: vertices.outer_iter().map(frame).collect(),
-        displacement: displacement.outer_iter().map(|f| f.to_vec()).collect(),
-        visible: visible.outer_iter().map(|f| f.to_vec()).collect(),
-        zone: zone.outer_iter().map(|f| f.to_vec()).collect(),
+        vertices: rows(vertices.values.as_chunks().0, vertices.shape[0], n),
+        displacement: rows(&displacement.values, vertices.shape[0], n),
+        visible: rows(&visible.values, vertices.shape[0], n),
+        zone: rows(&zone.values, vertices.shape[0], n),
     })
+}
+
+/// Values in rows of `n`, of which there may be none.
+fn rows<T: Clone>(values: &[T], count: usize, n: usize) -> Vec<Vec<T>> {
+    (0..count).map(|row| values[row * n..(row + 1) * n].to_vec()).collect()
 }
 
 #[cfg(test)]

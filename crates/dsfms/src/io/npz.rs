@@ -1,12 +1,53 @@
-//! Arrays out of NumPy's `.npz`, whose stated shapes are checked against the bytes that are there before
-//! anything of their size is made.
+//! Arrays in NumPy's `.npz`. Shapes that are read are checked against the bytes that are there before anything of
+//! their size is made.
 
 use crate::guard;
-use ndarray::{Array, Dimension, OwnedRepr};
-use ndarray_npy::{ReadNpyExt, ReadableElement};
-use std::io::{Cursor, Read};
+use std::io::{self, Cursor, Read, Write};
 use std::path::Path;
-use zip::ZipArchive;
+use zip::write::{SimpleFileOptions, ZipWriter};
+use zip::{CompressionMethod, ZipArchive};
+
+/// An array of `N` dimensions, the last of them running fastest.
+#[derive(Debug, PartialEq)]
+pub(crate) struct NpyArray<T, const N: usize> {
+    pub(crate) shape: [usize; N],
+    pub(crate) values: Vec<T>,
+}
+
+/// What an array holds.
+pub(crate) trait NpyValue: Copy {
+    /// NumPy's name of it, of least byte first.
+    const KIND: &'static str;
+    /// From its bytes; `None` for bytes that are no value.
+    fn of(bytes: &[u8]) -> Option<Self>;
+    /// Its bytes, behind others.
+    fn put(self, bytes: &mut Vec<u8>);
+}
+
+macro_rules! npy_number {
+    ($($type:ty = $kind:literal),*) => {$(
+        impl NpyValue for $type {
+            const KIND: &'static str = $kind;
+            fn of(bytes: &[u8]) -> Option<Self> {
+                Some(Self::from_le_bytes(bytes.try_into().ok()?))
+            }
+            fn put(self, bytes: &mut Vec<u8>) {
+                bytes.extend(self.to_le_bytes());
+            }
+        }
+    )*};
+}
+npy_number!(u8 = "|u1", u16 = "<u2", u32 = "<u4", f32 = "<f4", f64 = "<f8");
+
+impl NpyValue for bool {
+    const KIND: &'static str = "|b1";
+    fn of(bytes: &[u8]) -> Option<Self> {
+        (bytes[0] <= 1).then_some(bytes[0] == 1)
+    }
+    fn put(self, bytes: &mut Vec<u8>) {
+        bytes.push(self.into());
+    }
+}
 
 /// Deflate makes no more than so many bytes of one.
 const MOST_RATIO: u64 = 1040;
@@ -29,20 +70,30 @@ impl Npz {
     }
 
     /// The array of a name.
-    pub(crate) fn array<T: ReadableElement, D: Dimension>(
+    pub(crate) fn array<T: NpyValue, const N: usize>(
         &mut self,
         name: &str,
-    ) -> Result<Array<T, D>, String> {
+    ) -> Result<NpyArray<T, N>, String> {
         let wrong = |reason: String| format!("array '{name}': {reason}");
         let bytes = self.entry(name).map_err(wrong)?;
-        check_shape(&bytes, size_of::<T>()).map_err(wrong)?;
-        let read = || ndarray::ArrayBase::<OwnedRepr<T>, D>::read_npy(Cursor::new(&bytes));
-        guard::caught(read).map_err(wrong)?.map_err(|e| wrong(e.to_string()))
+        parse(&bytes).map_err(wrong)
     }
 
     /// The numbers of an array of one dimension.
-    pub(crate) fn list<T: ReadableElement>(&mut self, name: &str) -> Result<Vec<T>, String> {
-        Ok(self.array::<T, ndarray::Ix1>(name)?.into_iter().collect())
+    pub(crate) fn list<T: NpyValue>(&mut self, name: &str) -> Result<Vec<T>, String> {
+        Ok(self.array::<T, 1>(name)?.values)
+    }
+
+    /// The rows of an `n × N` array.
+    pub(crate) fn rows<T: NpyValue, const N: usize>(
+        &mut self,
+        name: &str,
+    ) -> Result<Vec<[T; N]>, String> {
+        let NpyArray { shape: [_, columns], values } = self.array(name)?;
+        if columns != N {
+            return Err(format!("array '{name}' has {columns} columns, expected {N}"));
+        }
+        Ok(values.as_chunks().0.to_vec())
     }
 
     fn entry(&mut self, name: &str) -> Result<Vec<u8>, String> {
@@ -64,20 +115,107 @@ impl Npz {
     }
 }
 
-/// Whether the shape in the head of a `.npy` needs exactly the bytes behind it, of `size` each.
-fn check_shape(bytes: &[u8], size: usize) -> Result<(), String> {
+/// An npz being written.
+pub(crate) struct NpzWriter(ZipWriter<Cursor<Vec<u8>>>, SimpleFileOptions);
+
+impl NpzWriter {
+    /// Of packed arrays, or as they are.
+    pub(crate) fn new(packed: bool) -> Self {
+        let method = if packed { CompressionMethod::Deflated } else { CompressionMethod::Stored };
+        let options = SimpleFileOptions::default().compression_method(method);
+        Self(ZipWriter::new(Cursor::new(Vec::new())), options)
+    }
+
+    /// An array of a shape.
+    ///
+    /// # Errors
+    /// Values that do not fill the shape.
+    pub(crate) fn add<T: NpyValue>(
+        &mut self,
+        name: &str,
+        shape: &[usize],
+        values: impl IntoIterator<Item = T>,
+    ) -> io::Result<()> {
+        let mut data = Vec::new();
+        values.into_iter().for_each(|value| value.put(&mut data));
+        if data.len() != shape.iter().product::<usize>() * size_of::<T>() {
+            return Err(io::Error::other(format!(
+                "array '{name}' does not fill the shape {shape:?}"
+            )));
+        }
+        self.0.start_file(format!("{name}.npy"), self.1)?;
+        let dimensions: Vec<String> = shape.iter().map(usize::to_string).collect();
+        let comma = if shape.len() == 1 { "," } else { "" };
+        let text = format!(
+            "{{'descr': '{}', 'fortran_order': False, 'shape': ({}{comma})}}",
+            T::KIND,
+            dimensions.join(", ")
+        );
+        // Padded by a byte or more to a multiple of 64, with the ten before it.
+        let length = (10 + text.len() + 2).next_multiple_of(64) - 10;
+        self.0.write_all(b"\x93NUMPY\x01\x00")?;
+        self.0.write_all(&(length as u16).to_le_bytes())?;
+        self.0.write_all(format!("{text:<width$}\n", width = length - 1).as_bytes())?;
+        self.0.write_all(&data)
+    }
+
+    /// The bytes of the file.
+    ///
+    /// # Errors
+    /// More than a zip can hold.
+    pub(crate) fn finish(self) -> io::Result<Vec<u8>> {
+        Ok(self.0.finish()?.into_inner())
+    }
+}
+
+/// The array of a whole `.npy`, whose shape needs exactly the bytes behind it.
+fn parse<T: NpyValue, const N: usize>(bytes: &[u8]) -> Result<NpyArray<T, N>, String> {
     let (head, data) = head(bytes).ok_or("has no NumPy header")?;
-    let shape = head.split_once("'shape'").and_then(|(_, rest)| {
-        let (inner, _) = rest.split_once('(')?.1.split_once(')')?;
+    let field =
+        |name: &str| head.split_once(name).map(|(_, rest)| rest.trim_start_matches([':', ' ']));
+    let shape = field("'shape'").and_then(|rest| {
+        let (inner, _) = rest.strip_prefix('(')?.split_once(')')?;
         let words = inner.split(',').map(str::trim).filter(|w| !w.is_empty());
         words.map(|w| w.trim_end_matches('L').parse::<usize>().ok()).collect::<Option<Vec<_>>>()
     });
     let shape = shape.ok_or("has no shape")?;
-    let needed = shape.iter().try_fold(size, |n, &d| n.checked_mul(d));
-    match needed {
-        Some(needed) if needed == data.len() => Ok(()),
-        _ => Err(format!("states the shape {shape:?}, but holds {} bytes", data.len())),
+    let needed = shape.iter().try_fold(size_of::<T>(), |n, &d| n.checked_mul(d));
+    if needed != Some(data.len()) {
+        return Err(format!("states the shape {shape:?}, but holds {} bytes", data.len()));
     }
+    let dimensions = shape.len();
+    let shape: [usize; N] =
+        shape.try_into().map_err(|_| format!("has {dimensions} dimensions, expected {N}"))?;
+    let kind = field("'descr'").and_then(|rest| rest.strip_prefix('\'')?.split_once('\''));
+    let kind = kind.map_or("", |(kind, _)| kind);
+    let swapped =
+        kind.strip_prefix('>').is_some_and(|rest| T::KIND.strip_prefix('<') == Some(rest));
+    if !swapped && kind != T::KIND {
+        return Err(format!("holds '{kind}', expected '{}'", T::KIND));
+    }
+    let value = |bytes: &[u8]| match swapped {
+        true => T::of(&bytes.iter().rev().copied().collect::<Vec<u8>>()),
+        false => T::of(bytes),
+    };
+    let values: Option<Vec<T>> = data.chunks_exact(size_of::<T>()).map(value).collect();
+    let values = values.ok_or("holds what is no value")?;
+    let first_fastest = field("'fortran_order'").is_some_and(|rest| rest.starts_with("True"));
+    let values = if first_fastest { last_fastest(&values, &shape) } else { values };
+    Ok(NpyArray { shape, values })
+}
+
+/// Values of which the first dimension runs fastest, with the last doing so.
+fn last_fastest<T: Copy>(values: &[T], shape: &[usize]) -> Vec<T> {
+    let at = |mut place: usize| {
+        let (mut from, mut step) = (0, values.len());
+        for &n in shape.iter().rev() {
+            step /= n;
+            from += place % n * step;
+            place /= n;
+        }
+        values[from]
+    };
+    (0..values.len()).map(at).collect()
 }
 
 /// The text of the header, and the data.
@@ -94,19 +232,22 @@ fn head(bytes: &[u8]) -> Option<(&str, &[u8])> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::Write;
-    use zip::write::{SimpleFileOptions, ZipWriter};
 
     /// An npz with one array of doubles whose header states a shape.
     fn npz(shape: &str, values: &[f64]) -> Vec<u8> {
-        let text = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}");
+        let values: Vec<[u8; 8]> = values.iter().map(|v| v.to_le_bytes()).collect();
+        let head = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}");
+        npz_of(&head, &values)
+    }
+
+    fn npz_of(text: &str, values: &[[u8; 8]]) -> Vec<u8> {
         let width = (text.len() + 11).next_multiple_of(64) - 11;
         let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
         zip.start_file("a.npy", SimpleFileOptions::default()).unwrap();
         zip.write_all(b"\x93NUMPY\x01\x00").unwrap();
         zip.write_all(&((width + 1) as u16).to_le_bytes()).unwrap();
         zip.write_all(format!("{text:<width$}\n").as_bytes()).unwrap();
-        values.iter().for_each(|v| zip.write_all(&v.to_le_bytes()).unwrap());
+        values.iter().for_each(|v| zip.write_all(v).unwrap());
         zip.finish().unwrap().into_inner()
     }
 
@@ -126,6 +267,25 @@ mod tests {
         assert!(Npz::of(npz("(2,)", &[1.0, 2.0])).unwrap().list::<f32>("a").is_err());
         assert!(Npz::of(npz("(2,)", &[1.0, 2.0])).unwrap().list::<f64>("b").is_err());
         assert!(Npz::of(b"no zip".to_vec()).is_err());
+    }
+
+    #[test]
+    fn arrays_come_back_whatever_runs_fastest() {
+        let mut npz = NpzWriter::new(true);
+        npz.add("a", &[2, 3], [1u16, 2, 3, 4, 5, 600]).unwrap();
+        npz.add("b", &[2], [true, false]).unwrap();
+        assert!(npz.add("c", &[3], [1.0f32]).is_err());
+        let mut npz = Npz::of(npz.finish().unwrap()).unwrap();
+        assert_eq!(npz.rows("a"), Ok(vec![[1u16, 2, 3], [4, 5, 600]]));
+        assert_eq!(npz.list("b"), Ok(vec![true, false]));
+        assert!(npz.list::<u16>("a").is_err() && npz.rows::<u16, 2>("a").is_err());
+        assert!(npz.list::<u8>("b").unwrap_err().contains("'|b1'"));
+        assert_eq!(last_fastest(&[1, 4, 2, 5, 3, 6], &[2, 3]), [1, 2, 3, 4, 5, 6]);
+        let other = npz_of(
+            "{'descr': '>f8', 'fortran_order': False, 'shape': (1,), }",
+            &[1.5f64.to_be_bytes()],
+        );
+        assert_eq!(read(other), Ok(vec![1.5]));
     }
 
     #[test]

@@ -1,81 +1,52 @@
 //! The NumPy files of a template.
 
 use super::atomic::{WriteError, write_atomic};
-use super::npz;
+use super::npz::{NpyArray, NpyValue, Npz, NpzWriter};
 use super::template_error::{TemplateFileError, expect};
 use crate::geometry::Point2;
 use crate::mesh::Topology;
 use crate::template::{Features, Flattening, SurfaceTexels};
-use ndarray::{Array, Array2, Array3, Dimension};
-use ndarray_npy::{NpzWriter, ReadableElement, WritableElement};
-use std::io::{self, Cursor, Write};
+use std::io;
 use std::path::Path;
 
-/// An npz under construction.
-struct OpenArrays(NpzWriter<Cursor<Vec<u8>>>);
-
-impl OpenArrays {
-    fn write(
-        path: &Path,
-        fill: impl FnOnce(&mut Self) -> io::Result<()>,
-    ) -> Result<(), WriteError> {
-        let mut npz = Self(NpzWriter::new_compressed(Cursor::new(Vec::new())));
-        fill(&mut npz).map_err(|e| WriteError::new(path, e))?;
-        let bytes = npz.0.finish().map_err(|e| WriteError::new(path, io::Error::other(e)))?;
-        write_atomic(path, |w: &mut dyn Write| w.write_all(bytes.get_ref()))
-    }
-
-    fn add<T: WritableElement + Clone, D: Dimension>(
-        &mut self,
-        name: &str,
-        shape: impl ndarray::IntoDimension<Dim = D>,
-        values: Vec<T>,
-    ) -> io::Result<()> {
-        let array =
-            Array::from_shape_vec(shape.into_dimension(), values).map_err(io::Error::other)?;
-        self.0.add_array(name, &array).map_err(io::Error::other)
-    }
+/// Write an npz whole, with what fills it.
+fn write_npz(
+    path: &Path,
+    fill: impl FnOnce(&mut NpzWriter) -> io::Result<()>,
+) -> Result<(), WriteError> {
+    let mut npz = NpzWriter::new(true);
+    let bytes = fill(&mut npz).and_then(|()| npz.finish()).map_err(|e| WriteError::new(path, e))?;
+    write_atomic(path, |w| w.write_all(&bytes))
 }
 
 /// An npz being read; every failure names the file and the array.
 struct ArrayReader<'a> {
     path: &'a Path,
-    npz: npz::Npz,
+    npz: Npz,
 }
 
 impl<'a> ArrayReader<'a> {
     fn open(path: &'a Path) -> Result<Self, TemplateFileError> {
-        let npz = npz::Npz::open(path).map_err(|reason| damaged(path, reason))?;
+        let npz = Npz::open(path).map_err(|reason| damaged(path, reason))?;
         Ok(Self { path, npz })
     }
 
-    fn array<T: ReadableElement, D: Dimension>(
+    fn array<T: NpyValue, const N: usize>(
         &mut self,
         name: &str,
-    ) -> Result<Array<T, D>, TemplateFileError> {
+    ) -> Result<NpyArray<T, N>, TemplateFileError> {
         self.npz.array(name).map_err(|reason| damaged(self.path, reason))
     }
 
-    fn list<T: ReadableElement>(&mut self, name: &str) -> Result<Vec<T>, TemplateFileError> {
+    fn list<T: NpyValue>(&mut self, name: &str) -> Result<Vec<T>, TemplateFileError> {
         self.npz.list(name).map_err(|reason| damaged(self.path, reason))
     }
 
-    /// Rows of an `n × N` array.
-    fn rows<T: ReadableElement + Copy + Default, const N: usize>(
+    fn rows<T: NpyValue, const N: usize>(
         &mut self,
         name: &str,
     ) -> Result<Vec<[T; N]>, TemplateFileError> {
-        let array: Array2<T> = self.array(name)?;
-        if array.ncols() != N {
-            let reason = format!("array '{name}' has {} columns, expected {N}", array.ncols());
-            return Err(damaged(self.path, reason));
-        }
-        let row = |row: ndarray::ArrayView1<T>| {
-            let mut out = [T::default(); N];
-            out.iter_mut().zip(row).for_each(|(o, v)| *o = *v);
-            out
-        };
-        Ok(array.outer_iter().map(row).collect())
+        self.npz.rows(name).map_err(|reason| damaged(self.path, reason))
     }
 }
 
@@ -84,7 +55,7 @@ fn damaged(path: &Path, reason: String) -> TemplateFileError {
 }
 
 pub(super) fn write_seen(path: &Path, seen: &[u32]) -> Result<(), WriteError> {
-    OpenArrays::write(path, |npz| npz.add("seen", seen.len(), seen.to_vec()))
+    write_npz(path, |npz| npz.add("seen", &[seen.len()], seen.iter().copied()))
 }
 
 pub(super) fn read_seen(path: &Path) -> Result<Vec<u32>, TemplateFileError> {
@@ -92,7 +63,7 @@ pub(super) fn read_seen(path: &Path) -> Result<Vec<u32>, TemplateFileError> {
 }
 
 pub(super) fn write_sigma(path: &Path, sigma: &[f64]) -> Result<(), WriteError> {
-    OpenArrays::write(path, |npz| npz.add("sigma", sigma.len(), sigma.to_vec()))
+    write_npz(path, |npz| npz.add("sigma", &[sigma.len()], sigma.iter().copied()))
 }
 
 pub(super) fn read_sigma(path: &Path, vertices: usize) -> Result<Vec<f64>, TemplateFileError> {
@@ -105,12 +76,12 @@ pub(super) fn read_sigma(path: &Path, vertices: usize) -> Result<Vec<f64>, Templ
 }
 
 pub(super) fn write_albedo(path: &Path, texels: &SurfaceTexels) -> Result<(), WriteError> {
-    OpenArrays::write(path, |npz| {
+    write_npz(path, |npz| {
         let n = texels.value.len();
-        npz.add("resolution", texels.resolution.len(), texels.resolution.clone())?;
-        npz.add("value", (n, 3), texels.value.iter().flatten().copied().collect())?;
-        npz.add("spread", texels.spread.len(), texels.spread.clone())?;
-        npz.add("views", texels.views.len(), texels.views.clone())
+        npz.add("resolution", &[texels.resolution.len()], texels.resolution.iter().copied())?;
+        npz.add("value", &[n, 3], texels.value.iter().flatten().copied())?;
+        npz.add("spread", &[texels.spread.len()], texels.spread.iter().copied())?;
+        npz.add("views", &[texels.views.len()], texels.views.iter().copied())
     })
 }
 
@@ -139,12 +110,16 @@ pub(super) fn read_albedo(
 }
 
 pub(super) fn write_flattening(path: &Path, map: &Flattening) -> Result<(), WriteError> {
-    OpenArrays::write(path, |npz| {
-        let corners = map.corners.iter().flatten().flat_map(|p| [p.x, p.y]).collect();
-        npz.add("corners", (map.corners.len(), 3, 2), corners)?;
-        npz.add("seam", (map.seam.len(), 2), map.seam.iter().flatten().copied().collect())?;
-        npz.add("quasi_conformal", map.quasi_conformal.len(), map.quasi_conformal.clone())?;
-        npz.add("log_area", map.log_area.len(), map.log_area.clone())
+    write_npz(path, |npz| {
+        let corners = map.corners.iter().flatten().flat_map(|p| [p.x, p.y]);
+        npz.add("corners", &[map.corners.len(), 3, 2], corners)?;
+        npz.add("seam", &[map.seam.len(), 2], map.seam.iter().flatten().copied())?;
+        npz.add(
+            "quasi_conformal",
+            &[map.quasi_conformal.len()],
+            map.quasi_conformal.iter().copied(),
+        )?;
+        npz.add("log_area", &[map.log_area.len()], map.log_area.iter().copied())
     })
 }
 
@@ -153,14 +128,17 @@ pub(super) fn read_flattening(
     topology: &Topology,
 ) -> Result<Flattening, TemplateFileError> {
     let mut npz = ArrayReader::open(path)?;
-    let corners: Array3<f64> = npz.array("corners")?;
+    let corners: NpyArray<f64, 3> = npz.array("corners")?;
     let faces = topology.faces.len();
-    if corners.dim() != (faces, 3, 2) {
+    if corners.shape != [faces, 3, 2] {
         let reason =
-            format!("array 'corners' has shape {:?}, expected {faces} x 3 x 2", corners.dim());
+            format!("array 'corners' has shape {:?}, expected {faces} x 3 x 2", corners.shape);
         return Err(damaged(path, reason));
     }
-    let corner = |f: usize, k: usize| Point2::new(corners[[f, k, 0]], corners[[f, k, 1]]);
+    let corner = |f: usize, k: usize| {
+        let at = 6 * f + 2 * k;
+        Point2::new(corners.values[at], corners.values[at + 1])
+    };
     let map = Flattening {
         corners: (0..faces).map(|f| [0, 1, 2].map(|k| corner(f, k))).collect(),
         seam: npz.rows("seam")?,
@@ -176,12 +154,12 @@ pub(super) fn read_flattening(
 }
 
 pub(super) fn write_features(path: &Path, features: &Features) -> Result<(), WriteError> {
-    OpenArrays::write(path, |npz| {
+    write_npz(path, |npz| {
         let n = features.descriptors.len();
-        npz.add("descriptors", (n, 128), features.descriptors.iter().flatten().copied().collect())?;
-        npz.add("faces", features.faces.len(), features.faces.clone())?;
-        let flat = features.barycentrics.iter().flatten().copied().collect();
-        npz.add("barycentrics", (features.barycentrics.len(), 3), flat)
+        npz.add("descriptors", &[n, 128], features.descriptors.iter().flatten().copied())?;
+        npz.add("faces", &[features.faces.len()], features.faces.iter().copied())?;
+        let flat = features.barycentrics.iter().flatten().copied();
+        npz.add("barycentrics", &[features.barycentrics.len(), 3], flat)
     })
 }
 

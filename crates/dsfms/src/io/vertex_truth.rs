@@ -3,10 +3,7 @@
 
 use super::InputError;
 use super::atomic::{WriteError, write_atomic};
-use super::npz::Npz;
-use ndarray::Array1;
-use ndarray_npy::NpzWriter;
-use std::io::Cursor;
+use super::npz::{Npz, NpzWriter};
 use std::path::{Path, PathBuf};
 
 /// One entry per vertex.
@@ -43,20 +40,23 @@ pub fn read_vertex_truth(path: &Path) -> Result<VertexTruth, InputError> {
 /// # Errors
 /// A file that cannot be written.
 pub fn write_vertex_truth(path: &Path, truth: &VertexTruth) -> Result<(), WriteError> {
-    let displacement = truth.displacement.iter().map(|&d| d as f32);
-    let mut buffer = Cursor::new(Vec::new());
-    let mut npz = NpzWriter::new(&mut buffer);
-    npz.add_array("visible", &Array1::from(truth.visible.clone()))
-        .and_then(|()| npz.add_array("displacement", &displacement.collect::<Array1<f32>>()))
-        .and_then(|()| npz.finish().map(|_| ()))
-        .map_err(|error| WriteError::new(path, std::io::Error::other(error.to_string())))?;
-    write_atomic(path, |w| w.write_all(buffer.get_ref()))
+    let pack = || {
+        let mut npz = NpzWriter::new(false);
+        npz.add("visible", &[truth.visible.len()], truth.visible.iter().copied())?;
+        npz.add(
+            "displacement",
+            &[truth.displacement.len()],
+            truth.displacement.iter().map(|&d| d as f32),
+        )?;
+        npz.finish()
+    };
+    let bytes = pack().map_err(|error| WriteError::new(path, error))?;
+    write_atomic(path, |w| w.write_all(&bytes))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::array;
 
     #[test]
     fn reads_what_numpy_writes_and_names_what_is_missing() {
@@ -64,12 +64,12 @@ mod tests {
         let path = vertex_truth_path(&folder.path().join("frame_001.ply"));
         assert!(path.ends_with("frame_001_vertices.npz"));
         let write = |with_displacement: bool| {
-            let mut npz = NpzWriter::new(std::fs::File::create(&path).unwrap());
-            npz.add_array("visible", &array![true, false]).unwrap();
+            let mut npz = NpzWriter::new(false);
+            npz.add("visible", &[2], [true, false]).unwrap();
             if with_displacement {
-                npz.add_array("displacement", &array![0.5f32, 2.0]).unwrap();
+                npz.add("displacement", &[2], [0.5f32, 2.0]).unwrap();
             }
-            npz.finish().unwrap();
+            std::fs::write(&path, npz.finish().unwrap()).unwrap();
         };
         write(true);
         let truth = read_vertex_truth(&path).unwrap();

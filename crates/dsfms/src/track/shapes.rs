@@ -3,8 +3,7 @@
 use crate::geometry::Point3;
 use crate::io::InputError;
 use crate::io::atomic::{WriteError, write_atomic};
-use crate::io::npz::Npz;
-use ndarray::{Array1, Array3};
+use crate::io::npz::{NpyArray, Npz};
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -87,14 +86,16 @@ impl ShapeFile {
 pub fn read_shapes(path: &Path) -> Result<(Vec<Vec<Point3>>, Vec<u8>), InputError> {
     let format = |reason: String| InputError::Format { path: path.into(), reason };
     let mut npz = Npz::open(path).map_err(format)?;
-    let shapes: Array3<f32> = npz.array("vertices").map_err(format)?;
-    let status: Array1<u8> = npz.array("status").map_err(format)?;
-    if shapes.shape()[2] != 3 || shapes.shape()[0] != status.len() {
+    let shapes: NpyArray<f32, 3> = npz.array("vertices").map_err(format)?;
+    let status: Vec<u8> = npz.list("status").map_err(format)?;
+    let [frames, vertices, three] = shapes.shape;
+    if three != 3 || frames != status.len() {
         return Err(format("vertices is not frames x vertices x 3 of as many as status".into()));
     }
-    let point = |p: ndarray::ArrayView1<f32>| Point3::new(p[0].into(), p[1].into(), p[2].into());
-    let shape = |s: ndarray::ArrayView2<f32>| s.outer_iter().map(point).collect();
-    Ok((shapes.outer_iter().map(shape).collect(), status.to_vec()))
+    let point = |p: &[f32; 3]| Point3::from(p.map(f64::from));
+    let points: Vec<Point3> = shapes.values.as_chunks().0.iter().map(point).collect();
+    let shape = |f: usize| points[f * vertices..(f + 1) * vertices].to_vec();
+    Ok(((0..frames).map(shape).collect(), status))
 }
 
 fn pack(
@@ -150,7 +151,7 @@ mod tests {
         assert_eq!((shapes[0][1].z, shapes[0][0].y), (6.5, 2.0));
         assert!(shapes[1].iter().all(|p| p.coords.iter().all(|v| v.is_nan())));
         assert_eq!(status, [0, 2]);
-        let visible: ndarray::Array2<u8> = Npz::open(&path).unwrap().array("visible").unwrap();
-        assert_eq!(visible.as_slice().unwrap(), [0, 1, 0, 0]);
+        let visible: NpyArray<u8, 2> = Npz::open(&path).unwrap().array("visible").unwrap();
+        assert_eq!(visible.values, [0, 1, 0, 0]);
     }
 }
