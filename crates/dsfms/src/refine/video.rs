@@ -174,6 +174,12 @@ pub fn join_near(
     Carried { exposure_changed: true, ..free }
 }
 
+/// The many matches of a followed frame tell the exposure themselves where they are at rest.
+fn exposure_here(photo: &Photograph, at_matches: Option<AtMatches>) -> Option<Exposure> {
+    let here = at_matches.filter(AtMatches::calm).map(|at| at.log_gain);
+    photo.exposure.map(|e| Exposure { log_gain: here.unwrap_or(e.log_gain), ..e })
+}
+
 /// Solve with the exposure as the photograph tells it; `true` where brightness told distance.
 fn near_told(
     memory: &mut VideoMemory,
@@ -186,28 +192,25 @@ fn near_told(
     let solver = video.solver();
     let NearFrame { body, matches, posed, photo, .. } = *frame;
     let scene = body.scene();
-    let (workspace, rings) = memory.ready(&scene.rest.topology, near.shape.len());
+    let topology = &scene.rest.topology;
+    let (workspace, rings) = memory.ready(topology, near.shape.len());
     let mut state = Unknowns { vertices: near.shape.to_vec(), globals: vec![0.0, near.ambient] };
     let (mut samples, mut residual, mut steps, mut told) = (0, 0.0, 0, None);
     let before = if near.gap { &video.blurs_after_gap[..] } else { &[] };
-    for (stage, &blur) in before.iter().chain([&video.blur]).enumerate() {
-        // Coarse stages have yet to bring the matches within reach.
-        let match_px = if stage < before.len() { joint.match_px } else { video.match_px };
+    // Coarse stages have yet to bring the matches within reach.
+    let before = before.iter().map(|&blur| (blur, joint.match_px));
+    for (blur, match_px) in before.chain([(video.blur, video.match_px)]) {
         let full = body.carried(&state.vertices);
         let look = look(photo, body.full().rest, &full, blur, joint);
         // Where only the pose puts the matches: a shape that a wrong exposure has moved agrees with it.
         let at = || AtMatches::of(&look, scene, matches, [posed; 2]);
-        let at_matches = if stage == 0 { at() } else { None };
+        let at_matches = told.is_none().then(at).flatten();
         let seen = ImageSamples::of(look, body, &state.vertices, joint);
         let Told { gain, hold, options, .. } = told.get_or_insert_with(|| {
-            // The many matches of a followed frame tell the exposure themselves where they are at rest.
-            let here = at_matches.filter(AtMatches::calm).map(|at| at.log_gain);
-            let here = |e: Exposure| Exposure { log_gain: here.unwrap_or(e.log_gain), ..e };
-            let exposure = photo.exposure.map(here);
+            let exposure = exposure_here(photo, at_matches);
             Told::of(frame, exposure, seen.log_gain, at_matches, joint, false)
         });
         samples = seen.samples.len();
-        let topology = &scene.rest.topology;
         let shading = Photometric::new(photo.camera, photo.light, &seen.image, rings, seen.samples);
         state.globals[0] = shading.log_gain(topology, &state.vertices, state.globals[1]);
         let problem = JointProblem {

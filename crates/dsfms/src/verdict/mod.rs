@@ -14,7 +14,6 @@ pub mod reason;
 pub mod regions;
 pub mod strain;
 pub mod thresholds;
-mod words;
 
 use crate::template::usual::Appearance;
 pub use evidence::{Evidence, MatchCount};
@@ -55,6 +54,14 @@ pub struct Verdict {
     pub level: Level,
     /// Most serious first; empty where nothing speaks against the surface.
     pub reasons: Vec<Reason>,
+}
+
+/// All reasons in one line; empty where nothing speaks against the surface.
+impl std::fmt::Display for Verdict {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let reasons: Vec<String> = self.reasons.iter().map(Reason::to_string).collect();
+        f.write_str(&reasons.join("; "))
+    }
 }
 
 impl Verdict {
