@@ -9,7 +9,7 @@ use crate::work;
 use dsfms::calibrate::{Board, CalibrateOptions, calibrate as solve};
 use dsfms::eval::zone::extent;
 use dsfms::eval::{Alignment, EvaluateOptions, Truth, deformed_zone, evaluate as compare};
-use dsfms::experiment::Organ;
+use dsfms::experiment::SeriesOrgan;
 use dsfms::image::ToneCurve;
 use dsfms::io::camera::CameraFile;
 use dsfms::pipeline::inputs::Purpose;
@@ -161,7 +161,7 @@ pub fn _synthesize<'py>(
     };
     let protocol = Protocol { vertices, light, matches, everywhere, seed, ..Default::default() };
     let case = work::run(py, None, move |_| {
-        let organ = Organ::named(&organ).map_err(IntoPython::into_python)?;
+        let organ = SeriesOrgan::named(&organ).map_err(IntoPython::into_python)?;
         organ.case(&protocol, Cell { extension, noise }, index).map_err(IntoPython::into_python)
     })??;
     let result = PyDict::new(py);

@@ -8,7 +8,7 @@
 
 use dsfms::expected_error::model::LARGEST;
 use dsfms::expected_error::{COUNT, ErrorFeatures, Model, NAMES, Solved, features};
-use dsfms::experiment::Organ;
+use dsfms::experiment::SeriesOrgan;
 use dsfms::geometry::{Point2, Point3};
 use dsfms::image::{Frame, Mask, Picture, ToneCurve, usable, viewport};
 use dsfms::mesh::remesh::{RemeshOptions, remesh};
@@ -48,7 +48,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let cases: usize = arguments.next().map_or(Ok(30), |a| a.parse())?;
     let out = arguments.next();
-    let organs = [Organ::named("patch")?, Organ::named("uterus")?, Organ::named("liver")?];
+    let organs =
+        [SeriesOrgan::named("patch")?, SeriesOrgan::named("uterus")?, SeriesOrgan::named("liver")?];
     let [fit, test] = SEEDS.map(|seed| rows(&organs, seed, cases));
     let (mut svg, mut csv) =
         (Plot::new(), format!("model,set,case,seen,observed,error,{}\n", NAMES.join(",")));
@@ -82,7 +83,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// The rows of every model.
-fn rows(organs: &[Organ; 3], seed: u64, cases: usize) -> [Vec<Row>; 4] {
+fn rows(organs: &[SeriesOrgan; 3], seed: u64, cases: usize) -> [Vec<Row>; 4] {
     let found: Vec<[Vec<Row>; 4]> = (0..cases)
         .into_par_iter()
         .map(|i| case_rows(organs, seed, i).unwrap_or_default())
@@ -95,7 +96,7 @@ fn rows(organs: &[Organ; 3], seed: u64, cases: usize) -> [Vec<Row>; 4] {
 }
 
 /// A case with everything that varies drawn from its seed; every third has an instrument in view.
-fn case_rows(organs: &[Organ; 3], seed: u64, index: usize) -> Option<[Vec<Row>; 4]> {
+fn case_rows(organs: &[SeriesOrgan; 3], seed: u64, index: usize) -> Option<[Vec<Row>; 4]> {
     let mut random = Random::new(seed, 0xC0 + index as u64);
     let mut pick = |n: usize| random.below(n);
     let protocol = Protocol {
@@ -113,7 +114,7 @@ fn case_rows(organs: &[Organ; 3], seed: u64, index: usize) -> Option<[Vec<Row>; 
     };
     let organ = &organs[pick(3)];
     let case = match organ {
-        Organ::Surface { mesh, .. } if pick(2) == 0 => closed(mesh, &protocol, cell, index)?,
+        SeriesOrgan::Surface { mesh, .. } if pick(2) == 0 => closed(mesh, &protocol, cell, index)?,
         _ => organ.case(&protocol, cell, index).ok()?,
     };
     let instrument = index.is_multiple_of(3).then(|| instrument(&case.frame, &mut random));

@@ -9,7 +9,7 @@
 //! Markdown, the inner points' mean error over the surface's. SEED is for new cases: those of
 //! `docs/results/structures.md` are of 2, and nothing was chosen on them.
 
-use dsfms::experiment::{Organ, surface};
+use dsfms::experiment::{SeriesOrgan, surface};
 use dsfms::geometry::{Isometry, Point3, Vector3, align_rigid};
 use dsfms::light::LightModel;
 use dsfms::mesh::Mesh;
@@ -122,7 +122,7 @@ struct Subject {
 }
 
 fn subject(name: &str, open: bool) -> Result<Subject, Box<dyn Error>> {
-    let Organ::Surface { mesh, .. } = Organ::named(name)? else {
+    let SeriesOrgan::Surface { mesh, .. } = SeriesOrgan::named(name)? else {
         unreachable!("an embedded organ")
     };
     let [low, high] = mesh.bounding_box();
@@ -244,7 +244,7 @@ fn judge(
 
 /// A part of an organ, rendered in its deformed state, reconstructed, and its structures carried.
 fn reconstructed(
-    organ: &Organ,
+    organ: &SeriesOrgan,
     kind: Kind,
     method: Method,
     seed: u64,
@@ -356,7 +356,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (method, title) in [(Method::Dsfms, "dsfms"), (Method::Joint, "joint")] {
         print_head(&format!("Surface reconstructed from a rendered image by {title}:"));
         for name in ["uterus", "liver"] {
-            let organ = Organ::named(name)?;
+            let organ = SeriesOrgan::named(name)?;
             for (kind, what) in KINDS {
                 let one = |c| reconstructed(&organ, kind, method, seed, c);
                 let all: Vec<Option<Outcome>> =

@@ -1,28 +1,14 @@
-//! Inside the rooms of ARCHITECTURE.md: no two files need each other, and no two types have one name.
+//! Inside the rooms of ARCHITECTURE.md: no two files need each other, no two types have one name, and files and
+//! functions are short.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Rooms with files that still need each other; a file and the one that holds its `mod` line do not count.
-const CIRCLES: [&str; 5] = ["dense", "pipeline", "refine", "register", "track"];
-/// Names that several types still have.
-const SHARED: [&str; 14] = [
-    "Cell",
-    "Deformation",
-    "Evidence",
-    "Level",
-    "Look",
-    "Neighbours",
-    "Part",
-    "Plane",
-    "Prior",
-    "Problem",
-    "Scene",
-    "Surface",
-    "VideoOptions",
-    "View",
-];
+const CIRCLES: [&str; 1] = ["track"];
+/// Most lines of a file, tests apart, and of a function.
+const MOST_LINES: [usize; 2] = [400, 60];
 
 /// `["sfm", "bundle"]` for `sfm/bundle.rs`.
 type Module = Vec<String>;
@@ -31,6 +17,8 @@ type Module = Vec<String>;
 struct Source {
     file: String,
     code: String,
+    /// Lines with comments.
+    lines: usize,
     /// What it takes, as paths from the root, under which name, and whether it hands it on.
     uses: Vec<(Vec<String>, String, bool)>,
 }
@@ -84,8 +72,39 @@ fn names_of_types_are_unique() {
             }
         }
     }
-    places.retain(|name, files| files.len() > 1 && !SHARED.contains(&name.as_str()));
+    places.retain(|_, files| files.len() > 1);
     assert!(places.is_empty(), "names of several types:\n{places:#?}");
+}
+
+#[test]
+fn files_and_functions_are_short() {
+    let mut long = Vec::new();
+    for Source { file, code, lines, .. } in library().into_values() {
+        if lines > MOST_LINES[0] {
+            long.push(format!("{file}: {lines} lines"));
+        }
+        let lines: Vec<&str> = code.lines().collect();
+        for (first, line) in lines.iter().enumerate() {
+            let indent = &line[..line.len() - line.trim_start().len()];
+            let Some((before, named)) = line.trim_start().split_once("fn ") else { continue };
+            if !before
+                .split(' ')
+                .all(|word| word.is_empty() || word.starts_with("pub") || word == "const")
+            {
+                continue;
+            }
+            let end = format!("{indent}}}");
+            let length = lines[first..].iter().position(|line| **line == end).map_or(1, |n| n + 1);
+            // A function of one line has no such end.
+            if length > MOST_LINES[1] && !line.ends_with('}') && !line.ends_with(';') {
+                long.push(format!(
+                    "{file}: {} has {length} lines",
+                    named.split('(').next().unwrap()
+                ));
+            }
+        }
+    }
+    assert!(long.is_empty(), "{long:#?}");
 }
 
 /// The files that one takes something from, whoever hands it on.
@@ -130,16 +149,14 @@ fn library() -> BTreeMap<Module, Source> {
             module.pop();
         }
         let text = fs::read_to_string(&path).unwrap();
+        let lines = without_tests(&text).lines().count();
         let uncommented = text.lines().filter(|line| !line.trim_start().starts_with("//"));
         let text: String = uncommented.map(|line| format!("{line}\n")).collect();
-        let test = text
-            .find("#[cfg(test)]\nmod tests {")
-            .or(text.find("#[cfg(test)]\npub(super) mod tests {"));
-        let code = text[..test.unwrap_or(text.len())].to_string();
+        let code = without_tests(&text).to_string();
         if !["tests", "check", "test_scene", "plates", "shapes"]
             .contains(&module.last().map_or("", |m| m))
         {
-            library.insert(module, Source { file, code, uses: Vec::new() });
+            library.insert(module, Source { file, code, lines, uses: Vec::new() });
         }
     }
     let modules: BTreeSet<Module> = library.keys().cloned().collect();
@@ -147,6 +164,14 @@ fn library() -> BTreeMap<Module, Source> {
         source.uses = uses(&source.code, module, &modules);
     }
     library
+}
+
+/// A file up to the module of its tests.
+fn without_tests(text: &str) -> &str {
+    let test = text
+        .find("#[cfg(test)]\nmod tests {")
+        .or(text.find("#[cfg(test)]\npub(super) mod tests {"));
+    &text[..test.unwrap_or(text.len())]
 }
 
 /// The `use` lines of a file.

@@ -10,7 +10,7 @@ use crate::exit::{Outcome, Usage};
 use crate::outputs::{prepare_folder, write_json, write_png, write_text};
 use crate::progress::Reporter;
 use clap::Args;
-use dsfms::experiment::Organ;
+use dsfms::experiment::SeriesOrgan;
 use dsfms::geometry::Point2;
 use dsfms::image::{ColorImage, ToneCurve};
 use dsfms::io::camera::{CameraFile, write_camera};
@@ -142,7 +142,7 @@ fn frames(text: &str) -> Result<usize, String> {
 
 fn clip(
     args: &SynthArgs,
-    organ: &Organ,
+    organ: &SeriesOrgan,
     global: &Global,
     reporter: &Reporter,
 ) -> anyhow::Result<Outcome> {

@@ -6,14 +6,14 @@ use super::embed::{self, Cloud, escape};
 use super::template::definition_list;
 use crate::chart::{Chart, Plot, Series, line_chart};
 use crate::outputs::FrameReport;
-use dsfms::experiment::{Arm, Metric, Organ, Plan, Row, surface};
+use dsfms::experiment::{Arm, Metric, Plan, Row, SeriesOrgan, surface};
 use dsfms::synth::{Case, Cell};
 
 /// Most arms in 3D; an ablation has many more.
 const MOST_SHOWN: usize = 5;
 
 /// The page of a finished plan.
-pub fn experiment_page(plan: &Plan, organ: &Organ, rows: &[Row]) -> anyhow::Result<Page> {
+pub fn experiment_page(plan: &Plan, organ: &SeriesOrgan, rows: &[Row]) -> anyhow::Result<Page> {
     let noise = plan.noises.first().copied().unwrap_or_default();
     let mut cases = Vec::new();
     for &extension in &plan.extensions {

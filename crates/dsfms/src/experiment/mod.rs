@@ -16,7 +16,7 @@ mod summary;
 
 pub use error::ExperimentError;
 pub use measure::{Errors, measure, observation, surface};
-pub use organ::Organ;
+pub use organ::SeriesOrgan;
 pub use plan::{Arm, Plan, arms_of};
 pub use record::Record;
 pub use report::{Metric, markdown, table_csv, times_csv};

@@ -10,7 +10,7 @@ use std::path::Path;
 
 /// The organ that the cases of a series are made on.
 #[derive(Clone, Debug)]
-pub enum Organ {
+pub enum SeriesOrgan {
     /// A bulging patch of 50 × 40 mm, another one for every case.
     Patch,
     /// A part of a surface, another one for every case.
@@ -28,7 +28,7 @@ const EMBEDDED: [(&str, &[u8]); 2] = [
     ("liver", include_bytes!("../../data/organs/liver.ply")),
 ];
 
-impl Organ {
+impl SeriesOrgan {
     /// `patch`, `uterus`, `liver`, or a mesh file (PLY, OBJ, STL, glTF; any unit; the largest piece
     /// of the surface is taken).
     ///
@@ -55,7 +55,7 @@ impl Organ {
         Ok(Self::Surface { name: name.to_owned(), mesh })
     }
 
-    /// Its name, as [`Organ::named`] takes it.
+    /// Its name, as [`SeriesOrgan::named`] takes it.
     pub fn name(&self) -> &str {
         match self {
             Self::Patch => "patch",
@@ -85,7 +85,7 @@ impl Organ {
     /// Case `index` of a cell.
     ///
     /// # Errors
-    /// As [`Organ::part`].
+    /// As [`SeriesOrgan::part`].
     pub fn case(
         &self,
         protocol: &Protocol,
@@ -104,7 +104,7 @@ mod tests {
     #[test]
     fn the_embedded_organs_give_parts() {
         for (name, _) in EMBEDDED {
-            let organ = Organ::named(name).unwrap();
+            let organ = SeriesOrgan::named(name).unwrap();
             assert_eq!(organ.name(), name);
             let case = organ
                 .case(
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn an_unknown_organ_says_what_is_known() {
-        let error = Organ::named("spleeen").unwrap_err().to_string();
+        let error = SeriesOrgan::named("spleeen").unwrap_err().to_string();
         assert!(error.contains("spleeen") && error.contains("uterus"), "{error}");
     }
 }

@@ -1,7 +1,7 @@
 //! Working through a plan: all cores, one case at a time each, every finished case kept.
 
 use super::record::{Finished, preamble, read};
-use super::{Arm, ExperimentError, Organ, Plan, Record, measure, surface};
+use super::{Arm, ExperimentError, Plan, Record, SeriesOrgan, measure, surface};
 use crate::io::atomic::write_atomic;
 use crate::pipeline::Progress;
 use crate::synth::{Case, Cell};
@@ -21,7 +21,7 @@ use std::time::Instant;
 /// written.
 pub fn run(
     plan: &Plan,
-    organ: &Organ,
+    organ: &SeriesOrgan,
     results: &Path,
     progress: &dyn Progress,
 ) -> Result<Vec<Record>, ExperimentError> {
@@ -76,7 +76,7 @@ struct RunState {
 /// What the workers share.
 struct Shared<'a> {
     plan: &'a Plan,
-    organ: &'a Organ,
+    organ: &'a SeriesOrgan,
     progress: &'a dyn Progress,
     total: usize,
     done: AtomicUsize,
@@ -164,7 +164,7 @@ mod tests {
     fn goes_on_where_a_kill_left_it() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("cases.csv");
-        let go = || run(&plan(2), &Organ::Patch, &path, &Silent).unwrap();
+        let go = || run(&plan(2), &SeriesOrgan::Patch, &path, &Silent).unwrap();
         let whole = go();
         assert_eq!(whole.len(), 4);
         let text = std::fs::read_to_string(&path).unwrap();
@@ -179,11 +179,11 @@ mod tests {
     fn results_of_another_plan_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("cases.csv");
-        run(&plan(1), &Organ::Patch, &path, &Silent).unwrap();
-        let error = run(&plan(2), &Organ::Patch, &path, &Silent).unwrap_err().to_string();
+        run(&plan(1), &SeriesOrgan::Patch, &path, &Silent).unwrap();
+        let error = run(&plan(2), &SeriesOrgan::Patch, &path, &Silent).unwrap_err().to_string();
         assert!(error.contains("another count") && error.contains("drop"), "{error}");
         std::fs::write(&path, "something else\n").unwrap();
-        let error = run(&plan(1), &Organ::Patch, &path, &Silent).unwrap_err().to_string();
+        let error = run(&plan(1), &SeriesOrgan::Patch, &path, &Silent).unwrap_err().to_string();
         assert!(error.contains("line 1"), "{error}");
     }
 }

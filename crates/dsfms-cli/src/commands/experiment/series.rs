@@ -3,7 +3,7 @@
 use crate::exit::Usage;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use dsfms::experiment::Organ;
+use dsfms::experiment::SeriesOrgan;
 use dsfms::synth::{ExtensionOf, LightKind, Protocol};
 use std::path::Path;
 
@@ -95,8 +95,8 @@ impl SeriesArgs {
     }
 
     /// The organ.
-    pub fn organ(&self) -> anyhow::Result<Organ> {
-        Organ::named(&self.organ).map_err(|error| match Path::new(&self.organ).exists() {
+    pub fn organ(&self) -> anyhow::Result<SeriesOrgan> {
+        SeriesOrgan::named(&self.organ).map_err(|error| match Path::new(&self.organ).exists() {
             true => error.into(),
             false => Usage(format!("--organ: {error}")).into(),
         })

@@ -10,7 +10,7 @@ use anyhow::Context;
 use clap::ValueEnum;
 use dsfms::eval::deformed_zone;
 use dsfms::eval::zone::extent;
-use dsfms::experiment::Organ;
+use dsfms::experiment::SeriesOrgan;
 use dsfms::geometry::Isometry;
 use dsfms::image::{Frame, Mask, ToneCurve};
 use dsfms::io::atomic::write_atomic;
@@ -42,7 +42,7 @@ const BATCH: usize = 8;
 
 /// Parameters of a clip.
 pub struct VideoArgs<'a> {
-    pub organ: &'a Organ,
+    pub organ: &'a SeriesOrgan,
     pub vertices: usize,
     pub options: ClipOptions,
     pub format: FrameFormat,
