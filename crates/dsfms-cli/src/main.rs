@@ -19,6 +19,7 @@ macro_rules! eprint {
 mod args;
 mod build;
 mod chart;
+mod cli;
 mod commands;
 mod cpu;
 mod demo;
@@ -52,8 +53,8 @@ fn main() -> ExitCode {
         return ExitCode::FAILURE;
     }
     dsfms::guard::quiet_hook();
-    let parsed = args::command().try_get_matches();
-    let arguments = match parsed.and_then(|found| args::Arguments::from_arg_matches(&found)) {
+    let parsed = cli::command().try_get_matches();
+    let arguments = match parsed.and_then(|found| cli::Arguments::from_arg_matches(&found)) {
         Ok(arguments) => arguments,
         Err(error) => return exit::parse_error(&error),
     };

@@ -6,14 +6,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Rooms with files that still need each other; a file and the one that holds its `mod` line do not count.
-const CIRCLES: [&str; 1] = ["track"];
+const CIRCLES: [&str; 2] = ["track", "commands/track"];
 /// Most lines of a file, tests apart, and of a function.
 const MOST_LINES: [usize; 2] = [400, 60];
 
 /// `["sfm", "bundle"]` for `sfm/bundle.rs`.
 type Module = Vec<String>;
 
-/// A file of the library without comments and tests.
+/// A file without comments and tests.
 struct Source {
     file: String,
     code: String,
@@ -25,7 +25,11 @@ struct Source {
 
 #[test]
 fn no_circle_of_files() {
-    let library = library();
+    no_circle(library());
+    no_circle(sources_of("../dsfms-cli/src"));
+}
+
+fn no_circle(library: BTreeMap<Module, Source>) {
     let needs: BTreeMap<&Module, BTreeSet<&Module>> =
         library.iter().map(|(module, source)| (module, needs(&library, module, source))).collect();
     let mut circles: Vec<Vec<&str>> = Vec::new();
@@ -139,13 +143,17 @@ fn defining<'a>(
 }
 
 fn library() -> BTreeMap<Module, Source> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    sources_of("src")
+}
+
+fn sources_of(folder: &str) -> BTreeMap<Module, Source> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
     let mut library = BTreeMap::new();
     for path in sources(&root) {
         let file = path.strip_prefix(&root).unwrap().to_string_lossy().replace('\\', "/");
         let mut module: Module =
             file.trim_end_matches(".rs").split('/').map(String::from).collect();
-        if ["mod", "lib"].contains(&module.last().unwrap().as_str()) {
+        if ["mod", "lib", "main"].contains(&module.last().unwrap().as_str()) {
             module.pop();
         }
         let text = fs::read_to_string(&path).unwrap();

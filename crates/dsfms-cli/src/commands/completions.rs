@@ -1,10 +1,9 @@
 //! `dsfms completions` and `dsfms man`: what an installation puts beside the program.
 
-use crate::args;
 use crate::exit::Outcome;
 use crate::outputs::prepare_folder;
 use anyhow::Context;
-use clap::Args;
+use clap::{Args, Command};
 use clap_complete::Shell;
 use dsfms::io::atomic::write_atomic;
 use std::path::PathBuf;
@@ -38,17 +37,16 @@ pub struct ManArgs {
 }
 
 /// Run `completions`.
-pub fn run(args: &CompletionsArgs) -> anyhow::Result<Outcome> {
+pub fn run(args: &CompletionsArgs, root: &mut Command) -> anyhow::Result<Outcome> {
     let mut text = Vec::new();
-    clap_complete::generate(args.shell, &mut args::command(), "dsfms", &mut text);
+    clap_complete::generate(args.shell, root, "dsfms", &mut text);
     super::to_stdout(&String::from_utf8_lossy(&text))?;
     Ok(Outcome::Ok)
 }
 
 /// Run `man`.
-pub fn man(args: &ManArgs) -> anyhow::Result<Outcome> {
+pub fn man(args: &ManArgs, mut root: Command) -> anyhow::Result<Outcome> {
     prepare_folder(&args.folder)?;
-    let mut root = args::command();
     // Global options come to the commands here.
     root.build();
     let mut open = vec![("dsfms".to_string(), root)];

@@ -2,6 +2,7 @@
 
 use super::reconstruct::method_name;
 use crate::args::Global;
+use crate::demo::METHODS;
 use crate::demo::report::{FrameResult, Report, page};
 use crate::demo::scene::{DeformedFrame, Scene, unpack};
 use crate::demo::truth::{FrameTruth, Tie, steps};
@@ -41,10 +42,6 @@ be tried. The exit code is 0 when `joint` gave a believable surface for every
 frame, else 2. The other methods are there to be compared: their surfaces are
 measured and shown whatever is thought of them, with their verdict, but leave
 no files where they are not believed.";
-
-/// The methods compared, in the order of the report.
-pub const METHODS: [Method; 5] =
-    [Method::Rigid, Method::Sfs, Method::Dsfm, Method::Dsfms, Method::Joint];
 
 /// Reconstruct an embedded scene by five methods and compare with the truth.
 #[derive(Debug, Args)]

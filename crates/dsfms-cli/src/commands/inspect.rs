@@ -4,7 +4,9 @@ use crate::exit::Outcome;
 use clap::Args;
 use dsfms::io::template::read_template;
 use dsfms::template::Template;
-use dsfms::template::statistics::{TemplateStatistics, template_statistics};
+use dsfms::template::statistics::{
+    AlbedoStatistics, FlatteningStatistics, TemplateStatistics, template_statistics,
+};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -56,23 +58,6 @@ pub fn print(template: &Template) -> anyhow::Result<()> {
 fn rows(template: &Template, s: &TemplateStatistics) -> Vec<(&'static str, String)> {
     let unit = s.unit.label();
     let [x, y, z] = s.extent;
-    let flattening = s.flattening.as_ref().map_or("none".into(), |f| {
-        format!(
-            "quasi-conformal ratio median {:.3}, p95 {:.3}; area ratio {:.2}; {} flipped, {} seam edges",
-            f.quasi_conformal_median, f.quasi_conformal_p95, f.area_ratio, f.flipped, f.seam_edges
-        )
-    });
-    let albedo = s.albedo.as_ref().map_or("none".into(), |a| {
-        format!(
-            "{} texels, {:.1} % observed; mean {:.3}, p5 {:.3}, p95 {:.3}; median spread {:.4}",
-            a.texels,
-            100.0 * a.observed,
-            a.mean,
-            a.p5,
-            a.p95,
-            a.median_spread
-        )
-    });
     let frames = match s.median_reprojection_px {
         Some(px) => format!("{}, median reprojection error {px:.2} px", s.frames),
         None => s.frames.to_string(),
@@ -110,13 +95,32 @@ fn rows(template: &Template, s: &TemplateStatistics) -> Vec<(&'static str, Strin
         ("min angle", format!("{:.1} deg", s.min_angle_deg)),
         ("seen", seen),
         ("error", sigma),
-        ("flattening", flattening),
+        ("flattening", s.flattening.as_ref().map_or("none".into(), flattening)),
         ("frames", frames),
-        (ALBEDO, albedo),
+        (ALBEDO, s.albedo.as_ref().map_or("none".into(), albedo)),
         ("light", light),
         ("descriptors", s.features.to_string()),
         ("surroundings", around),
     ]
+}
+
+fn flattening(f: &FlatteningStatistics) -> String {
+    format!(
+        "quasi-conformal ratio median {:.3}, p95 {:.3}; area ratio {:.2}; {} flipped, {} seam edges",
+        f.quasi_conformal_median, f.quasi_conformal_p95, f.area_ratio, f.flipped, f.seam_edges
+    )
+}
+
+fn albedo(a: &AlbedoStatistics) -> String {
+    format!(
+        "{} texels, {:.1} % observed; mean {:.3}, p5 {:.3}, p95 {:.3}; median spread {:.4}",
+        a.texels,
+        100.0 * a.observed,
+        a.mean,
+        a.p5,
+        a.p95,
+        a.median_spread
+    )
 }
 
 /// What it means that few texels were observed.

@@ -18,11 +18,13 @@ pub mod template;
 pub mod track;
 pub mod view;
 
-use crate::args::{Arguments, Command};
+use crate::args::Global;
+use crate::cli::{Arguments, Command, command};
 use crate::exit::Outcome;
 use crate::progress::Reporter;
 use crate::{interrupt, log};
 use anyhow::Context;
+use clap::FromArgMatches;
 
 /// Run the command that was asked for.
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
@@ -37,7 +39,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Command::Template(args) => template::run(args, global, &reporter),
         Command::Reconstruct(args) => reconstruct::run(args, global, &reporter),
         Command::Track(args) => track::run(args, global, &reporter),
-        Command::Replay(args) => replay::run(args, &reporter),
+        Command::Replay(args) => replay::run(args, &tracked, &reporter),
         Command::RegisterCt(args) => register_ct::run(args, global, &reporter),
         Command::Options(args) => options::run(args),
         Command::Inspect(args) => inspect::run(args),
@@ -48,11 +50,23 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Command::Demo(args) => demo::run(args, global, &reporter),
         Command::View(args) => view::run(args),
         Command::Figure(args) => figure::run(args, &reporter),
-        Command::Completions(args) => completions::run(args),
-        Command::Man(args) => completions::man(args),
+        Command::Completions(args) => completions::run(args, &mut command()),
+        Command::Man(args) => completions::man(args, command()),
     };
     reporter.finish();
     result
+}
+
+/// The arguments of a command line of `dsfms track` that a run has kept.
+fn tracked(line: &[&str]) -> anyhow::Result<(track::TrackArgs, Global)> {
+    let parsed = command().try_get_matches_from(line);
+    let parsed = parsed.and_then(|found| Arguments::from_arg_matches(&found));
+    let Arguments { global, command } =
+        parsed.map_err(|error| anyhow::anyhow!("run.json: its command line: {error}"))?;
+    match command {
+        Command::Track(args) => Ok((args, global)),
+        _ => anyhow::bail!("run.json is of another command than track"),
+    }
 }
 
 /// Print a result; a reader that closed the pipe is no error.

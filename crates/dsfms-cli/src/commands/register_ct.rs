@@ -1,5 +1,6 @@
 //! `dsfms register-ct`: a preoperative mesh and what lies in it, onto a template.
 
+pub mod carried;
 mod input;
 mod record;
 
@@ -10,6 +11,7 @@ use crate::exit::{Outcome, Usage};
 use crate::outputs::{check_folder, write_json, write_png};
 use crate::pictures::preoperative::{Shown, draw};
 use crate::progress::Reporter;
+use carried::Carried;
 use clap::{Args, ValueEnum};
 use dsfms::geometry::Point3;
 use dsfms::io::folder::{check_folder_target, write_folder};
@@ -184,21 +186,6 @@ fn scale_rule(args: &RegisterCtArgs, unit: LengthUnit) -> Result<ScaleRule, Usag
         (Some(_), LengthUnit::TemplateUnit) => Err(Usage(
             "--scale: the template is in template units, whose scale is not known; leave --scale out".into(),
         )),
-    }
-}
-
-/// A structure in the template's frame, and the expected error of its points, mm.
-pub struct Carried {
-    pub name: String,
-    pub mesh: Mesh,
-    pub expected: Vec<f64>,
-}
-
-impl Carried {
-    /// Root mean square of the expected errors, mm.
-    pub fn error(&self) -> f64 {
-        let square: f64 = self.expected.iter().map(|e| e * e).sum();
-        (square / self.expected.len().max(1) as f64).sqrt()
     }
 }
 

@@ -1,12 +1,12 @@
 //! `dsfms replay`: a run of `dsfms track` once more from what it kept, and whether it gives the same bits.
 
 use super::track::{Again, RunFile, TrackArgs, digest, number_of, target, track_again};
-use crate::args::{Arguments, Command, Global, VERSION, command};
+use crate::args::{Global, VERSION};
 use crate::exit::{Outcome, Usage};
 use crate::interrupt;
 use crate::progress::Reporter;
 use anyhow::Context;
-use clap::{Args, FromArgMatches};
+use clap::Args;
 use dsfms::geometry::Point3;
 use dsfms::io::images::find_frames;
 use dsfms::pipeline::Progress;
@@ -49,12 +49,16 @@ pub struct ReplayArgs {
     keep: Option<PathBuf>,
 }
 
+/// Reads a command line of `dsfms track`.
+type ReadLine = dyn Fn(&[&str]) -> anyhow::Result<(TrackArgs, Global)>;
+
 /// Run the command.
-pub fn run(args: &ReplayArgs, reporter: &Reporter) -> anyhow::Result<Outcome> {
+pub fn run(args: &ReplayArgs, read: &ReadLine, reporter: &Reporter) -> anyhow::Result<Outcome> {
     let absolute = |path: &Path| std::path::absolute(path).context("the current folder");
     let first = absolute(&args.output)?;
     let run = RunFile::read(&first)?;
-    let (mut track, global) = arguments(&run)?;
+    let line = std::iter::once("dsfms").chain(run.arguments.iter().map(String::as_str));
+    let (mut track, global) = read(&line.collect::<Vec<_>>())?;
     let moved = |path: &Option<PathBuf>| path.as_deref().map(absolute).transpose();
     let (frames, template, camera) =
         (moved(&args.frames)?, moved(&args.template)?, moved(&args.camera)?);
@@ -72,19 +76,6 @@ pub fn run(args: &ReplayArgs, reporter: &Reporter) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Nothing);
     }
     compare(&first, &track.output, &run)
-}
-
-/// The arguments of the first run.
-fn arguments(run: &RunFile) -> anyhow::Result<(TrackArgs, Global)> {
-    let line = std::iter::once("dsfms").chain(run.arguments.iter().map(String::as_str));
-    let parsed = command().try_get_matches_from(line);
-    let parsed = parsed.and_then(|found| Arguments::from_arg_matches(&found));
-    let Arguments { global, command } =
-        parsed.map_err(|error| anyhow::anyhow!("run.json: its command line: {error}"))?;
-    match command {
-        Command::Track(args) => Ok((args, global)),
-        _ => anyhow::bail!("run.json is of another command than track"),
-    }
 }
 
 /// Template and camera must be those of the first run; another program may give other bits.

@@ -25,12 +25,13 @@ use dsfms::io::mesh::MeshFile;
 use dsfms::io::poses::{PoseList, match_poses, read_poses};
 use dsfms::io::template::{check_target, write_template};
 use dsfms::pipeline::{
-    BuiltTemplate, Progress, TemplateOptions, template_from_frames_kept, template_from_mesh,
-    template_from_posed_frames, template_from_poses_kept,
+    BuiltTemplate, FoundOrgan, OrganScene, Progress, SparsePrecision, TemplateOptions,
+    template_from_frames_kept, template_from_mesh, template_from_posed_frames,
+    template_from_poses_kept,
 };
 use dsfms::sfm::RefineIntrinsics;
-use dsfms::template::LengthUnit;
 use dsfms::template::light_fit::Vignetting;
+use dsfms::template::{LengthUnit, Template};
 pub use found::LETTERS;
 use found::{models_text, organ_hint, precision_row, summary_text};
 use load::{Cameras, Loaded, load, load_also};
@@ -73,25 +74,8 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
     let options = options(args, global)?;
     let pictures = args.output.join("pictures");
     let stages = Resumable::new(&args.output, reporter);
-    let (template, told, loaded, complete) = match (args.frames.is_empty(), &args.mesh) {
-        (true, Some(mesh)) => {
-            let mesh = open_mesh(mesh, args.reading(), reporter)?;
-            let albedo =
-                args.albedo.as_deref().map(|p| read_albedo(p, &mesh, global)).transpose()?;
-            let unit = unit(&mesh);
-            (template_from_mesh(mesh.mesh, unit, albedo, &options, reporter), None, None, true)
-        }
-        _ => {
-            let (built, loaded, complete) = from_frames(args, global, &options, &stages)?;
-            (
-                built.template,
-                Some((built.precision, built.organ, built.organ_scene)),
-                Some(loaded),
-                complete,
-            )
-        }
-    };
-    let (precision, organ, scene) = told.unwrap_or_default();
+    let Made { template, precision, organ, scene, loaded, complete } =
+        make(args, global, &options, &stages)?;
     prepare_folder(parent)?;
     let drawn = Drawn::of(&args.output);
     write_template(&args.output, &template)?;
@@ -129,6 +113,42 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
         }
     }
     Ok(if complete { Outcome::Ok } else { Outcome::Degraded })
+}
+
+/// A template, and what came about with it where it is of frames.
+struct Made {
+    template: Template,
+    precision: Option<SparsePrecision>,
+    organ: Option<FoundOrgan>,
+    scene: Option<OrganScene>,
+    loaded: Option<Loaded>,
+    complete: bool,
+}
+
+fn make(
+    args: &TemplateArgs,
+    global: &Global,
+    options: &TemplateOptions,
+    stages: &Resumable,
+) -> anyhow::Result<Made> {
+    let reporter = stages.reporter;
+    if let (true, Some(mesh)) = (args.frames.is_empty(), &args.mesh) {
+        let mesh = open_mesh(mesh, args.reading(), reporter)?;
+        let albedo = args.albedo.as_deref().map(|p| read_albedo(p, &mesh, global)).transpose()?;
+        let unit = unit(&mesh);
+        let template = template_from_mesh(mesh.mesh, unit, albedo, options, reporter);
+        let (precision, organ, scene, loaded) = (None, None, None, None);
+        return Ok(Made { template, precision, organ, scene, loaded, complete: true });
+    }
+    let (built, loaded, complete) = from_frames(args, global, options, stages)?;
+    Ok(Made {
+        template: built.template,
+        precision: built.precision,
+        organ: built.organ,
+        scene: built.organ_scene,
+        loaded: Some(loaded),
+        complete,
+    })
 }
 
 /// Combinations that clap cannot name well.

@@ -1,7 +1,7 @@
 //! A preoperative surface on a template, from three sides.
 
 use super::TEXT;
-use crate::commands::register_ct::Carried;
+use crate::commands::register_ct::carried::Carried;
 use crate::draw::{CLAY, SideView, blend, error_colour};
 use crate::sheet::legend::ColourBar;
 use crate::sheet::{Anchor, Ink, Item, Sheet, raster};

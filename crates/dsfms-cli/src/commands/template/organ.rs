@@ -1,7 +1,7 @@
 //! What the user says of the organ.
 
-use super::load::{parse_click, parse_outline};
 use clap::Args;
+use dsfms::geometry::Point2;
 use dsfms::pipeline::{
     Organ, OrganClick, OrganOptions, OrganOutline, OrganStroke, TemplateOptions, read_strokes,
 };
@@ -58,5 +58,49 @@ impl OrganArgs {
         said.whole |= self.whole;
         options.organ = said.into();
         Ok(())
+    }
+}
+
+/// `FRAME:x,y,x,y,x,y…`
+pub fn parse_outline(text: &str) -> Result<OrganOutline, String> {
+    let expected = || format!("{text:?}; expected FRAME:x,y,x,y,x,y with three corners or more");
+    let (frame, list) = text.rsplit_once(':').ok_or_else(expected)?;
+    let numbers: Result<Vec<f64>, _> = list.split(',').map(|w| w.trim().parse::<f64>()).collect();
+    let numbers = numbers.map_err(|_| expected())?;
+    let whole = numbers.len() >= 6 && numbers.len().is_multiple_of(2);
+    if !whole || numbers.iter().any(|v| !v.is_finite()) {
+        return Err(expected());
+    }
+    let corners = numbers.chunks(2).map(|p| Point2::new(p[0], p[1])).collect();
+    Ok(OrganOutline { frame: frame.into(), corners })
+}
+
+/// `X,Y` or `X,Y@FRAME`
+fn parse_click(text: &str) -> Result<OrganClick, String> {
+    let expected = || format!("{text:?}; expected X,Y or X,Y@FRAME (px)");
+    let (place, frame) = match text.split_once('@') {
+        Some((place, frame)) if !frame.is_empty() => (place, Some(frame.to_string())),
+        Some(_) => return Err(expected()),
+        None => (text, None),
+    };
+    let (x, y) = place.split_once(',').ok_or_else(expected)?;
+    let number = |w: &str| w.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+    let pixel = number(x).zip(number(y)).ok_or_else(expected)?;
+    Ok(OrganClick { frame, pixel: Point2::new(pixel.0, pixel.1) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_click_may_name_its_frame() {
+        let pixel = Point2::new(320.0, 2.5);
+        assert_eq!(parse_click("320,2.5"), Ok(OrganClick { frame: None, pixel }));
+        let frame = Some("a@b.png".to_string());
+        assert_eq!(parse_click("320, 2.5@a@b.png"), Ok(OrganClick { frame, pixel }));
+        for bad in ["320", "320,x", "320,2@", "@a"] {
+            assert!(parse_click(bad).unwrap_err().contains("X,Y"), "{bad}");
+        }
     }
 }

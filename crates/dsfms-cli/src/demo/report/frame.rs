@@ -3,8 +3,8 @@
 use super::super::scene::DeformedFrame;
 use super::tables::error_table;
 use super::{FrameResult, Report};
-use crate::commands::demo::METHODS;
 use crate::commands::reconstruct::method_name;
+use crate::demo::METHODS;
 use crate::draw::{self, SideView};
 use crate::report::embed::{escape, jpeg};
 use dsfms::pipeline::Method;

@@ -5,8 +5,8 @@ mod tables;
 
 use super::scene::{DeformedFrame, Scene};
 use super::truth::{FrameTruth, Tie};
-use crate::commands::demo::METHODS;
 use crate::commands::reconstruct::method_name;
+use crate::demo::METHODS;
 use crate::outputs::FrameReport;
 use crate::report::Page;
 use crate::report::data::{PageData, ShownFrame, ShownSurface, pixels};

@@ -3,8 +3,8 @@
 use super::super::scene::{DeformedFrame, Scene};
 use super::{FrameResult, Report};
 use crate::chart::{Bar, Plot, Series, bars, lines};
-use crate::commands::demo::METHODS;
 use crate::commands::reconstruct::method_name;
+use crate::demo::METHODS;
 use crate::report::frames::short;
 use dsfms::eval::{ErrorStats, Evaluation};
 use dsfms::mesh::Mesh;
