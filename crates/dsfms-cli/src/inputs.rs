@@ -7,12 +7,13 @@ use dsfms::image::{Frame, ToneCurve};
 use dsfms::io::InputError;
 use dsfms::io::images::{find_frames, read_size};
 use dsfms::io::masks::{MaskKind, read_masks};
+use dsfms::io::matches::{all_matches, find_matches, read_matches};
 use dsfms::pipeline::inputs::frames_camera;
 pub use dsfms::pipeline::inputs::{
     CameraInput, Purpose, Source, check_size, mask_of, predicted_from, rest_lost, sources,
 };
 use dsfms::template::Template;
-use dsfms::video::is_video;
+use dsfms::video::{each_frame, is_video};
 use std::path::{Path, PathBuf};
 
 /// Read `--camera`; `--tone` counts more than what the file says.
@@ -45,18 +46,46 @@ pub fn frame_camera(
 /// Images that are looked at before the work.
 const LOOKED_AT: usize = 3;
 
-/// Refuse, before anything is written, images that are all of another size than the camera: that is one
-/// mistake, told once. A few that differ fail on their own.
+/// Refuse, before anything is written, frames of which none can be used: files that are no images, images
+/// that are all of another size than the camera. That is one mistake, told once; a few that differ fail on
+/// their own.
 pub fn check_sizes(sources: &[Source], camera: &CameraModel, path: &Path) -> anyhow::Result<()> {
-    let sizes = looked_at(sources);
-    match sizes.first() {
-        Some(&(file, found)) if sizes.iter().all(|s| s.1 != camera.size) => {
-            let frame = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let mut sizes = Vec::new();
+    let mut unread = None;
+    for source in some(sources.iter().filter(|s| !matches!(s, Source::Lost(..)))) {
+        match size_of(source) {
+            Ok(size) => sizes.push((source, size)),
+            Err(error) => unread = unread.or(Some(error)),
+        }
+    }
+    match (sizes.first(), unread) {
+        (None, Some(error)) => Err(error).context(NO_IMAGE),
+        (Some(&(source, found)), _) if sizes.iter().all(|s| s.1 != camera.size) => {
+            let file = source.path().and_then(Path::file_name);
+            let frame = file.map_or(source.name(), |name| name.to_string_lossy().into_owned());
             let (path, expected) = (path.into(), camera.size);
             Err(InputError::CameraSize { frame, found, path, expected }.into())
         }
         _ => Ok(()),
     }
+}
+
+/// What is said of a file that is given as a frame.
+const NO_IMAGE: &str = "neither a video nor an image";
+
+/// Width and height of a frame, of a file by its head.
+fn size_of(source: &Source) -> Result<[usize; 2], InputError> {
+    match source {
+        Source::File(path) => read_size(path),
+        other => other.frame().map(|frame| frame.size),
+    }
+}
+
+/// A few, evenly spaced.
+fn some<T>(all: impl Iterator<Item = T>) -> impl Iterator<Item = T> {
+    let all: Vec<T> = all.collect();
+    let every = all.len().div_ceil(LOOKED_AT).max(1);
+    all.into_iter().step_by(every)
 }
 
 /// Refuse, before anything is written, masks of which none that is looked at can be used.
@@ -78,36 +107,60 @@ pub fn check_masks(
     }
 }
 
-/// A few image files and their sizes; what cannot be read is told with its frame.
-fn looked_at(sources: &[Source]) -> Vec<(&Path, [usize; 2])> {
-    let files: Vec<&Path> = sources.iter().filter_map(Source::path).collect();
-    let every = files.len().div_ceil(LOOKED_AT).max(1);
-    let mut found = Vec::new();
-    for file in files.into_iter().step_by(every) {
-        found.extend(read_size(file).ok().map(|size| (file, size)));
+/// Refuse, before anything is written, match files of which none that is looked at can be used. `faces` of the
+/// template; pixels must lie in the camera's image.
+pub fn check_matches(
+    sources: &[Source],
+    matches: Option<&Path>,
+    faces: usize,
+    camera: &CameraModel,
+) -> Result<(), InputError> {
+    let Some(matches) = matches else { return Ok(()) };
+    // A folder without any is refused before what it lacks for a frame.
+    all_matches(matches)?;
+    let read =
+        |source: &Source| read_matches(&find_matches(matches, &source.name())?, faces, camera.size);
+    let found: Vec<_> = some(sources.iter()).map(read).collect();
+    match found.iter().all(Result::is_err) {
+        true => found.into_iter().next().map_or(Ok(()), |first| first.map(drop)),
+        false => Ok(()),
     }
-    found
 }
 
-/// Look at what a video is to be read from: a file must be an image or a video. Streams and folders that
-/// hold no images (recordings) are told of by their readers.
+/// A few image files and their sizes; what cannot be read is told with its frame.
+fn looked_at(sources: &[Source]) -> Vec<(&Path, [usize; 2])> {
+    let files = some(sources.iter().filter_map(Source::path));
+    files.filter_map(|file| Some((file, read_size(file).ok()?))).collect()
+}
+
+/// Look at what a video is to be read from: a file must be an image or a video, of which the first frame is
+/// decoded. Streams are told of by their readers.
 pub fn look(inputs: &[PathBuf]) -> anyhow::Result<Vec<Source>> {
     let mut sources = Vec::new();
     let local = |path: &&PathBuf| !path.to_string_lossy().contains("://");
-    for input in inputs.iter().filter(local).filter(|path| !is_video(path)) {
-        if input.is_dir() {
-            let files = find_frames(std::slice::from_ref(input)).unwrap_or_default();
-            sources.extend(files.into_iter().map(Source::File));
+    for input in inputs.iter().filter(local) {
+        if input.is_file() && is_video(input) {
+            sources.extend(first_frame(input)?);
             continue;
         }
         for file in find_frames(std::slice::from_ref(input))? {
             if file == *input {
-                read_size(input).context("neither a video nor an image")?;
+                read_size(input).context(NO_IMAGE)?;
             }
             sources.push(Source::File(file));
         }
     }
     Ok(sources)
+}
+
+/// The first frame of a video, where it can be decoded.
+fn first_frame(path: &Path) -> anyhow::Result<Option<Source>> {
+    let mut first = None;
+    each_frame(path, &mut |frame| {
+        first = frame.content.ok().map(|frame| Source::Decoded(frame, None));
+        false
+    })?;
+    Ok(first)
 }
 
 /// A path that must be there before any work begins.

@@ -185,6 +185,17 @@ pub struct FrameMasks {
     pub organ: Option<Mask>,
 }
 
+impl FrameMasks {
+    /// Draw their outlines.
+    pub fn outline(&self, picture: &mut RgbImage) {
+        for (mask, colour) in [(&self.organ, ORGAN), (&self.instrument, INSTRUMENT)] {
+            if let Some(mask) = mask {
+                outline(picture, mask, colour);
+            }
+        }
+    }
+}
+
 /// Where the files of one frame go.
 pub struct FrameFiles<'a> {
     pub folder: &'a Path,
@@ -219,11 +230,7 @@ impl FrameFiles<'_> {
         write_ply(&self.path(".ply"), topology, &result.vertices, template.unit, &extras)?;
         let mut picture =
             overlay(frame, camera, topology, &result.vertices, &result.visible, &result.matches);
-        for (mask, colour) in [(&masks.organ, ORGAN), (&masks.instrument, INSTRUMENT)] {
-            if let Some(mask) = mask {
-                outline(&mut picture, mask, colour);
-            }
-        }
+        masks.outline(&mut picture);
         write_png(&self.path("_overlay.png"), &picture)
     }
 

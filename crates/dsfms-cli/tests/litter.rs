@@ -2,54 +2,25 @@
 
 mod common;
 
+use common::refusal::{NOTHING, USAGE, refused};
 use common::{Case, save};
-use std::collections::BTreeSet;
 use std::fs;
-use std::path::{Path, PathBuf};
-
-const NOTHING: i32 = 1;
-const USAGE: i32 = 64;
-
-/// Every file and folder below.
-fn listing(folder: &Path) -> BTreeSet<PathBuf> {
-    let mut found = BTreeSet::new();
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            found.append(&mut listing(&path));
-        }
-        found.insert(path);
-    }
-    found
-}
-
-/// The command is refused with this code; its message holds every word, once; nothing new lies around.
-fn refused(case: &Case, arguments: &[&str], code: i32, words: &[&str]) {
-    let before = listing(case.folder.path());
-    let done = case.dsfms(arguments).write_stdin("").output().unwrap();
-    let text = String::from_utf8_lossy(&done.stderr).into_owned();
-    assert_eq!(done.status.code(), Some(code), "{arguments:?}: {text}");
-    assert!(!text.contains("panicked"), "{text}");
-    for word in words {
-        assert!(text.contains(word), "{arguments:?}: expected {word:?} in: {text}");
-    }
-    assert_eq!(text.matches("error:").count(), 1, "{arguments:?}: {text}");
-    let left: Vec<_> = listing(case.folder.path()).difference(&before).cloned().collect();
-    assert!(left.is_empty(), "{arguments:?} left {left:?}");
-}
 
 /// A case with a template, a photograph for a mask and a few wrong files.
 fn prepared() -> Case {
     let case = Case::new();
     case.template();
     fs::write(case.path("notes.txt"), "no video, no frame, no camera").unwrap();
+    fs::write(case.path("clip.mp4"), "no video either").unwrap();
     fs::create_dir(case.path("photographs")).unwrap();
     for name in ["organ_003", "tool_003"] {
         let path = case.path(&format!("photographs/{name}.png"));
         save(&path, [160, 120], |i| [(i % 251) as u8; 3]);
     }
     fs::create_dir(case.path("small")).unwrap();
+    fs::create_dir(case.path("texts")).unwrap();
     for i in 0..4 {
+        fs::write(case.path(&format!("texts/text_{i}.png")), "no image").unwrap();
         save(&case.path(&format!("small/f_{i}.png")), [80, 60], |_| [120; 3]);
     }
     case
@@ -78,6 +49,9 @@ fn reconstruct() {
     run(&["small"], &matches, NOTHING, &size);
     let masks = ["--instrument-masks", "photographs", "--matches", "matches.csv"];
     run(&["frames"], &masks, NOTHING, &["photographs", "not a mask", "photograph"]);
+    run(&["notes.txt"], &[], NOTHING, &["notes.txt", "image"]);
+    run(&["texts"], &[], NOTHING, &["text_0.png", "image"]);
+    run(&["clip.mp4"], &[], NOTHING, &["clip.mp4"]);
     let other = ["reconstruct", "frames", "frames", "-o", "out"];
     refused(&case, &other, NOTHING, &["frames", "template"]);
 }
@@ -103,6 +77,32 @@ fn template() {
 }
 
 #[test]
+fn track() {
+    let case = prepared();
+    let run = |input: &[&str], more: &[&str], code: i32, words: &[&str]| {
+        let arguments =
+            [&["track", "organ.template"], input, &CAMERA, more, &["-o", "out"]].concat();
+        refused(&case, &arguments, code, words);
+    };
+    // What an older run left stays.
+    fs::create_dir(case.path("out")).unwrap();
+    fs::write(case.path("out/dsfms.json"), "{}").unwrap();
+    fs::write(case.path("out/frame_000.ply"), "of an older run").unwrap();
+    for input in ["notes.txt", "clip.mp4", "gone.mp4", "gone.png", "gone", "truth"] {
+        run(&[input], &["--record", "kept"], NOTHING, &[input]);
+    }
+    run(&["texts"], &[], NOTHING, &["text_0.png", "image"]);
+    run(&["small"], &[], NOTHING, &["f_0.png", "80x60", "160x120"]);
+    run(&["frames", "gone.mp4"], &[], NOTHING, &["gone.mp4"]);
+    run(&["-"], &[], USAGE, &["--size"]);
+    run(&["-"], &["--size", "160x120", "--record", "kept"], NOTHING, &["no frame"]);
+    run(&["frames"], &["--record", "small"], USAGE, &["small", "not empty"]);
+    run(&["frames"], &["--organ-masks", "photographs"], NOTHING, &["not a mask"]);
+    run(&["igtl://nowhere"], &[], USAGE, &["igtl://nowhere"]);
+    run(&["frames"], &["--structures", "none.ply"], NOTHING, &["none.ply"]);
+}
+
+#[test]
 fn other_commands() {
     let case = prepared();
     let calibrate = ["calibrate", "frames", "--square", "3mm", "-o", "new/cal.json", "--board"];
@@ -115,10 +115,6 @@ fn other_commands() {
     refused(&case, &organ, USAGE, &["spleen", "uterus"]);
     let series = ["experiment", "ext", "--organ", "spleen", "--count", "1", "-o", "out"];
     refused(&case, &series, USAGE, &["spleen", "uterus"]);
-    let track = ["track", "organ.template", "notes.txt", "--camera", "camera.json", "-o", "out"];
-    refused(&case, &track, NOTHING, &["notes.txt"]);
-    let track = ["track", "organ.template", "-", "--camera", "camera.json", "-o", "out"];
-    refused(&case, &track, USAGE, &["--size"]);
     refused(&case, &["inspect", "frames"], NOTHING, &["frames"]);
     refused(&case, &["view", "none", "--no-open"], NOTHING, &["none"]);
     refused(&case, &["export", "organ.template"], USAGE, &["--mesh"]);
@@ -185,17 +181,9 @@ fn matches_and_options() {
     for (name, text, words) in mistakes {
         write(name, &text);
         let arguments = ["reconstruct", "organ.template", "frames", "--camera", "camera.json"];
-        let done = case
-            .dsfms(
-                &[&arguments[..], &["--matches", name, "--method", "rigid", "-o", "out"]].concat(),
-            )
-            .output()
-            .unwrap();
-        let text = String::from_utf8_lossy(&done.stderr).into_owned();
-        assert_eq!(done.status.code(), Some(NOTHING), "{text}");
-        assert!(words.iter().chain([&name]).all(|word| text.contains(word)), "{words:?}: {text}");
+        let more = ["--matches", name, "--method", "rigid", "-o", "out"];
+        refused(&case, &[&arguments[..], &more].concat(), NOTHING, &[words, &[name]].concat());
     }
-    fs::remove_dir_all(case.path("out")).unwrap();
     write("typo.toml", "[joint]\nheaviness = 1.0\n");
     write("bound.toml", "[register]\nrobust_px = -1.0\n");
     for (name, words) in [("typo.toml", "heaviness"), ("bound.toml", "robust_px")] {

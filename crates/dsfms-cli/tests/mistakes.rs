@@ -3,55 +3,20 @@
 
 mod common;
 
+use common::refusal::{NOTHING, USAGE, faults};
 use common::{Case, save};
-use std::collections::BTreeSet;
 use std::fs;
-use std::path::{Path, PathBuf};
-
-const NOTHING: i32 = 1;
-const USAGE: i32 = 64;
 
 /// A mistake: the command line, its exit code, what the message must say.
 type Mistake = (&'static str, i32, &'static [&'static str]);
-
-fn listing(folder: &Path) -> BTreeSet<PathBuf> {
-    let mut found = BTreeSet::new();
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            found.append(&mut listing(&path));
-        }
-        found.insert(path);
-    }
-    found
-}
 
 /// All of them, so that one that fails does not hide the others.
 fn all_refused(case: &Case, mistakes: &[Mistake]) {
     let mut wrong = Vec::new();
     for (line, code, words) in mistakes {
-        let before = listing(case.folder.path());
         let arguments: Vec<&str> = line.split(' ').collect();
-        let done = case.dsfms(&arguments).write_stdin("").output().unwrap();
-        let text = String::from_utf8_lossy(&done.stderr).into_owned();
-        let mut tell = |what: String| wrong.push(format!("{line}\n  {what}\n  {text}"));
-        if done.status.code() != Some(*code) {
-            tell(format!("exit code {:?}, expected {code}", done.status.code()));
-        }
-        for word in words.iter().filter(|word| !text.contains(**word)) {
-            tell(format!("does not say {word:?}"));
-        }
-        if text.contains("panicked") || text.matches("error:").count() != 1 {
-            tell("not one error".into());
-        }
-        // A message is a message, not a page.
-        if text.lines().any(|line| line.chars().count() > 400) {
-            tell("a line of more than 400 letters".into());
-        }
-        let left: Vec<_> = listing(case.folder.path()).difference(&before).cloned().collect();
-        if !left.is_empty() {
-            tell(format!("left {left:?}"));
-        }
+        let faults = faults(case, &arguments, *code, words);
+        wrong.extend((!faults.is_empty()).then(|| format!("{line}\n  {}", faults.join("\n  "))));
     }
     assert!(wrong.is_empty(), "{} wrong:\n{}", wrong.len(), wrong.join("\n"));
 }

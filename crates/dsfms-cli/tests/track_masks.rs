@@ -45,6 +45,22 @@ fn nothing_is_followed_outside_of_the_masks() {
 }
 
 #[test]
+fn masks_are_outlined_on_the_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, out) = (folder.path().join("left.png"), folder.path().join("out"));
+    mask(&path, 100);
+    let masks = ["--instrument-masks", path.to_str().unwrap()];
+    track(&out, "frames", &[&["--overlay", "--stride", "6"], &masks[..]].concat()).said();
+    let picture = image::open(out.join("overlay/frame_006.png")).unwrap().to_rgb8();
+    // Orange down the mask's last column, and not within it.
+    let orange = |x: u32| {
+        let is = |y: &u32| picture.get_pixel(x, *y).0[0] > picture.get_pixel(x, *y).0[2] + 150;
+        (20..160).filter(is).count()
+    };
+    assert!(orange(99) > 130 && orange(90) < 10, "{} {}", orange(99), orange(90));
+}
+
+#[test]
 fn the_prior_is_heeded_and_what_is_seen_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");

@@ -71,9 +71,9 @@ pub fn run(
         (true, Some(matches)) => job.without_images(matches)?,
         _ => inputs::sources(&args.images, inputs::Purpose::Reconstruct, reporter)?,
     };
-    // A folder without any is refused before work.
-    args.matches.as_deref().map(all_matches).transpose()?;
     inputs::check_sizes(&sources, &job.camera, job.camera_file())?;
+    let faces = job.template.mesh.topology.faces.len();
+    inputs::check_matches(&sources, args.matches.as_deref(), faces, &job.camera)?;
     let instrument = args.instrument_masks.as_deref();
     inputs::check_masks(&sources, instrument, MaskKind::Instrument)?;
     inputs::check_masks(&sources, args.organ_masks.as_deref(), MaskKind::Organ)?;

@@ -104,8 +104,13 @@ fn timing(rows: &[Row]) -> String {
         })
         .collect();
     let ticks: Vec<String> = rows.iter().map(|(n, _)| short(n)).collect();
-    let plot =
-        Plot { value: "Time, s", against: "frame", ticks: &ticks, by_frame: true, decades: false };
+    let plot = Plot {
+        value: "Time, s",
+        against: "frame",
+        ticks: &ticks,
+        by_frame: true,
+        ..Plot::default()
+    };
     format!("<h3>Time of every stage</h3>{}", lines(&plot, &series))
 }
 
@@ -175,6 +180,7 @@ fn cost_chart(found: &[Solved], labels: &[&str]) -> String {
         ticks: &ticks,
         by_frame: true,
         decades: true,
+        ..Plot::default()
     };
     lines(&plot, &series)
 }

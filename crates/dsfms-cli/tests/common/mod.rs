@@ -2,6 +2,8 @@
 
 #![allow(dead_code)]
 
+pub mod refusal;
+
 use assert_cmd::Command;
 use dsfms::camera::CameraModel;
 use dsfms::geometry::{Isometry, Point3, Vector3};

@@ -25,8 +25,8 @@ impl Plan<'_> {
             if let Some(why) = &next.unread {
                 taken.push(Item::unread(next.number, why.clone()));
             } else if let Some(mut own) = item.take_if(|item| item.number == next.number) {
-                if let Content::Frame(_, reserved) = &mut own.content {
-                    reserved.clone_from(&next.reserved);
+                if let Content::Frame(ready) = &mut own.content {
+                    ready.reservation.clone_from(&next.reserved);
                 }
                 taken.push(own);
             }

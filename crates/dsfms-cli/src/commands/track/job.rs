@@ -7,11 +7,11 @@ use super::live::{Told, tell};
 use super::outputs;
 use super::record::Recording;
 use super::run_file::{RunFile, Taken};
-use super::source::{Content, Item, Reading};
+use super::source::{Content, Item, Reading, Ready};
 use crate::exit::Outcome;
 use crate::formats::{Formats, Shape};
 use crate::interrupt;
-use crate::outputs::{write_png, write_text};
+use crate::outputs::{FrameMasks, write_png, write_text};
 use crate::progress::Reporter;
 use crate::report::track::TrackReport;
 use crate::structures::Structures;
@@ -62,13 +62,14 @@ struct Done<'t> {
     /// When it came.
     time: SystemTime,
     tracked: &'t Tracked,
+    masks: &'t FrameMasks,
     dropped: usize,
     ms: f64,
 }
 
 impl<'a> Job<'a> {
     /// Every frame of the input, or of it what an earlier run took.
-    pub fn all(&mut self, reading: &Reading, plan: &mut Option<Plan>) -> anyhow::Result<()> {
+    pub fn all(&mut self, mut reading: Reading, plan: &mut Option<Plan>) -> anyhow::Result<()> {
         while !interrupt::asked() {
             let next = reading.next()?;
             let ended = next.is_none();
@@ -96,29 +97,31 @@ impl<'a> Job<'a> {
         self.dropped += dropped;
         let start = std::time::Instant::now();
         let mut taken = Taken { number, unread: None, reserved: None };
-        let (frame, tracked) = match content {
-            Content::Frame(prepared, reservation) => {
+        let (frame, tracked, masks) = match content {
+            Content::Frame(ready) => {
+                let Ready { prepared, masks, reservation } = *ready;
                 taken.reserved.clone_from(&reservation);
                 let mut tracked = self.tracker.solve(&prepared);
                 reservation.into_iter().for_each(|why| tracked.reserve(why));
-                (prepared.frame, tracked)
+                (prepared.frame, tracked, masks)
             }
             Content::Unreadable(name, reason) => {
                 self.reporter.warn(&format!("{name} is lost: {reason}"));
                 taken.unread = Some(reason.clone());
                 let size = self.camera.size;
                 let frame = Frame { name, size, rgb: vec![[0; 3]; size[0] * size[1]] };
-                (frame, Tracked::unread(reason))
+                (frame, Tracked::unread(reason), FrameMasks::default())
             }
         };
         let ms = 1e3 * start.elapsed().as_secs_f64();
         self.run.frames.push(taken);
-        self.keep(&frame, &Done { number, time, tracked: &tracked, dropped, ms })
+        let tracked = &tracked;
+        self.keep(&frame, &Done { number, time, tracked, masks: &masks, dropped, ms })
     }
 
     /// Everything that one frame leaves.
     fn keep(&mut self, frame: &Frame, done: &Done) -> anyhow::Result<()> {
-        let &Done { number, time, tracked, dropped, ms } = done;
+        let &Done { number, time, tracked, masks, dropped, ms } = done;
         self.counts[tracked.status as usize] += 1;
         self.summary += &outputs::row(number, &frame.name, tracked, dropped, ms);
         if let (TrackStatus::Ok, Some(surface)) = (tracked.status, &tracked.surface) {
@@ -153,6 +156,7 @@ impl<'a> Job<'a> {
         if self.args.overlay {
             let path = self.args.output.join(format!("overlay/frame_{number:03}.png"));
             let mut picture = outputs::picture(self.template, self.camera, frame, tracked);
+            masks.outline(&mut picture);
             self.draw_structures(&mut picture, tracked)?;
             write_png(&path, &picture)?;
             self.overlays.push(path);

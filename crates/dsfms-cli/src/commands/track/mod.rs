@@ -87,6 +87,16 @@ fn follow(
     };
     let tracker = Tracker::new(&template, &camera, &tone, method, options)?;
     let structures = Structures::read(&args.structures, &template, reporter)?;
+    let link = Link::open(&args.link, &template, &camera, reporter)?;
+    let record = |folder: &PathBuf| Recording::start(folder, args.realtime);
+    let recording = args.record.as_ref().map(record).transpose()?;
+    let recorder = recording.as_ref().map(Recording::recorder);
+    let mut source = source(args, live, recorder)?;
+    source.numbered = again.is_some_and(|again| again.recorded);
+    let rate = args.rate.or_else(|| source.rate()).unwrap_or(RATE);
+    interrupt::end_softly();
+    // A source without a frame leaves nothing, and what an older run left stays.
+    let reading = source.start(rate, tracker.preparation()).with_first()?;
     place::renew(&args.output, "track")?;
     run.write(&args.output)?;
     let path = args.output.join("vertices.npz");
@@ -97,13 +107,6 @@ fn follow(
     if args.view {
         watch(args, live)?;
     }
-    let link = Link::open(&args.link, &template, &camera, reporter)?;
-    let record = |folder: &PathBuf| Recording::start(folder, args.realtime);
-    let recording = args.record.as_ref().map(record).transpose()?;
-    let recorder = recording.as_ref().map(Recording::recorder);
-    let mut source = source(args, live, recorder)?;
-    source.numbered = again.is_some_and(|again| again.recorded);
-    let rate = args.rate.or_else(|| source.rate()).unwrap_or(RATE);
     let mut job = Job {
         args,
         report: (!args.no_report).then_some(report),
@@ -125,10 +128,8 @@ fn follow(
         recording,
         run,
     };
-    let reading = source.start(rate, job.tracker.preparation());
-    interrupt::end_softly();
     let mut plan = again.map(|again| Plan(&again.run.frames));
-    let ended = job.all(&reading, &mut plan);
+    let ended = job.all(reading, &mut plan);
     job.conclude(ended)
 }
 

@@ -5,6 +5,7 @@
 
 use super::queue::{Full, Queue};
 use crate::exit::Usage;
+use crate::outputs::check_folder;
 use anyhow::Context;
 use dsfms::image::Frame;
 use image::ImageEncoder;
@@ -52,24 +53,26 @@ impl Recording {
     /// Record into a folder that is new or empty. With `realtime` what the disk cannot keep up with is
     /// left out, else the source waits.
     pub fn start(folder: &Path, realtime: bool) -> anyhow::Result<Self> {
-        std::fs::create_dir_all(folder)
-            .with_context(|| format!("--record {}", folder.display()))?;
-        if std::fs::read_dir(folder)?.next().is_some() {
+        let named = || format!("--record {}", folder.display());
+        check_folder(folder).with_context(named)?;
+        if folder.exists() && std::fs::read_dir(folder).with_context(named)?.next().is_some() {
             let text = format!("--record {}: the folder is not empty", folder.display());
             return Err(Usage(text).into());
         }
-        let mut times = BufWriter::new(File::create(folder.join(TIMES))?);
-        writeln!(times, "file,unix_s")?;
         let queue = Queue::new(WAITING, if realtime { Full::DropOldest } else { Full::Wait });
         let left_out = Arc::<AtomicUsize>::default();
         let (taker, lost, folder) = (queue.clone(), left_out.clone(), folder.to_owned());
         let writer = std::thread::spawn(move || {
             let end = super::queue::EndOnDrop(taker);
-            let mut count = 0;
+            let ends = || format!("the recording in {} ends", folder.display());
+            let (mut count, mut times) = (0, None);
             while let Some((entry, dropped)) = end.0.pop() {
                 lost.fetch_add(dropped, Ordering::Relaxed);
-                write(&folder, &entry, &mut times)
-                    .with_context(|| format!("the recording in {} ends", folder.display()))?;
+                let times = match &mut times {
+                    Some(times) => times,
+                    none => none.insert(begin(&folder).with_context(ends)?),
+                };
+                write(&folder, &entry, times).with_context(ends)?;
                 count += 1;
             }
             Ok(count)
@@ -88,6 +91,14 @@ impl Recording {
             self.writer.join().map_err(|_| anyhow::anyhow!("the recording stopped"))??;
         Ok([written, self.left_out.load(Ordering::Relaxed)])
     }
+}
+
+/// The folder and its list of times, made with the first frame: without one nothing is left.
+fn begin(folder: &Path) -> anyhow::Result<BufWriter<File>> {
+    std::fs::create_dir_all(folder)?;
+    let mut times = BufWriter::new(File::create(folder.join(TIMES))?);
+    writeln!(times, "file,unix_s")?;
+    Ok(times)
 }
 
 fn write(folder: &Path, entry: &Entry, times: &mut impl Write) -> anyhow::Result<()> {

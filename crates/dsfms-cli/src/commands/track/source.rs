@@ -6,6 +6,7 @@ use super::queue::{EndOnDrop, Full, Queue};
 use super::record::{Recorder, Times, number_of};
 use crate::exit::describe;
 use crate::inputs::{predicted_from, rest_lost};
+use crate::outputs::FrameMasks;
 use anyhow::Context;
 use clap::ValueEnum;
 use dsfms::image::{Frame, Mask};
@@ -54,11 +55,19 @@ impl Item {
 
 /// What an item holds.
 pub enum Content {
-    /// A frame, ready to be solved.
-    /// With what must be said of it besides.
-    Frame(Box<Prepared>, Option<String>),
+    /// A frame.
+    Frame(Box<Ready>),
     /// No frame: its name and the reason.
     Unreadable(String, String),
+}
+
+/// A frame, ready to be solved.
+pub struct Ready {
+    pub prepared: Prepared,
+    /// What hides the organ and where it is, as far as masks were given.
+    pub masks: FrameMasks,
+    /// What must be said of it besides.
+    pub reservation: Option<String>,
 }
 
 /// Files or folders of masks.
@@ -93,11 +102,28 @@ pub struct Source {
 pub struct Reading {
     queue: Arc<Queue<Result<Item, anyhow::Error>>>,
     stream: Option<Stream>,
+    /// The frame that was waited for.
+    first: Option<(Item, usize)>,
 }
 
 impl Reading {
+    /// Wait until a frame is there; an error where none comes.
+    pub fn with_first(mut self) -> anyhow::Result<Self> {
+        self.first = self.next()?;
+        match &self.first {
+            Some(_) => Ok(self),
+            None if crate::interrupt::asked() => {
+                anyhow::bail!("stopped before the first frame; nothing is written")
+            }
+            None => anyhow::bail!("the input holds no frame"),
+        }
+    }
+
     /// The next frame and how many were dropped before it.
-    pub fn next(&self) -> anyhow::Result<Option<(Item, usize)>> {
+    pub fn next(&mut self) -> anyhow::Result<Option<(Item, usize)>> {
+        if let Some(first) = self.first.take() {
+            return Ok(Some(first));
+        }
         match self.queue.pop_unless(crate::interrupt::asked) {
             Some((Ok(item), dropped)) => Ok(Some((item, dropped))),
             Some((Err(error), _)) => Err(error),
@@ -148,7 +174,7 @@ impl Source {
                 end.0.push_last(Err(error));
             }
         });
-        Reading { queue, stream }
+        Reading { queue, stream, first: None }
     }
 }
 
@@ -361,7 +387,8 @@ impl Reader<'_> {
             valid: valid.as_ref(),
         };
         let prepared = self.preparation.prepare(frame, regions)?;
-        let content = Content::Frame(Box::new(prepared), reservation);
+        let ready = Ready { prepared, masks: FrameMasks { instrument, organ }, reservation };
+        let content = Content::Frame(Box::new(ready));
         Ok(Item { number, time, total, warnings, content })
     }
 

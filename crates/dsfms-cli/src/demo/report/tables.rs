@@ -109,7 +109,7 @@ fn plots(report: &Report) -> String {
     };
     let value = "Mean error of the visible part, mm";
     fn plot<'a>(value: &'a str, against: &'a str, ticks: &'a [String]) -> Plot<'a> {
-        Plot { value, against, ticks, by_frame: against == "frame", decades: false }
+        Plot { value, against, ticks, by_frame: against == "frame", ..Plot::default() }
     }
     format!(
         "<div class=\"plots\">{}{}</div>",
