@@ -1,9 +1,10 @@
 //! Fits the weights of the expected error and checks them on cases of another seed.
 //!
 //!     cargo run --release --example expected_error [-- CASES [OUT]]
+//!     dsfms figure OUT/reliability.csv --x predicted --y actual --by model --log x,y -o reliability.svg
 //!
 //! Prints the table for `expected_error/model.rs` and, as Markdown, rank correlation and reliability on
-//! the cases of the test seed. OUT gets reliability.svg and vertices.csv (every vertex: model, set,
+//! the cases of the test seed. OUT gets reliability.csv (mean errors of every tenth by prediction) and vertices.csv (every vertex: model, set,
 //! case, seen, observed, error / R, features).
 
 use dsfms::expected_error::model::LARGEST;
@@ -32,6 +33,9 @@ const SEEDS: [u64; 2] = [0xF17, 0x7E57];
 /// Distances to evidence never count for less than this, whatever the cases say.
 const LEAST: f64 = 0.05;
 
+/// Head of reliability.csv, and where a prediction is right.
+const EQUAL: &str = "model,predicted,actual\nequal,0.002,0.002\nequal,0.2,0.2\n";
+
 const METHODS: [Method; 3] = [Method::Dsfm, Method::Dsfms, Method::Joint];
 
 /// One vertex of one case under one model.
@@ -51,8 +55,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let organs =
         [SeriesOrgan::named("patch")?, SeriesOrgan::named("uterus")?, SeriesOrgan::named("liver")?];
     let [fit, test] = SEEDS.map(|seed| rows(&organs, seed, cases));
-    let (mut svg, mut csv) =
-        (Plot::new(), format!("model,set,case,seen,observed,error,{}\n", NAMES.join(",")));
+    let mut reliability = EQUAL.to_owned();
+    let mut csv = format!("model,set,case,seen,observed,error,{}\n", NAMES.join(","));
     println!("    // {}", NAMES.join(", "));
     let weights: Vec<[f64; COUNT]> = fit.iter().map(|rows| regress(rows)).collect();
     for w in &weights {
@@ -65,7 +69,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (k, model) in Model::ALL.iter().enumerate() {
         let report = Report::of(&test[k], &weights[k]);
         println!("| {model:?} | {} |", report.line());
-        svg.add(k, &format!("{model:?}"), &report.deciles);
+        for [predicted, actual] in &report.deciles {
+            writeln!(reliability, "{model:?},{predicted:.6},{actual:.6}")?;
+        }
         for (set, rows) in [("fit", &fit[k]), ("test", &test[k])] {
             for r in rows.iter().filter(|_| out.is_some()) {
                 let f = r.features.map(|f| format!("{f:.5}")).join(",");
@@ -76,7 +82,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     if let Some(out) = out {
         std::fs::create_dir_all(&out)?;
-        std::fs::write(format!("{out}/reliability.svg"), svg.text())?;
+        std::fs::write(format!("{out}/reliability.csv"), reliability)?;
         std::fs::write(format!("{out}/vertices.csv"), csv)?;
     }
     Ok(())
@@ -329,61 +335,4 @@ fn spearman(pairs: &[[f64; 2]]) -> f64 {
         x.iter().zip(y).map(|(x, y)| (x - middle) * (y - middle)).sum()
     };
     product(&a, &b) / product(&a, &a).max(f64::MIN_POSITIVE)
-}
-
-/// Actual against predicted error, both logarithmic.
-struct Plot(String);
-
-impl Plot {
-    const COLOURS: [&str; 4] = ["#555555", "#E69F00", "#0072B2", "#009E73"];
-    const RANGE: [f64; 2] = [0.002, 0.5];
-
-    fn place(x: f64) -> f64 {
-        let [low, high] = Self::RANGE.map(f64::ln);
-        380.0 * ((x.max(Self::RANGE[0]).ln() - low) / (high - low)).min(1.0)
-    }
-
-    fn new() -> Self {
-        let mut text = String::from(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 480 460\" font-family=\"sans-serif\" font-size=\"12\">\
-             <rect width=\"480\" height=\"460\" fill=\"white\"/>\
-             <path d=\"M60 20V400H440\" fill=\"none\" stroke=\"#333\"/>\
-             <path d=\"M60 400L440 20\" stroke=\"#999\" stroke-dasharray=\"4 4\"/>\
-             <text x=\"250\" y=\"440\" text-anchor=\"middle\">predicted error / visible radius</text>\
-             <text transform=\"translate(18 210) rotate(-90)\" text-anchor=\"middle\">mean actual error / visible radius</text>",
-        );
-        for tick in [0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5] {
-            let at = Self::place(tick);
-            let (x, y) = (60.0 + at, 400.0 - at);
-            let _ = write!(
-                text,
-                "<text x=\"{x:.1}\" y=\"416\" text-anchor=\"middle\">{tick}</text>\
-                 <text x=\"54\" y=\"{:.1}\" text-anchor=\"end\">{tick}</text>",
-                y + 4.0
-            );
-        }
-        Self(text)
-    }
-
-    fn add(&mut self, k: usize, name: &str, deciles: &[[f64; 2]]) {
-        let colour = Self::COLOURS[k];
-        let at = |[p, a]: &[f64; 2]| (60.0 + Self::place(*p), 400.0 - Self::place(*a));
-        let points: Vec<String> =
-            deciles.iter().map(at).map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
-        let y = 40 + 18 * k;
-        let _ = write!(
-            self.0,
-            "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"/>\
-             <text x=\"76\" y=\"{y}\" fill=\"{colour}\">{name}</text>",
-            points.join(" ")
-        );
-        for (x, y) in deciles.iter().map(at) {
-            let _ =
-                write!(self.0, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{colour}\"/>");
-        }
-    }
-
-    fn text(&self) -> String {
-        format!("{}</svg>\n", self.0)
-    }
 }

@@ -7,7 +7,9 @@
 //!         --method joint -o single
 //!     cargo run --release --example video_marks -- clip out [single]
 //!
-//! Writes out/marks.csv (errors of every frame) and out/marks.svg, prints the marks as Markdown.
+//!     dsfms figure out/marks.csv --y visible_mm,zone_mm,single_zone_mm,limit_mm -o marks.svg
+//!
+//! Writes out/marks.csv (errors, status and event of every frame), prints the marks as Markdown.
 //! Errors are means over the vertices that the camera sees, absolute, nothing aligned; of frames in
 //! which it sees none (covered lens) over all.
 
@@ -24,6 +26,9 @@ const STATUS: [&str; 3] = ["ok", "degraded", "lost"];
 
 /// Longest recovery after occlusion and cut, frames.
 const RECOVERY: usize = 5;
+
+/// Events that are told for each frame.
+const SHOWN: [&str; 5] = ["occlusion", "cut", "tool", "pass", "exposure"];
 
 /// An ok frame may be wrong by so many medians.
 const WRONG: f64 = 2.0;
@@ -67,10 +72,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         });
     }
     let events = read_events(&clip.join("truth/events.csv"))?;
-    write_text(&out.join("marks.csv"), &csv(&rows))?;
     let mut errors: Vec<f64> = rows.iter().filter_map(|r| Some(r.tracked?.visible)).collect();
     let median = median(&mut errors).unwrap_or(f64::NAN);
-    write_text(&out.join("marks.svg"), &plot(&rows, &events, median))?;
+    write_text(&out.join("marks.csv"), &csv(&rows, &events, WRONG * median))?;
     print!("{}", marks(&rows, &truth, &events, median));
     Ok(())
 }
@@ -166,7 +170,13 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     sum / count
 }
 
-fn csv(rows: &[Row]) -> String {
+/// `limit`: above it an ok frame is wrong.
+fn csv(rows: &[Row], events: &[Event], limit: f64) -> String {
+    let event = |k: usize| {
+        let found =
+            events.iter().find(|(name, a, b)| SHOWN.contains(&&**name) && (*a..=*b).contains(&k));
+        found.map_or("", |event| &event.0)
+    };
     let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:.4}"));
     let line = |(k, r): (usize, &Row)| {
         let cells = [
@@ -175,100 +185,14 @@ fn csv(rows: &[Row]) -> String {
             r.single.map(|t| t.visible),
             r.single.and_then(|t| t.zone),
         ];
-        format!("{k},{},{}\n", STATUS[r.status], cells.map(number).join(","))
+        let (status, cells) = (STATUS[r.status], cells.map(number).join(","));
+        format!("{k},{status},{cells},{limit:.4},{}\n", event(k))
     };
     let lines: String = rows.iter().enumerate().map(line).collect();
-    format!("frame,status,visible_mm,zone_mm,single_visible_mm,single_zone_mm\n{lines}")
+    let columns = "frame,status,visible_mm,zone_mm,single_visible_mm,single_zone_mm,limit_mm,event";
+    format!("{columns}\n{lines}")
 }
 
 fn write_text(path: &Path, text: &str) -> Result<(), Box<dyn Error>> {
     Ok(write_atomic(path, |w| w.write_all(text.as_bytes()))?)
-}
-
-/// Size of the plot and its margins left and top, px.
-const PLOT: [f64; 4] = [1000.0, 320.0, 50.0, 40.0];
-
-/// Errors over frames: visible (line), zone (thin line), single frames (circles), events (bands).
-fn plot(rows: &[Row], events: &[Event], median: f64) -> String {
-    let [width, height, left, top] = PLOT;
-    let errors = rows.iter().flat_map(|r| [r.tracked, r.single]).flatten();
-    let largest = errors.flat_map(|e| [Some(e.visible), e.zone]).flatten().fold(0.1, f64::max);
-    let x = |k: f64| left + (width - left - 10.0) * k / rows.len() as f64;
-    let y = |e: f64| top + (height - top - 30.0) * (1.0 - e / largest);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" \
-         font-family=\"sans-serif\" font-size=\"11\">\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n"
-    );
-    let mut put = |text: String| svg += &(text + "\n");
-    let bands = [
-        ("occlusion", "#d33"),
-        ("cut", "#d33"),
-        ("tool", "#99a"),
-        ("pass", "#99a"),
-        ("exposure", "#db3"),
-    ];
-    for (name, first, last) in events {
-        let Some((_, colour)) = bands.iter().find(|b| b.0 == name) else { continue };
-        let (a, b) = (x(*first as f64), x(*last as f64 + 1.0));
-        let (h, w) = (height - top - 30.0, b - a);
-        put(format!(
-            "<rect x=\"{a:.1}\" y=\"{top}\" width=\"{w:.1}\" height=\"{h}\" fill=\"{colour}\" opacity=\".18\"/>"
-        ));
-        put(format!("<text x=\"{a:.1}\" y=\"{}\" fill=\"#555\">{name}</text>", top - 4.0));
-    }
-    for e in [0.0, 0.25, 0.5, 0.75, 1.0].map(|s| s * largest) {
-        let at = y(e);
-        put(format!(
-            "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{e:.2}</text>",
-            left - 6.0,
-            at + 4.0
-        ));
-        put(format!("<path d=\"M{left} {at:.1}H{}\" stroke=\"#ddd\"/>", width - 10.0));
-    }
-    let limit = y(WRONG * median);
-    put(format!(
-        "<path d=\"M{left} {limit:.1}H{}\" stroke=\"#d33\" stroke-dasharray=\"4 3\"/>",
-        width - 10.0
-    ));
-    let zone = |r: &Row| r.tracked.and_then(|t| t.zone);
-    let visible = |r: &Row| r.tracked.map(|t| t.visible);
-    for (value, colour, stroke) in
-        [(&zone as &dyn Fn(&Row) -> Option<f64>, "#e08a2a", 1.0), (&visible, "#1565a8", 1.6)]
-    {
-        let mut path = String::new();
-        let mut pen = 'M';
-        for (k, row) in rows.iter().enumerate() {
-            match value(row) {
-                Some(e) => {
-                    // Writing to a string cannot fail.
-                    let _ = write!(path, "{pen}{:.1} {:.1}", x(k as f64), y(e));
-                    pen = 'L';
-                }
-                None => pen = 'M',
-            }
-        }
-        put(format!(
-            "<path d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{stroke}\"/>"
-        ));
-    }
-    for (k, row) in rows.iter().enumerate() {
-        if let Some(e) = row.single.and_then(|s| s.zone) {
-            let (cx, cy) = (x(k as f64), y(e));
-            put(format!(
-                "<circle cx=\"{cx:.1}\" cy=\"{cy:.1}\" r=\"3\" fill=\"none\" stroke=\"#7a3d00\"/>"
-            ));
-        }
-        let colour = ["#2a9d4a", "#e0a020", "#d33"][row.status];
-        put(format!(
-            "<rect x=\"{:.2}\" y=\"{}\" width=\"{:.2}\" height=\"6\" fill=\"{colour}\"/>",
-            x(k as f64),
-            height - 26.0,
-            x(1.0) - x(0.0)
-        ));
-    }
-    put(format!(
-        "<text x=\"{left}\" y=\"{}\">error in mm over frames: visible (blue), deformed zone (orange), single-frame joint in the zone (circles), twice the median (dashed); below: ok, degraded, lost</text>",
-        height - 6.0
-    ));
-    svg + "</svg>\n"
 }

@@ -1,14 +1,20 @@
 //! Where the values of a chart lie.
 
-use super::{FLOOR, HEIGHT, LEFT, Plot, RIGHT, Series, TEXT, TOP, WIDTH};
+use super::{FLOOR, HEIGHT, LEFT, Plot, RIGHT, Series, TEXT, TOP, WIDTH, known};
 use crate::sheet::colours::round_up;
-use crate::sheet::{Anchor, Ink, Item};
+use crate::sheet::{Anchor, Ink, Item, font};
+
+/// Behind a span.
+const SHADE: Ink = Ink::Rgb([234, 236, 240]);
+/// Upper end and height of the strip under the axis.
+const STRIP: [f64; 2] = [FLOOR + 1.0, 5.0];
 
 /// From values to the drawing.
 pub struct Axes {
     pub x: [f64; 2],
     y: [f64; 2],
     pub decades: bool,
+    pub decades_along: bool,
 }
 
 impl Axes {
@@ -20,21 +26,20 @@ impl Axes {
         let high = ends.iter().copied().fold(1e-9, f64::max);
         let y = match plot.decades {
             false => [0.0, round_up(high)],
-            true => {
-                // Six decades at most: what is smaller does not matter.
-                let low = ends.iter().copied().fold(high, f64::min).max(1e-6 * high);
-                let [low, high] = [low.log10().floor(), high.log10().ceil()];
-                [low, high.max(low + 1.0)]
-            }
+            true => decades(ends.iter().copied(), high),
         };
+        let far = all().map(|p| p.0).fold(1e-9, f64::max);
+        let decades_along = plot.decades_along && plot.ticks.is_empty();
         let x = match plot.ticks.len() {
-            0 => [0.0, round_up(all().map(|p| p.0).fold(1e-9, f64::max))],
+            0 if decades_along => decades(all().map(|p| p.0).filter(|x| *x > 0.0), far),
+            0 => [0.0, round_up(far)],
             n => [-0.3, n as f64 - 0.7],
         };
-        Self { x, y, decades: plot.decades }
+        Self { x, y, decades: plot.decades, decades_along }
     }
 
     pub fn x(&self, v: f64) -> f64 {
+        let v = if self.decades_along { v.max(1e-300).log10().max(self.x[0]) } else { v };
         LEFT + (WIDTH - LEFT - RIGHT) * (v - self.x[0]) / (self.x[1] - self.x[0]).max(1e-9)
     }
 
@@ -46,9 +51,7 @@ impl Axes {
     /// Places and names of the horizontal lines.
     pub fn levels(&self) -> Vec<(f64, String)> {
         if self.decades {
-            let step = ((self.y[1] - self.y[0]) / 6.0).ceil().max(1.0) as usize;
-            let levels = (self.y[0] as i32..=self.y[1] as i32).step_by(step);
-            return levels.map(|k| (10f64.powi(k), power(k))).collect();
+            return powers(self.y);
         }
         let level = |k| self.y[1] * f64::from(k) / 4.0;
         (0..=4).map(|k| (level(k), tick(level(k), self.y[1]))).collect()
@@ -68,13 +71,63 @@ impl Axes {
         for (i, name) in plot.ticks.iter().enumerate().step_by(every) {
             label(self.x(i as f64), FLOOR + 17.0, name);
         }
-        for k in (0..=4).filter(|_| plot.ticks.is_empty()) {
-            let v = self.x[1] * f64::from(k) / 4.0;
-            label(self.x(v), FLOOR + 17.0, &tick(v, self.x[1]));
+        let quarters = (0..=4).map(|k| self.x[1] * f64::from(k) / 4.0);
+        let along: Vec<(f64, String)> = match (plot.ticks.is_empty(), self.decades_along) {
+            (false, _) => Vec::new(),
+            (true, true) => powers(self.x),
+            (true, false) => quarters.map(|v| (v, tick(v, self.x[1]))).collect(),
+        };
+        for (v, name) in &along {
+            label(self.x(*v), FLOOR + 17.0, name);
         }
         label(0.5 * (LEFT + WIDTH), HEIGHT - 6.0, plot.against);
         items
     }
+
+    /// Shades behind everything, and their names above where they do not meet.
+    pub fn spans(&self, plot: &Plot) -> Vec<Item> {
+        let (mut shades, mut names, mut free) = (Vec::new(), Vec::new(), LEFT);
+        for span in plot.spans {
+            let [a, b] = self.around(span.ends);
+            shades.push(Item::block([a, TOP], [b - a, FLOOR - TOP], SHADE));
+            let wide = font::width(&span.name, 0.8 * TEXT);
+            if a >= free && a + wide <= WIDTH {
+                let name = span.name.as_str();
+                names.push(Item::text([a, TOP - 3.0], Anchor::Start, 0.8 * TEXT, name));
+                free = a + wide + 0.5 * TEXT;
+            }
+        }
+        shades.extend(names);
+        shades
+    }
+
+    /// A strip under the axis, a colour for every status; one block for each run of the same.
+    pub fn strip(&self, plot: &Plot) -> Vec<Item> {
+        let run = |run: &[(f64, String)]| {
+            let [a, b] = self.around([run[0].0, run[run.len() - 1].0]);
+            Item::block([a, STRIP[0]], [b - a, STRIP[1]], Ink::Status(known(&run[0].1).0))
+        };
+        plot.strip.chunk_by(|a, b| a.1 == b.1).map(run).collect()
+    }
+
+    /// From half a place before the first to half a place behind the last, within the axes.
+    fn around(&self, [first, last]: [f64; 2]) -> [f64; 2] {
+        [self.x(first - 0.5).max(LEFT), self.x(last + 0.5).min(WIDTH - RIGHT)]
+    }
+}
+
+/// First and last exponent of the decades that hold all values.
+fn decades(values: impl Iterator<Item = f64>, high: f64) -> [f64; 2] {
+    // Six decades at most: what is smaller does not matter.
+    let low = values.fold(high, f64::min).max(1e-6 * high);
+    let [low, high] = [low.log10().floor(), high.log10().ceil()];
+    [low, high.max(low + 1.0)]
+}
+
+/// Powers of ten from one exponent to another, seven at most, and their names.
+fn powers([low, high]: [f64; 2]) -> Vec<(f64, String)> {
+    let step = ((high - low) / 6.0).ceil().max(1.0) as usize;
+    (low as i32..=high as i32).step_by(step).map(|k| (10f64.powi(k), power(k))).collect()
 }
 
 /// A power of ten.

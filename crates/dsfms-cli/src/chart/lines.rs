@@ -1,7 +1,7 @@
 //! Lines with markers. Series differ in colour, dash and marker, so that print and colour-blind eyes tell them apart.
 
 use super::axes::Axes;
-use super::{Chart, FLOOR, HEIGHT, Key, Plot, Series, TOP, said};
+use super::{Chart, FLOOR, HEIGHT, Key, Plot, STATUSES, Series, TOP, said};
 use crate::report::embed::escape;
 use crate::sheet::{Ink, Item, Place};
 
@@ -23,7 +23,9 @@ pub fn line_chart(plot: &Plot, series: &[Series]) -> Chart {
     let axes = Axes::of(plot, series);
     let places = (!plot.ticks.is_empty()).then_some(plot.ticks);
     let where_ = said([TOP, FLOOR], axes.x, places, plot.by_frame);
-    let mut items = axes.grid(plot);
+    let mut items = axes.spans(plot);
+    items.extend(axes.grid(plot));
+    items.extend(axes.strip(plot));
     for (k, s) in series.iter().enumerate() {
         items.extend(line(&axes, k, s));
     }
@@ -36,15 +38,28 @@ pub fn line_chart(plot: &Plot, series: &[Series]) -> Chart {
         height: HEIGHT,
         items,
         caption: plot.value.into(),
-        keys: series.iter().enumerate().filter(|(_, s)| !s.label.is_empty()).map(key).collect(),
+        keys: series
+            .iter()
+            .enumerate()
+            .filter(|(_, s)| !s.label.is_empty())
+            .map(key)
+            .chain(STATUSES.iter().filter(|_| !plot.strip.is_empty()).map(status_key))
+            .collect(),
         said: format!("{where_} data-against=\"{}\"", escape(plot.against)),
         class: "chart",
     }
 }
 
+fn status_key(&(name, words, _): &(&'static str, &str, f64)) -> Key {
+    let sign = vec![Item::block([9.0, 3.0], [12.0, 6.0], Ink::Status(name))];
+    Key { sign, words: words.into(), class: name }
+}
+
 /// The line of the `k`th series.
 fn line(axes: &Axes, k: usize, series: &Series) -> Vec<Item> {
-    let shown = |p: &&(f64, f64)| p.1.is_finite() && (!axes.decades || p.1 > 0.0);
+    let shown = |p: &&(f64, f64)| {
+        p.1.is_finite() && (!axes.decades || p.1 > 0.0) && (!axes.decades_along || p.0 > 0.0)
+    };
     let points: Vec<(f64, f64)> = series.points.iter().filter(shown).copied().collect();
     let points = thinned(&points);
     let path: Vec<Place> = points.iter().map(|p| [axes.x(p.0), axes.y(p.1)]).collect();

@@ -9,7 +9,7 @@ use crate::report::embed::escape;
 use crate::sheet::{Anchor, Ink, Item, Place, Sheet, font, svg};
 
 /// Width of a chart, in its own unit.
-const WIDTH: f64 = 560.0;
+pub const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 250.0;
 const LEFT: f64 = 52.0;
 const RIGHT: f64 = 12.0;
@@ -51,6 +51,29 @@ pub struct Plot<'a> {
     pub by_frame: bool,
     /// Decades upwards instead of a line from zero; values that are not positive are left out.
     pub decades: bool,
+    /// Decades along the axis, of places that are numbers.
+    pub decades_along: bool,
+    /// Shaded spans.
+    pub spans: &'a [Span],
+    /// Places that have a status, drawn as a strip under the axis.
+    pub strip: &'a [(f64, String)],
+}
+
+/// A span along the axis that has a name.
+#[derive(Clone, Debug)]
+pub struct Span {
+    pub name: String,
+    /// First and last place.
+    pub ends: [f64; 2],
+}
+
+/// Name, words and height of every status.
+const STATUSES: [(&str, &str, f64); 3] =
+    [("ok", "ok", 0.3), ("degraded", "degraded", 0.65), ("failed", "lost or failed", 1.0)];
+
+/// One of [`STATUSES`].
+fn known(status: &str) -> &'static (&'static str, &'static str, f64) {
+    STATUSES.iter().find(|s| s.0 == status).unwrap_or(&STATUSES[2])
 }
 
 /// A chart, laid out.
@@ -148,14 +171,12 @@ pub fn bars(title: &str, unit: &str, bars: &[Bar]) -> String {
 /// frames; none where they are 0, 1, ….
 pub fn status_strip(title: &str, statuses: &[&str], names: Option<&[String]>) -> String {
     const TALL: f64 = 34.0;
-    const KEYS: [(&str, &str, f64); 3] =
-        [("ok", "ok", 0.3), ("degraded", "degraded", 0.65), ("failed", "lost or failed", 1.0)];
     let count = statuses.len().max(1) as f64;
     let wide = (WIDTH - LEFT - RIGHT) / count;
     let part = |[x, width]: Place, floor: f64, tall: f64, status: &str| {
-        let known = KEYS.iter().find(|k| k.0 == status).unwrap_or(&KEYS[2]);
-        let high = tall * known.2;
-        Item::block([x, floor - high], [width, high], Ink::Status(known.0))
+        let (name, _, share) = known(status);
+        let high = tall * share;
+        Item::block([x, floor - high], [width, high], Ink::Status(name))
     };
     let runs: Vec<&[&str]> = statuses.chunk_by(|a, b| a == b).collect();
     let mut items = Vec::new();
@@ -179,7 +200,7 @@ pub fn status_strip(title: &str, statuses: &[&str], names: Option<&[String]>) ->
     let runs: Vec<String> = runs.iter().map(|r| format!("{}:{}", escape(r[0]), r.len())).collect();
     let axes = said([4.0, 4.0 + TALL], [0.0, count], names, true);
     let said = format!("{axes} data-against=\"frame\" data-runs=\"{}\"", runs.join(" "));
-    let keys = KEYS.iter().map(key).collect();
+    let keys = STATUSES.iter().map(key).collect();
     let class = "chart strip";
     Chart { height: 62.0, items, caption: title.into(), keys, said, class }.page()
 }

@@ -24,7 +24,8 @@ fn the_page_can_read_the_values_of_a_chart() {
     let points = vec![(0.0, 1.25), (1.0, f64::NAN), (2.0, 3.0)];
     let series = [Series { label: "a\"b".into(), points, ..Default::default() }];
     let ticks = ["frame_3".to_string(), "x\"y".into(), "5".into()];
-    let plot = Plot { value: "v", against: "frame", ticks: &ticks, by_frame: true, decades: false };
+    let plot =
+        Plot { value: "v", against: "frame", ticks: &ticks, by_frame: true, ..Default::default() };
     let svg = lines(&plot, &series);
     for text in [
         "data-box=\"52,548,14,206\" data-span=\"-0.3,2.3\"",
@@ -44,6 +45,16 @@ fn decades_are_evenly_spaced() {
     assert_eq!((axes.y(0.01), axes.y(100.0)), (FLOOR, TOP));
     assert!((axes.y(1.0) - 0.5 * (FLOOR + TOP)).abs() < 1e-9);
     assert_eq!(axes.levels().len(), 5);
+}
+
+#[test]
+fn decades_along_the_axis_leave_out_what_is_not_positive() {
+    let plot = Plot { decades_along: true, ..Default::default() };
+    let points = vec![(0.0, 1.0), (0.01, 2.0), (100.0, 3.0)];
+    let series = [Series { points, ..Default::default() }];
+    let axes = Axes::of(&plot, &series);
+    assert!((axes.x(1.0) - 0.5 * (LEFT + WIDTH - RIGHT)).abs() < 1e-9);
+    assert_eq!(lines(&plot, &series).matches("<circle").count(), 2);
 }
 
 #[test]

@@ -1,4 +1,7 @@
-//! `dsfms figure`: a plate for a paper.
+//! `dsfms figure`: a plate or a chart for a paper.
+
+mod chart;
+mod table;
 
 use crate::exit::{Outcome, Usage};
 use crate::figure::panel::{Layer, Surface, View};
@@ -8,7 +11,8 @@ use crate::outputs::{encode_png_at, prepare_for, write_bytes, write_text};
 use crate::progress::Reporter;
 use crate::report::folder::columns;
 use crate::sheet::raster::pixels;
-use crate::sheet::{pdf, svg};
+use crate::sheet::{Sheet, pdf, svg};
+use chart::ChartArgs;
 use clap::{Args, ValueEnum};
 use dsfms::io::template::read_template;
 use dsfms::pipeline::Progress;
@@ -20,13 +24,19 @@ Examples:
   # One frame, shaded, from the laparoscope and from the side
   dsfms figure out --frame 3 -o frame3.pdf
   # All methods of the demo and their error against the truth
-  dsfms figure dsfms-demo --frame 4 --truth dsfms-demo/truth/frame_004.ply \\
+  dsfms figure dsfms-demo --frame 1 --truth dsfms-demo/truth/frame_001.ply \\
       -o methods.pdf
   # Three of them, in this order, two columns wide, as pixels
-  dsfms figure dsfms-demo --methods rigid,dsfm,joint --frame 4 \\
-      --truth dsfms-demo/truth/frame_004.ply --width 180 --dpi 600 -o plate.png
+  dsfms figure dsfms-demo --methods rigid,dsfm,joint --frame 1 \\
+      --truth dsfms-demo/truth/frame_001.ply --width 180 --dpi 600 -o plate.png
   # All around, with the structures that were carried along
   dsfms figure out --frame 3 --turntable 8 -o turn.svg
+  # A column of a table, of every frame of a followed video; events and status
+  # of the frames are drawn where the table has such columns
+  dsfms figure tracked/summary.csv --y residual_px -o residual.pdf
+  # Error of the methods of an experiment, bars to the 90th percentile
+  dsfms figure results/table.csv --x extension --y zone_mean --bars zone_p90 \\
+      --by arm --title 'error in the deformed zone, mm' -o zone.pdf
   # A mesh with the albedo of its template
   dsfms figure out/frame_003.ply --template organ.template \\
       --views front,side,above -o organ.svg
@@ -41,11 +51,11 @@ The truth is shown last and must have the vertices of the frames. Where the
 frames say which vertices the camera saw (output folders do), the rest of the
 shape is grey. Hidden structures show through it, fainter the deeper.";
 
-/// Draw a publication figure of one frame.
+/// Draw a publication figure of one frame, or a chart of a table.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub struct FigureArgs {
-    /// Output folders (or a folder of them), or mesh files.
+    /// Output folders (or a folder of them), or mesh files; or one table, TABLE.csv.
     #[arg(required = true, value_name = "OUT_OR_MESH")]
     paths: Vec<PathBuf>,
     /// Number of the frame in output folders; default the first.
@@ -85,6 +95,8 @@ pub struct FigureArgs {
     /// File to write; .svg (text stays text), .pdf (fonts inside) or .png.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
+    #[command(flatten)]
+    chart: ChartArgs,
 }
 
 /// In which order surfaces stand.
@@ -140,6 +152,31 @@ impl FigureArgs {
 /// Run the command.
 pub fn run(args: &FigureArgs, reporter: &Reporter) -> anyhow::Result<Outcome> {
     let format = Format::of(&args.output)?;
+    let sheet = match args.paths.as_slice() {
+        [table] if is_table(table) => {
+            Sheet { unit_mm: args.width / crate::chart::WIDTH, ..args.chart.chart(table)?.paper() }
+        }
+        paths => match paths.iter().find(|path| is_table(path)) {
+            Some(table) => {
+                let text = format!("{} is a table, which is drawn alone", table.display());
+                return Err(Usage(text).into());
+            }
+            None if args.chart.given() => {
+                return Err(Usage("--x and --y belong to a table, TABLE.csv".into()).into());
+            }
+            None => plate(args, reporter)?,
+        },
+    };
+    write(&sheet, &args.output, format, f64::from(args.dpi))?;
+    Ok(Outcome::Ok)
+}
+
+fn is_table(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"))
+}
+
+/// Surfaces beside each other.
+fn plate(args: &FigureArgs, reporter: &Reporter) -> anyhow::Result<Sheet> {
     let several = |p: &PathBuf| p.is_dir() && columns(p).is_ok_and(|c| c.len() > 1);
     let wanted = Wanted {
         paths: &args.paths,
@@ -169,18 +206,22 @@ pub fn run(args: &FigureArgs, reporter: &Reporter) -> anyhow::Result<Outcome> {
         dpi: f64::from(args.dpi),
         max: args.max,
     };
-    let sheet = plate.sheet();
-    prepare_for(&args.output)?;
-    match format {
-        Format::Png => write_bytes(
-            &args.output,
-            &encode_png_at(&pixels(&sheet, plate.dpi / 72.0), plate.dpi)?,
-        )?,
-        Format::Pdf => write_bytes(&args.output, &pdf::file(&sheet)?)?,
-        Format::Svg => write_text(&args.output, &svg::paper(&sheet)?)?,
-    }
-    Ok(Outcome::Ok)
+    Ok(plate.sheet())
 }
+
+fn write(sheet: &Sheet, output: &Path, format: Format, dpi: f64) -> anyhow::Result<()> {
+    prepare_for(output)?;
+    match format {
+        Format::Png => {
+            let pixels = pixels(sheet, dpi * sheet.unit_mm / MM_PER_INCH);
+            write_bytes(output, &encode_png_at(&pixels, dpi)?)
+        }
+        Format::Pdf => write_bytes(output, &pdf::file(sheet)?),
+        Format::Svg => write_text(output, &svg::paper(sheet)?),
+    }
+}
+
+const MM_PER_INCH: f64 = 25.4;
 
 enum Format {
     Svg,
