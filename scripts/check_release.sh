@@ -1,24 +1,63 @@
 #!/usr/bin/env bash
 # What an archive of scripts/make_release.sh must be: whole, started by any CPU, the same bits by both programs.
 #   scripts/check_release.sh ARCHIVE.tar.gz
+# With qemu-user (Debian: apt install qemu-user) the program for any CPU also runs on one without AVX.
 set -euo pipefail
 archive=$(readlink -f "$1")
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
+(cd "$(dirname "$archive")" && sha256sum --check --quiet "$(basename "$archive").sha256")
 cd "$work"
 tar -xzf "$archive"
 root=$(ls)
 for file in bin/dsfms lib/dsfms/dsfms-x86-64-v3 share/man/man1/dsfms.1 share/man/man1/dsfms-template.1 \
   share/bash-completion/completions/dsfms share/zsh/site-functions/_dsfms \
-  share/fish/vendor_completions.d/dsfms.fish README.md LICENSE-MIT LICENSE-APACHE; do
+  share/fish/vendor_completions.d/dsfms.fish README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE; do
   test -s "$root/$file" || { echo "missing: $file" >&2; exit 1; }
 done
 bash -n "$root/share/bash-completion/completions/dsfms"
 dsfms=$work/$root/bin/dsfms
-"$dsfms" --version
+# Both programs are of one commit, which they name.
+version=$("$dsfms" --version)
+[[ "$version" =~ ^dsfms\ [0-9.]+\ \([0-9a-f]{12}\)$ ]] || { echo "no version with a commit: $version" >&2; exit 1; }
+test "$version" = "$(DSFMS_PORTABLE=1 "$dsfms" --version)"
+echo "$version"
+# Every command has its page.
+for command in $("$dsfms" --help | sed -n '/^Commands:/,/^$/s/^  \([a-z-]\+\) .*/\1/p' | grep -v '^help$'); do
+  test -s "$root/share/man/man1/dsfms-$command.1" || { echo "no manual page of $command" >&2; exit 1; }
+done
+# Nothing of the system is needed but the kernel.
+if command -v ldd > /dev/null && ldd "$dsfms" 2>&1 | grep -q '=>'; then
+  echo "bin/dsfms needs libraries of the system" >&2
+  exit 1
+fi
 # It starts by another name and through a link, too.
 ln -s "$dsfms" "$work/link"
-test "$("$work/link" --version)" = "$("$dsfms" --version)"
+test "$("$work/link" --version)" = "$version"
+# A rendered clip, its template, and two frames by the joint solve.
+made() { # FOLDER PROGRAM...
+  local to=$1
+  shift
+  "$@" synth --video --frames 2 --size 320x180 --vertices 150 --seed 3 --quiet -o "$to/clip"
+  "$@" reconstruct "$to/clip/organ.template" "$to/clip/frames" --camera "$to/clip/camera.json" --method joint \
+    --no-report --quiet -o "$to/out" || test $? = 2
+}
+same() { # FOLDER FOLDER: clips to the byte, surfaces too
+  local differ
+  differ=$(diff -rq "$1/clip" "$2/clip" || true)
+  for file in "$1"/out/*.ply; do
+    cmp -s "$file" "$2/out/$(basename "$file")" || differ+=" $file"
+  done
+  test -z "$differ" || { echo "$1 and $2 differ: $differ" >&2; exit 1; }
+}
+DSFMS_PORTABLE=1 made portable "$dsfms"
+if command -v qemu-x86_64 > /dev/null; then
+  made old qemu-x86_64 -cpu Nehalem "$dsfms"
+  same portable old
+  echo "a CPU without AVX (Nehalem by qemu): the same bits"
+else
+  echo "no qemu-x86_64: a CPU without AVX is NOT tested"
+fi
 flags=$(grep -m1 '^flags' /proc/cpuinfo)
 for flag in avx2 fma bmi1 bmi2 f16c abm movbe; do
   case " $flags " in *" $flag "*) ;; *) echo "this CPU lacks $flag: the fast program is NOT tested"; exit 0 ;; esac
@@ -28,16 +67,6 @@ cp -r "$root" stand-in
 printf '#!/bin/sh\necho fast "$@"\n' > stand-in/lib/dsfms/dsfms-x86-64-v3
 test "$(stand-in/bin/dsfms one two)" = "fast one two"
 DSFMS_PORTABLE=1 stand-in/bin/dsfms --version | grep -q '^dsfms '
-# The same bits: a rendered clip, its template, and two frames by the joint solve.
-for way in fast portable; do
-  if [ $way = portable ]; then export DSFMS_PORTABLE=1; fi
-  "$dsfms" synth --video --frames 2 --size 320x180 --vertices 150 --seed 3 --quiet -o $way/clip
-  "$dsfms" reconstruct $way/clip/organ.template $way/clip/frames --camera $way/clip/camera.json --method joint \
-    --no-report --quiet -o $way/out || test $? = 2
-done
-differ=$(diff -rq fast/clip portable/clip || true)
-for file in fast/out/*.ply; do
-  cmp -s "$file" "portable/out/$(basename "$file")" || differ+=" $file"
-done
-test -z "$differ" || { echo "the two programs differ: $differ" >&2; exit 1; }
+made fast "$dsfms"
+same fast portable
 echo "$root: whole; both programs give the same bits ($(ls fast/out/*.ply | wc -l) surfaces)"

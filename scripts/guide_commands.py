@@ -50,7 +50,8 @@ def commands(page):
     """Headings and indented command lines of a page, continued lines joined, without comments."""
     joined = re.sub(r"\\\n\s*", " ", page.read_text())
     for line in joined.splitlines():
-        if line.startswith("## "):
+        # Below a heading of the README another reader begins.
+        if line.startswith("## ") and page.stem == "README":
             yield line
         found = re.match(r"\s{4,}((?:dsfms|cargo|cd|ssh|pip) .*)", line)
         if found and "`" not in line:

@@ -95,7 +95,6 @@ fn track() {
     run(&["small"], &[], NOTHING, &["f_0.png", "80x60", "160x120"]);
     run(&["frames", "gone.mp4"], &[], NOTHING, &["gone.mp4"]);
     run(&["-"], &[], USAGE, &["--size"]);
-    run(&["-"], &["--size", "160x120", "--record", "kept"], NOTHING, &["no frame"]);
     run(&["frames"], &["--record", "small"], USAGE, &["small", "not empty"]);
     run(&["frames"], &["--organ-masks", "photographs"], NOTHING, &["not a mask"]);
     run(&["igtl://nowhere"], &[], USAGE, &["igtl://nowhere"]);

@@ -61,6 +61,32 @@ fn masks_are_outlined_on_the_pictures() {
 }
 
 #[test]
+fn a_source_without_a_frame_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let [out, record] = ["out", "record"].map(|name| folder.path().join(name));
+    std::fs::create_dir(&out).unwrap();
+    std::fs::write(out.join("dsfms.json"), "{}").unwrap();
+    std::fs::write(out.join("summary.csv"), "of an older run").unwrap();
+    for input in ["-", "igtl://127.0.0.1:9"] {
+        let done = assert_cmd::Command::cargo_bin("dsfms")
+            .unwrap()
+            .current_dir(clip::CLIP.path().join("clip"))
+            .args(["track", "organ.template", input, "--camera", "camera.json", "--size", "320x180"])
+            .arg("--record")
+            .arg(&record)
+            .arg("-o")
+            .arg(&out)
+            .write_stdin("")
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(done.status.code(), Some(1), "{input}: {said}");
+        assert_eq!(std::fs::read_dir(&out).unwrap().count(), 2, "{input}: {said}");
+        assert!(out.join("summary.csv").is_file() && !record.exists(), "{input}: {said}");
+    }
+}
+
+#[test]
 fn the_prior_is_heeded_and_what_is_seen_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");

@@ -47,7 +47,7 @@ function buildRig() {
     if (!frame.pose) return;
     const now = f === state.frame;
     const lines = segments(frustum(now ? 2 * length : length).map((p) => inverse(frame.pose, p)), now ? "#d81b60" : ink, now ? 1 : 0.45);
-    if (!now) lines.userData.apex = inverse(frame.pose, [0, 0, 0]);
+    lines.userData.apex = inverse(frame.pose, [0, 0, 0]);
     rig.add(lines);
   });
   buildPath();
@@ -74,6 +74,9 @@ function buildPath() {
   if (places.length < 2) return;
   const line = segments(places.slice(1).flatMap((q, i) => [places[i], q]), 0xd07a00, 0.95);
   line.userData.path = true;
+  // Seen from the current camera it would be a line across the surface.
+  const pose = data.frames[state.frame].pose;
+  if (pose) line.userData.apex = inverse(pose, [0, 0, 0]);
   rig.add(line);
 }
 /** Where a point in surface axes stands in a cell, px; null behind the eye. */

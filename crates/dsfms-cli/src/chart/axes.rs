@@ -53,8 +53,7 @@ impl Axes {
         if self.decades {
             return powers(self.y);
         }
-        let level = |k| self.y[1] * f64::from(k) / 4.0;
-        (0..=4).map(|k| (level(k), tick(level(k), self.y[1]))).collect()
+        steps(self.y[1])
     }
 
     pub fn grid(&self, plot: &Plot) -> Vec<Item> {
@@ -71,11 +70,10 @@ impl Axes {
         for (i, name) in plot.ticks.iter().enumerate().step_by(every) {
             label(self.x(i as f64), FLOOR + 17.0, name);
         }
-        let quarters = (0..=4).map(|k| self.x[1] * f64::from(k) / 4.0);
         let along: Vec<(f64, String)> = match (plot.ticks.is_empty(), self.decades_along) {
             (false, _) => Vec::new(),
             (true, true) => powers(self.x),
-            (true, false) => quarters.map(|v| (v, tick(v, self.x[1]))).collect(),
+            (true, false) => steps(self.x[1]),
         };
         for (v, name) in &along {
             label(self.x(*v), FLOOR + 17.0, name);
@@ -114,6 +112,18 @@ impl Axes {
     fn around(&self, [first, last]: [f64; 2]) -> [f64; 2] {
         [self.x(first - 0.5).max(LEFT), self.x(last + 0.5).min(WIDTH - RIGHT)]
     }
+}
+
+/// From zero to a round number in three to five steps of one digit.
+fn steps(top: f64) -> Vec<(f64, String)> {
+    let one_digit = |n: &i32| {
+        let step = top / f64::from(*n);
+        let scaled = step / 10f64.powf(step.log10().floor());
+        (scaled - scaled.round()).abs() < 1e-6
+    };
+    let count = [4, 3, 5].into_iter().find(one_digit).unwrap_or(4);
+    let level = |k: i32| top * f64::from(k) / f64::from(count);
+    (0..=count).map(|k| (level(k), tick(level(k), top))).collect()
 }
 
 /// First and last exponent of the decades that hold all values.

@@ -9,6 +9,23 @@ fn ticks_have_no_needless_digits() {
 }
 
 #[test]
+fn steps_of_an_axis_have_one_digit() {
+    for (top, words) in [
+        (0.8, "0 0.2 0.4 0.6 0.8"),
+        (1.0, "0 0.2 0.4 0.6 0.8 1"),
+        (15.0, "0 5 10 15"),
+        (300.0, "0 100 200 300"),
+        (0.06, "0 0.02 0.04 0.06"),
+    ] {
+        let plot = Plot::default();
+        let series = [Series { points: vec![(0.0, top)], ..Default::default() }];
+        let levels = Axes::of(&plot, &series).levels();
+        let names: Vec<&str> = levels.iter().map(|level| level.1.as_str()).collect();
+        assert_eq!(names.join(" "), words);
+    }
+}
+
+#[test]
 fn names_cannot_break_a_plot() {
     let series = [Series { label: "<b>".into(), points: vec![(0.0, 1.0)], ..Default::default() }];
     let ticks = ["<i>".to_string()];
