@@ -33,7 +33,7 @@ LEFT_OUT = {
     "ssh ": "another machine",
     "pip install": "the network",
     "dsfms replay": "the run of a device before it",
-    "> ~/": "writes into the home folder",
+    "> ~/": "the home folder",
     "experiment ext --count 100": "hours",
     "experiment table1": "an hour",
     "experiment ablation": "hours",
@@ -128,7 +128,7 @@ def prepare(dsfms, work):
           "-o", "meshed.template")
     places = corners(work / "organ.stl", 7)
     lines = [",".join(map(str, p + p)) for p in places]
-    (work / "pairs.csv").write_text("x_ct,y_ct,z_ct,x,y,z\n" + "\n".join(lines) + "\n")
+    (work / "pairs.csv").write_text("ct_x,ct_y,ct_z,template_x,template_y,template_z\n" + "\n".join(lines) + "\n")
     png(work / "albedo.png", 64, 64, lambda x, y: 120 + x)
     guess = json.loads((scene / "camera.json").read_text())
     guess = {key: guess[key] for key in ("width", "height", "fx", "fy", "cx", "cy")}

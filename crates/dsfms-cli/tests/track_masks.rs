@@ -71,7 +71,15 @@ fn a_source_without_a_frame_leaves_nothing() {
         let done = assert_cmd::Command::cargo_bin("dsfms")
             .unwrap()
             .current_dir(clip::CLIP.path().join("clip"))
-            .args(["track", "organ.template", input, "--camera", "camera.json", "--size", "320x180"])
+            .args([
+                "track",
+                "organ.template",
+                input,
+                "--camera",
+                "camera.json",
+                "--size",
+                "320x180",
+            ])
             .arg("--record")
             .arg(&record)
             .arg("-o")

@@ -124,9 +124,15 @@ impl Chart {
     pub fn paper(&self) -> Sheet {
         const LINE: f64 = 1.5 * TEXT;
         let mut items = vec![Item::text([LEFT, LINE], Anchor::Start, TEXT, self.caption.as_str())];
+        let wide = |key: &Key| 36.0 + font::width(&key.words, TEXT) + TEXT;
         let (mut x, mut y) = (LEFT + font::width(&self.caption, TEXT) + 3.0 * TEXT, LINE);
+        let all: f64 = self.keys.iter().map(wide).sum();
+        // None is parted from the others where one line holds them.
+        if x + all > WIDTH && LEFT + all <= WIDTH {
+            (x, y) = (LEFT, y + LINE);
+        }
         for key in &self.keys {
-            let wide = 36.0 + font::width(&key.words, TEXT) + TEXT;
+            let wide = wide(key);
             if x + wide > WIDTH {
                 (x, y) = (LEFT, y + LINE);
             }

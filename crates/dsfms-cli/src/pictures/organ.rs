@@ -48,9 +48,9 @@ fn write_guess(
         write_png(&folder.join(format!("{name}.png")), &black_and_white(mask))?;
     }
     let tint = if ending.is_empty() { [0; 3] } else { TINT };
-    let every = guess.masks.len().div_ceil(SHOWN).max(1);
-    let all = guess.masks.iter().zip(&guess.borders);
-    let shown = all.step_by(every).filter_map(|((name, mask), border)| {
+    let (all, most) = (guess.masks.len(), SHOWN.min(guess.masks.len()));
+    let shown = (0..most).map(|k| k * all / most).filter_map(|i| {
+        let ((name, mask), border) = (&guess.masks[i], guess.borders.get(i)?);
         let frame = frames.iter().find(|f| f.name == *name)?;
         let height = WIDTH * frame.size[1] as u32 / frame.size[0] as u32;
         let drawn = outlined(frame, mask, border, tint);
