@@ -5,7 +5,7 @@
     scripts/viewer_speed.py target/release/dsfms OUT        # any output folder, template, mesh or report.html
     scripts/viewer_speed.py target/release/dsfms --lift     # on a busy machine, as root: Chromium before all others
 
-Prints the machine's load with every figure: on a busy machine they say little. Chromium is found on the path.
+Prints the machine's load with every figure: on a busy machine the rates say little, the processor time of a frame more. Chromium is found on the path.
 """
 
 import argparse
@@ -27,7 +27,7 @@ LAYERS = "[...document.getElementById('layer').options].map((o) => o.value)"
 # Sixty frames to get going (the page lowers its resolution where it cannot keep up), then three seconds.
 ORBIT = """new Promise((done) => { const l = document.getElementById('layer'); l.value = '%s';
 l.dispatchEvent(new Event('change')); let n = -60, start = 0; const step = (now) => { if (n === 0) start = now;
-n++; dsfms.orbit(0.03, 0); if (n > 0 && now - start > 3000) done((1000 * n) / (now - start));
+n++; dsfms.orbit(0.03, 0); if (n > 0 && now - start > 3000) done([(1000 * n) / (now - start), n + 60]);
 else requestAnimationFrame(step); }; requestAnimationFrame(step); })"""
 
 
@@ -103,6 +103,17 @@ def threads(pid):
             pass
 
 
+def processor_time(pid):
+    """Seconds that a process and its children have had of all cores."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+        children = [child for task in Path(f"/proc/{pid}/task").glob("*") for child in (task / "children").read_text().split()]
+    except OSError:
+        return 0.0
+    own = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return own + sum(map(processor_time, set(children)))
+
+
 def lift(pid):
     while True:
         for task in list(threads(pid)):
@@ -127,8 +138,11 @@ def measure(url, raised):
                 print(f"{visit} visit: first paint {paint:.2f} s, viewer ready within {ready:.2f} s ({load()})", flush=True)
             print(browser.eval("dsfms.data.vertices"), "vertices")
             for layer in browser.eval(LAYERS):
-                rate, sharp = browser.eval(ORBIT % layer), browser.eval("dsfms.sharpness()")
-                print(f"orbit, {layer}: {rate:.1f} frames a second at {sharp:.2f} of the pixels a side ({load()})", flush=True)
+                before = processor_time(browser.child.pid)
+                (rate, frames), sharp = browser.eval(ORBIT % layer), browser.eval("dsfms.sharpness()")
+                cost = 1000 * (processor_time(browser.child.pid) - before) / frames
+                print(f"orbit, {layer}: {rate:.1f} frames a second, {cost:.0f} ms of processor time each, at {sharp:.2f} of the "
+                      f"pixels a side ({load()})", flush=True)
         finally:
             browser.child.terminate()
             browser.child.wait()

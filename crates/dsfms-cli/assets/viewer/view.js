@@ -88,6 +88,8 @@ function fitCanvas(w, h) {
   sized = size;
   renderer.setPixelRatio(ratio);
   renderer.setSize(w, h, false);
+  // Where few pixels are drawn they are not blended either.
+  canvas.style.imageRendering = moving && coarse < 0.5 ? "pixelated" : "";
 }
 /** The background, asked of the style sheet when the theme or the medium changes. */
 function wallpaper() {

@@ -68,6 +68,9 @@ fn follow(
     let live = args.input == [PathBuf::from("-")];
     check(args, live)?;
     place::check(&args.output, &places(args))?;
+    let stream = Stream::of(args)?;
+    let record = |folder: &PathBuf| Recording::start(folder, args.realtime);
+    let recording = args.record.as_ref().map(record).transpose()?;
     let mut template = bare::template(args, global, reporter)?;
     let (camera, tone) = inputs::frame_camera(args.camera.as_deref(), global, &mut template)?;
     if !live {
@@ -88,10 +91,8 @@ fn follow(
     let tracker = Tracker::new(&template, &camera, &tone, method, options)?;
     let structures = Structures::read(&args.structures, &template, reporter)?;
     let link = Link::open(&args.link, &template, &camera, reporter)?;
-    let record = |folder: &PathBuf| Recording::start(folder, args.realtime);
-    let recording = args.record.as_ref().map(record).transpose()?;
     let recorder = recording.as_ref().map(Recording::recorder);
-    let mut source = source(args, live, recorder)?;
+    let mut source = source(args, live, stream, recorder);
     source.numbered = again.is_some_and(|again| again.recorded);
     let rate = args.rate.or_else(|| source.rate()).unwrap_or(RATE);
     interrupt::end_softly();
@@ -183,10 +184,14 @@ fn places(args: &TrackArgs) -> Vec<&Path> {
 /// Frames a second where nothing says so.
 const RATE: f64 = 25.0;
 
-fn source(args: &TrackArgs, live: bool, recorder: Option<Recorder>) -> anyhow::Result<Source> {
-    let stream = Stream::of(args)?;
+fn source(
+    args: &TrackArgs,
+    live: bool,
+    stream: Option<Stream>,
+    recorder: Option<Recorder>,
+) -> Source {
     let files = !live && stream.is_none();
-    Ok(Source {
+    Source {
         inputs: if files { args.input.clone() } else { Vec::new() },
         stream,
         recorder,
@@ -200,5 +205,5 @@ fn source(args: &TrackArgs, live: bool, recorder: Option<Recorder>) -> anyhow::R
         stride: args.stride as usize,
         realtime: args.realtime,
         numbered: false,
-    })
+    }
 }
