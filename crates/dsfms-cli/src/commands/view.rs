@@ -5,6 +5,7 @@ mod live;
 mod organ;
 
 use crate::exit::Outcome;
+use crate::report::embed::escape;
 use crate::report::folder::Source;
 use anyhow::Context;
 use clap::Args;
@@ -141,7 +142,17 @@ fn open(url: &str) {
 
 /// The page of a run that has no frame yet; it asks again by itself.
 const WAITING: &str = "<!DOCTYPE html><html lang=\"en\"><meta charset=\"utf-8\">\
-    <meta http-equiv=\"refresh\" content=\"1\"><title>dsfms track</title><body>No frame yet.</body></html>";
+    <meta http-equiv=\"refresh\" content=\"1\"><title>dsfms</title><body>{{words}}</body></html>";
+
+/// The page while there is nothing to show: a command that begins has nothing yet, one that begins anew takes
+/// away what an older run left. It asks again by itself.
+fn waiting(running: bool, error: &anyhow::Error) -> Answer {
+    let words = match running {
+        true => "No frame yet.".to_owned(),
+        false => escape(&crate::exit::describe(error)),
+    };
+    Answer::ok("text/html; charset=utf-8", WAITING.replace("{{words}}", &words))
+}
 
 /// What is served: a page that follows its files, and the organ's page of a template.
 #[derive(Clone)]
@@ -186,14 +197,12 @@ fn got(served: &Served, wanted: &str) -> anyhow::Result<Answer> {
         return Ok(served.desk.get(rest)?.unwrap_or_else(missing));
     }
     let Some(wanted) = Wanted::of(wanted) else { return Ok(missing()) };
-    let look = match served.watched.look() {
-        Err(_) if served.watched.runs() && matches!(wanted, Wanted::Page) => {
-            return Ok(Answer::ok("text/html; charset=utf-8", WAITING));
-        }
-        look => look?,
-    };
-    let found = wanted.body(&look, served.desk.is_there())?;
-    Ok(found.map_or_else(missing, |(kind, body)| Answer::ok(kind, body)))
+    let is_page = matches!(wanted, Wanted::Page);
+    let found = served.watched.look();
+    match found.and_then(|look| wanted.body(&look, served.desk.is_there())) {
+        Err(error) if is_page => Ok(waiting(served.watched.runs(), &error)),
+        found => Ok(found?.map_or_else(missing, |(kind, body)| Answer::ok(kind, body))),
+    }
 }
 
 fn posted(
@@ -251,6 +260,28 @@ mod tests {
     fn tokens_differ() {
         let (a, b) = (token(), token());
         assert!(a != b && a.len() == 32 && a.chars().all(|c| c.is_ascii_hexdigit()), "{a} {b}");
+    }
+
+    #[test]
+    fn a_page_whose_files_are_gone_for_a_moment_comes_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let page = folder.path().join("report.html");
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let address = listener.local_addr().unwrap();
+        let served = Served::of(folder.path());
+        std::thread::spawn(move || serve(&listener, &served, "/secret/"));
+        let get = || {
+            let mut stream = TcpStream::connect(address).unwrap();
+            write!(stream, "GET /secret/ HTTP/1.1\r\nHost: {address}\r\n\r\n").unwrap();
+            let mut text = String::new();
+            stream.read_to_string(&mut text).unwrap();
+            text
+        };
+        let gone = get();
+        assert!(gone.starts_with("HTTP/1.1 200") && gone.contains("refresh"), "{gone}");
+        assert!(gone.contains("holds no report.html"), "{gone}");
+        std::fs::write(&page, "<body>here</body>").unwrap();
+        assert!(get().contains("here"));
     }
 
     #[test]
