@@ -60,7 +60,10 @@ impl ChartArgs {
         let series = self.series(&table, &places)?;
         let title = self.title.clone().unwrap_or_else(|| self.y.join(", "));
         let spans = spans(&table, &places);
-        let strip = self.by.is_none().then(|| statuses(&table, &places)).unwrap_or_default();
+        let strip = match self.by {
+            None => statuses(&table, &places),
+            Some(_) => Vec::new(),
+        };
         let plot = Plot {
             value: &title,
             against: self.against.as_deref().unwrap_or(along),
