@@ -91,14 +91,10 @@ fn track() {
     for input in ["notes.txt", "clip.mp4", "gone.mp4", "gone.png", "gone", "truth"] {
         run(&[input], &["--record", "kept"], NOTHING, &[input]);
     }
-    run(&["texts"], &[], NOTHING, &["text_0.png", "image"]);
-    run(&["small"], &[], NOTHING, &["f_0.png", "80x60", "160x120"]);
     run(&["frames", "gone.mp4"], &[], NOTHING, &["gone.mp4"]);
     run(&["-"], &[], USAGE, &["--size"]);
     run(&["frames"], &["--record", "small"], USAGE, &["small", "not empty"]);
-    run(&["frames"], &["--organ-masks", "photographs"], NOTHING, &["not a mask"]);
     run(&["igtl://nowhere"], &[], USAGE, &["igtl://nowhere"]);
-    run(&["frames"], &["--structures", "none.ply"], NOTHING, &["none.ply"]);
 }
 
 #[test]

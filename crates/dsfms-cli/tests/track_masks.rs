@@ -95,6 +95,32 @@ fn a_source_without_a_frame_leaves_nothing() {
 }
 
 #[test]
+fn what_fits_no_camera_or_is_no_mask_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for name in ["small", "texts", "photographs"] {
+        std::fs::create_dir(at(name)).unwrap();
+    }
+    for k in 0..4 {
+        GrayImage::from_pixel(80, 60, Luma([120])).save(at(&format!("small/{k}.png"))).unwrap();
+        std::fs::write(at(&format!("texts/{k}.png")), "no image").unwrap();
+    }
+    let grey = |x: u32, y: u32| Luma([(x + y) as u8]);
+    GrayImage::from_fn(320, 180, grey).save(at("photographs/frame_000.png")).unwrap();
+    let [small, texts, masks] =
+        ["small", "texts", "photographs"].map(|n| at(n).display().to_string());
+    for (input, more, word) in [
+        (small.as_str(), &[][..], "80x60"),
+        (texts.as_str(), &[][..], "neither a video nor an image"),
+        ("frames/frame_000.png", &["--organ-masks", masks.as_str()][..], "not a mask"),
+        ("frames", &["--structures", "none.ply"][..], "none.ply"),
+    ] {
+        let said = track(&at("out"), input, more).said();
+        assert!(said.contains(word) && !at("out").exists(), "{input} {more:?}: {said}");
+    }
+}
+
+#[test]
 fn the_prior_is_heeded_and_what_is_seen_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");

@@ -71,11 +71,10 @@ fn follow(
     let stream = Stream::of(args)?;
     let record = |folder: &PathBuf| Recording::start(folder, args.realtime);
     let recording = args.record.as_ref().map(record).transpose()?;
+    let sources = if live { Vec::new() } else { inputs::look(&args.input)? };
     let mut template = bare::template(args, global, reporter)?;
     let (camera, tone) = inputs::frame_camera(args.camera.as_deref(), global, &mut template)?;
-    if !live {
-        check_files(args, &camera)?;
-    }
+    check_files(args, &sources, &camera)?;
     let options = match again {
         Some(again) => again.run.options.clone(),
         None => options(args, global)?,
@@ -135,14 +134,17 @@ fn follow(
 }
 
 /// Refuse files that cannot be tracked, before anything is written.
-fn check_files(args: &TrackArgs, camera: &CameraModel) -> anyhow::Result<()> {
-    let sources = inputs::look(&args.input)?;
+fn check_files(
+    args: &TrackArgs,
+    sources: &[inputs::Source],
+    camera: &CameraModel,
+) -> anyhow::Result<()> {
     let file = args.camera.as_deref().unwrap_or(&args.template);
-    inputs::check_sizes(&sources, camera, file)?;
+    inputs::check_sizes(sources, camera, file)?;
     let masks = [&args.instrument_masks, &args.organ_masks, &args.masks].map(|m| m.as_deref());
     let kinds = [MaskKind::Instrument, MaskKind::Organ, MaskKind::Valid];
     for (masks, kind) in masks.into_iter().zip(kinds) {
-        inputs::check_masks(&sources, masks, kind)?;
+        inputs::check_masks(sources, masks, kind)?;
     }
     Ok(())
 }
