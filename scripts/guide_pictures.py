@@ -45,7 +45,7 @@ def main():
         run("track", work / "clip/organ.template", work / "clip/frames", "--camera", work / "clip/camera.json", "--overlay",
             "-o", work / "tracked")
         shrunk(work / "tracked/overlay/frame_006.png", "tracked.png", colours=128)
-        run("figure", work / "tracked/summary.csv", "--y", "matches,matches_kept", "--title", "matches", "-o", work / "chart.png")
+        run("figure", work / "tracked/summary.csv", "--y", "residual_px", "--title", "residual, px", "-o", work / "chart.png")
         shrunk(work / "chart.png", "chart.png", 900, 32)
 
 

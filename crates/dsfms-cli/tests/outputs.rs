@@ -39,7 +39,9 @@ fn a_frame_that_fails_leaves_no_surface_of_an_older_run() {
         .map(|i| format!("{},0.3,0.3,0.4,{},{}\n", (i * 17) % 300, (i * 67) % 160, (i * 41) % 120))
         .collect();
     fs::write(case.path("matches.csv"), format!("face,b1,b2,b3,x,y\n{scattered}")).unwrap();
-    fs::write(case.path("frames/organ_003.png"), "no picture").unwrap();
+    // Its head says that it is a picture.
+    let whole = fs::read(case.path("frames/organ_003.png")).unwrap();
+    fs::write(case.path("frames/organ_003.png"), &whole[..whole.len() / 2]).unwrap();
     refused(&mut rigid(&case, "frames", "out"), NOTHING, &["organ_003"]);
     assert!(!case.path("out/frame_003.ply").exists());
     assert!(!case.path("out/frame_003_overlay.png").exists());
