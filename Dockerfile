@@ -16,6 +16,8 @@ FROM debian:trixie-slim
 RUN apt-get update && apt-get install -y --no-install-recommends ffmpeg \
     && rm -rf /var/lib/apt/lists/*
 COPY --from=build /source/target/release/dsfms /usr/local/bin/dsfms
+COPY --from=build /source/LICENSE-MIT /source/LICENSE-APACHE /source/crates/dsfms-cli/data/font/OFL.txt \
+    /source/crates/dsfms-cli/assets/three.LICENSE /source/crates/dsfms/data/organs/README.md /usr/share/doc/dsfms/
 RUN useradd --create-home dsfms
 USER dsfms
 WORKDIR /data

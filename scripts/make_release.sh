@@ -37,6 +37,11 @@ dsfms=$cd_to/bin/dsfms
 "$dsfms" completions zsh > "$cd_to/share/zsh/site-functions/_dsfms"
 "$dsfms" completions fish > "$cd_to/share/fish/vendor_completions.d/dsfms.fish"
 cp README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE "$cd_to/"
+# What the programs carry of others: the font of figures, three.js, the organs of the synthetic cases.
+mkdir "$cd_to/licences"
+cp crates/dsfms-cli/data/font/OFL.txt "$cd_to/licences/Arimo-OFL.txt"
+cp crates/dsfms-cli/assets/three.LICENSE "$cd_to/licences/three.js.txt"
+cp crates/dsfms/data/organs/README.md "$cd_to/licences/organs.md"
 # The same input gives the same archive.
 tar --sort=name --owner=0 --group=0 --numeric-owner --mtime="@${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct)}" \
   -C "$out" -cf - "$name" | gzip -n > "$out/$name.tar.gz"
