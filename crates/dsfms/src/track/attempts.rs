@@ -1,7 +1,7 @@
 //! How a frame gets its surface: followed from the last one, found again, or both.
 
+use super::candidate::Candidate;
 use super::follow::FollowedMatches;
-use super::judged::Candidate;
 use super::places::FollowedPlace;
 use super::prepare::View;
 use super::tracker::{Clock, Last, Tracker};

@@ -1,45 +1,14 @@
 //! A surface looked at in its frame, and judged.
 
-use super::exposed::Shown;
+use super::candidate::Candidate;
 use super::look::{Look, edge_px};
-use super::places::FollowedPlace;
 use super::prepare::View;
 use super::tracker::{Clock, Draft, Tracker};
 use super::verdict::{Known, evidence};
 use super::{Origin, Surface};
 use crate::geometry::Point3;
-use crate::verdict::{Compared, Looked, Says, Verdict, judge, look, regions};
-use std::cmp::Ordering;
+use crate::verdict::{Compared, Looked, Says, judge, look, regions};
 use std::sync::Arc;
-
-/// A surface with its judgement.
-pub(super) struct Candidate {
-    pub(super) verdict: Verdict,
-    pub(super) surface: Surface,
-    pub(super) look: Arc<Look>,
-    pub(super) ambient: f64,
-    pub(super) shown: Shown,
-    pub(super) jumped: bool,
-    /// What descriptors found and the surface explains.
-    pub(super) places: Vec<FollowedPlace>,
-}
-
-impl Candidate {
-    /// Whether it shows the frame better than another: by its verdict, else by the brightness it leaves
-    /// unexplained, else by what looks alike.
-    pub(super) fn beats(&self, other: &Self) -> bool {
-        let (a, b) = (&self.surface, &other.surface);
-        let alike = || match (a.photometric, b.photometric) {
-            (Some(a), Some(b)) => a < b,
-            _ => a.agreement > b.agreement,
-        };
-        match self.verdict.level.cmp(&other.verdict.level) {
-            Ordering::Less => true,
-            Ordering::Greater => false,
-            Ordering::Equal => alike(),
-        }
-    }
-}
 
 impl Tracker<'_> {
     /// Look at a surface and judge it.

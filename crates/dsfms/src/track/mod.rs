@@ -9,6 +9,7 @@
 mod attempts;
 mod baseline;
 mod busy_wait;
+mod candidate;
 mod covered;
 mod exposed;
 mod follow;

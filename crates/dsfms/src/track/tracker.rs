@@ -2,8 +2,8 @@
 
 use super::baseline::BaselineResidual;
 use super::busy_wait::busy_wait;
+use super::candidate::Candidate;
 use super::exposed::{Exposed, Shown};
-use super::judged::Candidate;
 use super::look::{Look, Working};
 use super::mips::Mips;
 use super::parts::Seeker;
