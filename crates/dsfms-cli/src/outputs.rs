@@ -104,6 +104,8 @@ pub struct ExpectedError {
     pub visible_median: f64,
     /// 90th percentile over the visible vertices.
     pub visible_p90: f64,
+    /// Nine vertices of ten are off by less than this multiple of their expected error.
+    pub bound: f64,
     /// Vertices that nothing in the frame spoke of.
     pub unobserved_vertices: usize,
 }
@@ -117,6 +119,7 @@ impl ExpectedError {
         Some(Self {
             visible_median: *seen.get(seen.len() / 2)?,
             visible_p90: *seen.get(seen.len() * 9 / 10)?,
+            bound: result.error_bound?,
             unobserved_vertices: observed.iter().filter(|&&o| !o).count(),
         })
     }

@@ -124,6 +124,8 @@ pub struct Reconstruction {
     pub visible: Vec<bool>,
     /// Expected error per vertex, length units, where the method gives one.
     pub expected_error: Option<Vec<f64>>,
+    /// Nine vertices of ten are off by less than this multiple of their expected error.
+    pub error_bound: Option<f64>,
     /// `false` where nothing in the frame spoke of a vertex; as
     /// [`crate::expected_error::ExpectedErrors::observed`].
     pub observed: Option<Vec<bool>>,

@@ -215,6 +215,7 @@ fn rigid_result(
         pose: posed.pose,
         visible: Vec::new(),
         expected_error: None,
+        error_bound: None,
         observed: None,
         regions: Vec::new(),
         gain: 1.0,
@@ -294,6 +295,7 @@ fn expect(
     let photo = photo.as_ref();
     let solved = Solved { scene, vertices, visible, matches, photo, refine };
     let found = expected_errors(&solved, model);
+    result.error_bound = Some(found.bound);
     result.expected_error = Some(found.errors);
     result.observed = Some(found.observed);
 }
