@@ -1,7 +1,7 @@
 //! A run that is done again: which frames of its source the first run took.
 
+use super::item::{Content, Item};
 use super::run_file::{RunFile, Taken};
-use super::source::{Content, Item};
 
 /// A run that is done again.
 pub struct Again<'a> {

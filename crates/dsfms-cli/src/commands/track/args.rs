@@ -1,9 +1,8 @@
 //! The arguments of `dsfms track`.
 
 use super::super::reconstruct::PriorName;
-use super::incoming::is_address;
+use super::input::{InputFormat, is_address};
 use super::link::LinkArgs;
-use super::source::InputFormat;
 use crate::exit::Usage;
 use crate::formats::Format;
 use crate::inputs;

@@ -1,24 +1,14 @@
 //! Frames of a device or a network stream, read by an installed `ffmpeg` that we run and stop.
 
 use super::args::TrackArgs;
-use super::source::Reader;
+use super::input::FrameTaker;
 use crate::exit::Usage;
 use anyhow::{Context, bail};
 use dsfms::image::Frame;
 use dsfms::video::ppm::pictures;
 use std::io::BufReader;
-use std::path::Path;
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-
-/// Beginnings of addresses that ffmpeg reads.
-const SCHEMES: [&str; 7] =
-    ["rtsp://", "rtsps://", "rtmp://", "srt://", "udp://", "http://", "https://"];
-
-/// Whether an input is the address of a stream that ffmpeg reads.
-pub fn is_stream(input: &Path) -> bool {
-    input.to_str().is_some_and(|text| SCHEMES.iter().any(|scheme| text.starts_with(scheme)))
-}
 
 /// A source that ffmpeg reads.
 #[derive(Clone, Debug)]
@@ -59,14 +49,14 @@ impl Capture {
     }
 
     /// Hand over frame after frame, until the source ends or nobody wants more.
-    pub(super) fn read(&self, reader: &mut Reader) -> anyhow::Result<()> {
+    pub(super) fn read(&self, reader: &mut impl FrameTaker) -> anyhow::Result<()> {
         // Into a file: a pipe that nobody empties would stop ffmpeg.
         let log = tempfile::NamedTempFile::new()?;
         let out = self.start(&log)?;
         let mut more = true;
         let read = pictures(BufReader::with_capacity(1 << 16, out), &mut |size, rgb| {
             let name = reader.name();
-            more = reader.give(Frame { name, size, rgb }, None, None);
+            more = reader.take(Frame { name, size, rgb });
             more
         });
         if !more {

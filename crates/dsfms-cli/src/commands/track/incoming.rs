@@ -1,16 +1,15 @@
 //! Frames that come by network or from a device.
 
 use super::args::TrackArgs;
-use super::capture::{Capture, is_stream};
+use super::capture::Capture;
+use super::input::{FrameTaker, is_address, is_igtl};
 use super::link::{place, reach};
-use super::source::Reader;
 use crate::exit::Usage;
 use anyhow::Context;
 use dsfms::image::Frame;
 use dsfms::io::igtl::{Header, IgtlError, picture, read};
 use std::io::BufReader;
 use std::net::TcpStream;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// A server that cannot be reached for so long is gone.
@@ -30,15 +29,6 @@ pub enum Stream {
     Igtl { place: String, device: Option<String> },
     /// What an installed ffmpeg reads.
     Ffmpeg(Capture),
-}
-
-/// Whether an input names no file.
-pub fn is_address(input: &Path) -> bool {
-    is_igtl(input) || is_stream(input)
-}
-
-fn is_igtl(input: &Path) -> bool {
-    input.to_str().is_some_and(|text| text.starts_with("igtl://"))
 }
 
 impl Stream {
@@ -75,7 +65,7 @@ impl Stream {
     }
 
     /// Hand over frame after frame, until the source is gone or nobody wants more.
-    pub(super) fn read(&self, reader: &mut Reader) -> anyhow::Result<()> {
+    pub(super) fn read(&self, reader: &mut impl FrameTaker) -> anyhow::Result<()> {
         match self {
             Self::Igtl { place, device } => igtl(place, device.clone(), reader),
             Self::Ffmpeg(capture) => capture.read(reader),
@@ -83,7 +73,11 @@ impl Stream {
     }
 }
 
-fn igtl(place: &str, mut device: Option<String>, reader: &mut Reader) -> anyhow::Result<()> {
+fn igtl(
+    place: &str,
+    mut device: Option<String>,
+    reader: &mut impl FrameTaker,
+) -> anyhow::Result<()> {
     let mut reached = Instant::now();
     loop {
         match reach(place) {
@@ -95,7 +89,7 @@ fn igtl(place: &str, mut device: Option<String>, reader: &mut Reader) -> anyhow:
             }
             Err(_) if reached.elapsed() < GONE => {}
             // It went, as every source does some time.
-            Err(_) if reader.seen > 0 => return Ok(()),
+            Err(_) if reader.seen() > 0 => return Ok(()),
             Err(error) => {
                 return Err(error).with_context(|| {
                     format!("igtl://{place} cannot be reached; start the server first")
@@ -110,7 +104,7 @@ fn igtl(place: &str, mut device: Option<String>, reader: &mut Reader) -> anyhow:
 fn messages(
     stream: TcpStream,
     device: &mut Option<String>,
-    reader: &mut Reader,
+    reader: &mut impl FrameTaker,
 ) -> anyhow::Result<bool> {
     stream.set_read_timeout(Some(SILENT))?;
     let mut stream = BufReader::with_capacity(1 << 16, stream);
@@ -122,14 +116,14 @@ fn messages(
             Ok(None) => return Ok(true),
             Ok(Some(message)) => {
                 device.get_or_insert(message.header.device);
-                reader.time = message.header.time;
+                reader.made_at(message.header.time);
                 picture(&message.content)
             }
             Err(error) => Err(error),
         };
         let name = reader.name();
         let (more, ended) = match found {
-            Ok((size, rgb)) => (reader.give(Frame { name, size, rgb }, None, None), false),
+            Ok((size, rgb)) => (reader.take(Frame { name, size, rgb }), false),
             Err(error) => (reader.lose(name, why(&error)), error.fatal()),
         };
         if !more || ended {
@@ -151,6 +145,7 @@ fn why(error: &IgtlError) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
 
     #[test]
     fn an_address_has_a_port_and_perhaps_a_device() {

@@ -2,12 +2,13 @@
 
 use super::TrackArgs;
 use super::again::Plan;
+use super::item::{Content, Item, Ready};
 use super::link::Link;
 use super::live::{Told, tell};
 use super::outputs;
 use super::record::Recording;
 use super::run_file::{RunFile, Taken};
-use super::source::{Content, Item, Reading, Ready};
+use super::source::Reading;
 use crate::exit::Outcome;
 use crate::formats::{Formats, Shape};
 use crate::interrupt;

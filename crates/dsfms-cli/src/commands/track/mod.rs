@@ -5,6 +5,8 @@ mod args;
 mod bare;
 mod capture;
 mod incoming;
+mod input;
+mod item;
 mod job;
 mod link;
 mod live;
@@ -179,7 +181,7 @@ fn watch(args: &TrackArgs, live: bool) -> anyhow::Result<()> {
 /// Folders and files of the input, apart from which results lie.
 fn places(args: &TrackArgs) -> Vec<&Path> {
     let masks = args.masks().map(|(path, _)| path);
-    let files = args.input.iter().filter(|input| !incoming::is_address(input));
+    let files = args.input.iter().filter(|input| !input::is_address(input));
     files.chain([&args.template]).chain(&args.poses).chain(masks).map(PathBuf::as_path).collect()
 }
 

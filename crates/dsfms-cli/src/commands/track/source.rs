@@ -2,17 +2,18 @@
 //! ready when the last is solved.
 
 use super::incoming::Stream;
+use super::input::{FrameTaker, InputFormat};
+use super::item::{Content, Item, Ready};
 use super::queue::{EndOnDrop, Full, Queue};
 use super::record::{Recorder, Times, number_of};
 use crate::exit::describe;
 use crate::inputs::{predicted_from, rest_lost};
 use crate::outputs::FrameMasks;
 use anyhow::Context;
-use clap::ValueEnum;
 use dsfms::image::{Frame, Mask};
 use dsfms::io::images::{decode_bytes, find_frames, read_frame};
 use dsfms::io::masks::{MaskKind, read_masks};
-use dsfms::track::{Preparation, Prepared, Regions};
+use dsfms::track::{Preparation, Regions};
 use dsfms::video::mjpeg::Pictures;
 use dsfms::video::{VideoFrame, each_frame, frame_name, frame_rate, is_video};
 use std::io::Read;
@@ -22,53 +23,6 @@ use std::time::{Duration, Instant, SystemTime};
 
 /// Frames that wait for the solver where none are dropped.
 const WAITING: usize = 2;
-
-/// What standard input holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum InputFormat {
-    /// RGB, 8 bits a channel, row by row, of the size that --size says.
-    Raw,
-    /// JPEG pictures one after the other.
-    Mjpeg,
-}
-
-/// One frame that is taken.
-pub struct Item {
-    /// Place in the input, from 0.
-    pub number: usize,
-    /// When it was made, as far as the source tells, else when it came.
-    pub time: SystemTime,
-    /// Frames of the input, where that is known.
-    pub total: Option<usize>,
-    /// What is wrong with its mask, or could be.
-    pub warnings: Vec<String>,
-    pub content: Content,
-}
-
-impl Item {
-    /// A frame that could not be read.
-    pub fn unread(number: usize, why: String) -> Self {
-        let content = Content::Unreadable(frame_name(number), why);
-        Self { number, time: SystemTime::now(), total: None, warnings: Vec::new(), content }
-    }
-}
-
-/// What an item holds.
-pub enum Content {
-    /// A frame.
-    Frame(Box<Ready>),
-    /// No frame: its name and the reason.
-    Unreadable(String, String),
-}
-
-/// A frame, ready to be solved.
-pub struct Ready {
-    pub prepared: Prepared,
-    /// What hides the organ and where it is, as far as masks were given.
-    pub masks: FrameMasks,
-    /// What must be said of it besides.
-    pub reservation: Option<String>,
-}
 
 /// Files or folders of masks.
 #[derive(Clone, Default)]
@@ -179,7 +133,7 @@ impl Source {
 }
 
 /// The reading thread.
-pub(super) struct Reader<'a> {
+struct Reader<'a> {
     source: &'a Source,
     queue: &'a Queue<Result<Item, anyhow::Error>>,
     preparation: Preparation,
@@ -187,9 +141,9 @@ pub(super) struct Reader<'a> {
     pace: Option<Duration>,
     start: Instant,
     /// Frames read.
-    pub(super) seen: usize,
+    seen: usize,
     /// When the next frame was made, where its source tells.
-    pub(super) time: Option<SystemTime>,
+    time: Option<SystemTime>,
     /// When the next frame is to be given, where it is not by the pace.
     due: Option<Instant>,
 }
@@ -315,11 +269,6 @@ impl Reader<'_> {
         self.time.take().unwrap_or_else(SystemTime::now)
     }
 
-    /// The name of a frame that has none.
-    pub(super) fn name(&self) -> String {
-        format!("frame_{:03}", self.seen)
-    }
-
     /// Whether the next frame is one of those that are taken, at its time.
     fn taken(&mut self) -> Option<usize> {
         let number = self.seen;
@@ -332,7 +281,7 @@ impl Reader<'_> {
     }
 
     /// Hand a frame over; `false` where nobody wants more.
-    pub(super) fn give(&mut self, frame: Frame, path: Option<&Path>, total: Option<usize>) -> bool {
+    fn give(&mut self, frame: Frame, path: Option<&Path>, total: Option<usize>) -> bool {
         self.give_with(frame, path, total, None)
     }
 
@@ -391,8 +340,26 @@ impl Reader<'_> {
         let content = Content::Frame(Box::new(ready));
         Ok(Item { number, time, total, warnings, content })
     }
+}
 
-    pub(super) fn lose(&mut self, name: String, reason: String) -> bool {
+impl FrameTaker for Reader<'_> {
+    fn seen(&self) -> usize {
+        self.seen
+    }
+
+    fn name(&self) -> String {
+        format!("frame_{:03}", self.seen)
+    }
+
+    fn made_at(&mut self, time: Option<SystemTime>) {
+        self.time = time;
+    }
+
+    fn take(&mut self, frame: Frame) -> bool {
+        self.give(frame, None, None)
+    }
+
+    fn lose(&mut self, name: String, reason: String) -> bool {
         let Some(number) = self.taken() else { return true };
         let content = Content::Unreadable(name, reason);
         let (time, warnings) = (self.now(), Vec::new());

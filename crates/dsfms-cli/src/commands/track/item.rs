@@ -1,0 +1,44 @@
+//! One frame of the input on its way from its reader to the solver.
+
+use crate::outputs::FrameMasks;
+use dsfms::track::Prepared;
+use dsfms::video::frame_name;
+use std::time::SystemTime;
+
+/// One frame that is taken.
+pub struct Item {
+    /// Place in the input, from 0.
+    pub number: usize,
+    /// When it was made, as far as the source tells, else when it came.
+    pub time: SystemTime,
+    /// Frames of the input, where that is known.
+    pub total: Option<usize>,
+    /// What is wrong with its mask, or could be.
+    pub warnings: Vec<String>,
+    pub content: Content,
+}
+
+impl Item {
+    /// A frame that could not be read.
+    pub fn unread(number: usize, why: String) -> Self {
+        let content = Content::Unreadable(frame_name(number), why);
+        Self { number, time: SystemTime::now(), total: None, warnings: Vec::new(), content }
+    }
+}
+
+/// What an item holds.
+pub enum Content {
+    /// A frame.
+    Frame(Box<Ready>),
+    /// No frame: its name and the reason.
+    Unreadable(String, String),
+}
+
+/// A frame, ready to be solved.
+pub struct Ready {
+    pub prepared: Prepared,
+    /// What hides the organ and where it is, as far as masks were given.
+    pub masks: FrameMasks,
+    /// What must be said of it besides.
+    pub reservation: Option<String>,
+}
