@@ -2,7 +2,7 @@
 
 mod clip;
 
-use clip::{CLIP, Text, column};
+use clip::{CLIP, Text, column, track_of};
 use dsfms::geometry::{Isometry, Point3, align_rigid};
 use dsfms::io::clip_truth::read_clip_truth;
 use dsfms::io::mesh::read_mesh;
@@ -35,7 +35,7 @@ fn one_posed_frame_gives_a_mesh_the_look_that_it_is_followed_by() {
     write_pose(&poses, "frame_000.png", &pose);
     let mesh = "organ.template/template.ply";
     let posed = ["--poses", poses.to_str().unwrap()];
-    let said = mesh_track(&out, mesh, &posed);
+    let said = track_of(mesh, &out, "frames", &posed).said();
     let (shapes, status) = read_shapes(&out.join("vertices.npz")).unwrap();
     let good: Vec<usize> = (0..status.len()).filter(|&k| status[k] < 2).collect();
     assert!(good.len() >= 6, "{status:?} {said}");
@@ -49,31 +49,15 @@ fn one_posed_frame_gives_a_mesh_the_look_that_it_is_followed_by() {
 
     // Without a pose, with one of another clip, and with one too many.
     let fresh = |name: &str| folder.path().join(name);
-    let said = mesh_track(&fresh("a"), mesh, &[]);
+    let said = track_of(mesh, &fresh("a"), "frames", &[]).said();
     assert!(said.contains("--poses") && said.contains("dsfms template"), "{said}");
     let other = fresh("other.json");
     write_pose(&other, "scan_a", &pose);
-    let said = mesh_track(&fresh("b"), mesh, &["--poses", other.to_str().unwrap()]);
+    let said = track_of(mesh, &fresh("b"), "frames", &["--poses", other.to_str().unwrap()]).said();
     assert!(said.contains("none of its 1 poses") && said.contains("frame_000"), "{said}");
-    let said = mesh_track(&fresh("c"), "organ.template", &posed);
+    let said = track_of("organ.template", &fresh("c"), "frames", &posed).said();
     assert!(said.contains("this template has one"), "{said}");
     for name in ["a", "b", "c"] {
         assert!(!fresh(name).exists(), "{name} is left");
     }
-}
-
-/// What `track` says of a mesh.
-fn mesh_track(out: &Path, mesh: &str, arguments: &[&str]) -> String {
-    std::process::Command::new(env!("CARGO_BIN_EXE_dsfms"))
-        .current_dir(CLIP.path().join("clip"))
-        .args(["track", mesh, "frames", "--camera", "camera.json", "--no-report"])
-        .args(["--method", "dsfm"])
-        .args(arguments)
-        .arg("-o")
-        .arg(out)
-        .stdout(std::process::Stdio::null())
-        .stderr(std::process::Stdio::piped())
-        .spawn()
-        .unwrap()
-        .said()
 }

@@ -41,11 +41,16 @@ pub fn frame(number: usize) -> Frame {
     Frame { name: String::new(), size: SIZE, rgb: rgb.pixels().map(|p| p.0).collect() }
 }
 
-/// `dsfms track` as it runs.
+/// `dsfms track` of the template as it runs.
 pub fn track(out: &Path, input: &str, arguments: &[&str]) -> Child {
+    track_of("organ.template", out, input, arguments)
+}
+
+/// `dsfms track` of a template or mesh of the clip as it runs.
+pub fn track_of(template: &str, out: &Path, input: &str, arguments: &[&str]) -> Child {
     Command::new(env!("CARGO_BIN_EXE_dsfms"))
         .current_dir(CLIP.path().join("clip"))
-        .args(["track", "organ.template", input, "--camera", "camera.json", "--no-report"])
+        .args(["track", template, input, "--camera", "camera.json", "--no-report"])
         .args(["--method", "dsfm"])
         .args(arguments)
         .arg("-o")

@@ -36,7 +36,7 @@ pub const LARGEST: f64 = -0.35;
 
 /// Nine errors of ten of the fitted cases are below this multiple of the expected one; in the order of
 /// [`WEIGHTS`].
-pub const BOUNDS: [f64; 4] = [3.24, 2.84, 2.22, 2.00];
+const BOUNDS: [f64; 4] = [3.24, 2.84, 2.22, 2.00];
 
 /// Made by the study `expected_error` on 30 synthetic cases and the choosing half of the generated scenes
 /// (`docs/results/expected_error.md`): gamma regression with a logarithmic link and a level of its own for every

@@ -47,8 +47,8 @@ pub fn regress(rows: &[Row]) -> ([f64; COUNT], f64) {
         }
         descend(&normal, &right, &mut w);
     }
-    let all: f64 = cases.iter().map(|case| share(case, |r| r.error)).sum();
-    let told: f64 = cases.iter().map(|case| share(case, |r| predict(&w, &r.features))).sum();
+    let all: f64 = cases.iter().map(|case| case_mean(case, |r| r.error)).sum();
+    let told: f64 = cases.iter().map(|case| case_mean(case, |r| predict(&w, &r.features))).sum();
     w[0] += (all / told.max(f64::MIN_POSITIVE)).max(f64::MIN_POSITIVE).ln();
     let mut ratios: Vec<f64> = rows.iter().map(|r| r.error / predict(&w, &r.features)).collect();
     ratios.sort_unstable_by(f64::total_cmp);
@@ -59,8 +59,7 @@ fn dot(w: &[f64; COUNT], f: &[f64; COUNT]) -> f64 {
     w.iter().zip(f).map(|(w, f)| w * f).sum()
 }
 
-/// Mean over a case.
-fn share(case: &[Row], of: impl Fn(&Row) -> f64) -> f64 {
+fn case_mean(case: &[Row], of: impl Fn(&Row) -> f64) -> f64 {
     case.iter().map(of).sum::<f64>() / case.len().max(1) as f64
 }
 

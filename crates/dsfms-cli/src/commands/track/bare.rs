@@ -4,17 +4,19 @@ use super::TrackArgs;
 use crate::args::Global;
 use crate::commands::template::mesh::{Reading, open_mesh, unit};
 use crate::exit::Usage;
-use crate::inputs::{self, Purpose, Source, mask_of};
+use crate::inputs::{self, Source, mask_of};
 use crate::progress::Reporter;
 use dsfms::geometry::Isometry;
 use dsfms::image::{Frame, Mask};
+use dsfms::io::images::find_frames;
 use dsfms::io::masks::MaskKind;
-use dsfms::io::poses::{PoseList, match_poses, read_poses};
+use dsfms::io::poses::{NamedPose, PoseList, match_poses, read_poses};
 use dsfms::io::template::read_template;
 use dsfms::mesh::Mesh;
 use dsfms::pipeline::{TemplateOptions, template_from_posed_frames};
 use dsfms::template::{LengthUnit, Template};
-use std::path::Path;
+use dsfms::video::{VideoFrame, each_frame, frame_name, is_video};
+use std::path::{Path, PathBuf};
 
 /// The template that the arguments name; with `--poses` made of a mesh and the frames that they pose.
 pub fn template(
@@ -97,21 +99,23 @@ struct Posed {
     organ: Vec<Option<Mask>>,
 }
 
-/// The frames of the input that a list of poses names.
+/// The frames of the input that a list of poses names, with their masks.
 fn posed_frames(args: &TrackArgs, path: &Path, reporter: &Reporter) -> anyhow::Result<Posed> {
     let list = read_poses(path, PoseList::Exploration)?;
-    let sources = inputs::sources(&args.input, Purpose::Reconstruct, reporter)?;
-    let names: Vec<String> = sources.iter().map(Source::name).collect();
-    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let (sources, names) = posed_sources(&args.input, &list)?;
+    anyhow::ensure!(
+        !sources.is_empty(),
+        "{}: none of its {} poses is of one of the {} frames of the input; expected names or numbers as in {}",
+        path.display(),
+        list.len(),
+        names.len(),
+        names.first().map_or("frame_000", String::as_str)
+    );
     let mut posed = Posed::default();
-    for (source, pose) in sources.iter().zip(match_poses(&list, &names)) {
-        if pose.is_none() {
-            continue;
-        }
+    for (source, pose) in sources {
         let frame = source.frame()?;
-        let mask = |of: &Option<_>, kind| {
-            let read =
-                |masks: &std::path::PathBuf| mask_of(&frame, source.path(), masks, kind, reporter);
+        let mask = |of: &Option<PathBuf>, kind| {
+            let read = |masks: &PathBuf| mask_of(&frame, source.path(), masks, kind, reporter);
             of.as_ref().map(read).transpose()
         };
         let valid = mask(&args.masks, MaskKind::Valid)?;
@@ -123,15 +127,43 @@ fn posed_frames(args: &TrackArgs, path: &Path, reporter: &Reporter) -> anyhow::R
             (valid, free) => valid.or(free),
         });
         posed.frames.push(frame);
-        posed.poses.push(pose);
+        posed.poses.push(Some(pose));
     }
-    anyhow::ensure!(
-        !posed.frames.is_empty(),
-        "{}: none of its {} poses is of one of the {} frames of the input; expected names or numbers as in {}",
-        path.display(),
-        list.len(),
-        names.len(),
-        names.first().copied().unwrap_or("frame_000")
-    );
     Ok(posed)
+}
+
+/// A frame and `camera_from_template`.
+type PosedSource = (Source, Isometry);
+
+/// The frames that have a pose, and the names of all that were looked at. A video is read up to the last of them,
+/// and no other of its frames is kept.
+fn posed_sources(
+    inputs: &[PathBuf],
+    list: &[NamedPose],
+) -> anyhow::Result<(Vec<PosedSource>, Vec<String>)> {
+    let pose_of = |name: &str| match_poses(list, &[name])[0];
+    let (mut found, mut names) = (Vec::new(), Vec::new());
+    for input in inputs {
+        if input.is_file() && is_video(input) {
+            each_frame(input, &mut |VideoFrame { number, content, .. }| {
+                let name = frame_name(number);
+                if let Some(pose) = pose_of(&name) {
+                    let source = match content {
+                        Ok(frame) => Source::Decoded(frame, None),
+                        Err(reason) => Source::Lost(name.clone(), reason),
+                    };
+                    found.push((source, pose));
+                }
+                names.push(name);
+                found.len() < list.len()
+            })?;
+            continue;
+        }
+        for source in find_frames(std::slice::from_ref(input))?.into_iter().map(Source::File) {
+            let name = source.name();
+            found.extend(pose_of(&name).map(|pose| (source, pose)));
+            names.push(name);
+        }
+    }
+    Ok((found, names))
 }
