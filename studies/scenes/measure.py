@@ -103,13 +103,13 @@ def to_surface(true, visible, v, f):
 def frame_errors(scene, i, v, rigid=None, faces=None):
     """Mean errors of vertices `v` in zone, visible and hidden (None where empty); with `rigid` vertices, the deviation from that pose too.
 
-    `faces`: distances to the surface (v, faces) after one scale, for a template of other vertices."""
+    `faces`: distances to the surface (v, faces) after one scale, for a template of other vertices; its zone is what is seen of it."""
     folder = scene / "ground_truth/deformed_meshes_cam"
     true, _ = read_ply(folder / f"frame_{i:03d}.ply")
     info = np.load(folder / f"frame_{i:03d}_vertices.npz")
     visible, moved = info["visible"], info["displacement"]
     largest = moved[visible].max()
-    zone = (moved >= 0.5 * largest) & (largest > 0.1)
+    zone = (moved >= 0.5 * largest) & (largest > 0.1) & (visible | (faces is None))
     error = to_surface(true, visible, v, faces) if faces is not None else np.linalg.norm(v - true, axis=1)
     mean = lambda e, m: float(e[m].mean()) if m.any() else None
     out = dict(zone=mean(error, zone), visible=mean(error, visible), hidden=mean(error, ~visible))
