@@ -13,9 +13,19 @@ root=$(ls)
 for file in bin/dsfms lib/dsfms/dsfms-x86-64-v3 share/man/man1/dsfms.1 share/man/man1/dsfms-template.1 \
   share/bash-completion/completions/dsfms share/zsh/site-functions/_dsfms \
   share/fish/vendor_completions.d/dsfms.fish README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE \
-  licences/Arimo-OFL.txt licences/three.js.txt licences/organs.md; do
+  licences/Arimo-OFL.txt licences/three.js.txt licences/organs.md THIRD_PARTY_LICENCES.txt dsfms.cdx.json; do
   test -s "$root/$file" || { echo "missing: $file" >&2; exit 1; }
 done
+# Every crate of the bill that is linked has its licence in the file, and some text under its name.
+required=$(grep -B4 '^   "scope": "required"' "$root/dsfms.cdx.json" | sed -n 's/^   "bom-ref": "pkg:cargo\/\(.*\)",/\1/p' | sed 's/%2B/+/')
+test "$(wc -w <<< "$required")" -gt 50
+for crate in $required; do
+  case $crate in dsfms@*) continue ;; esac
+  grep -q "^  ${crate/@/ }: " "$root/THIRD_PARTY_LICENCES.txt" && grep -q "^${crate/@/ } (" "$root/THIRD_PARTY_LICENCES.txt" ||
+    { echo "no licence of $crate" >&2; exit 1; }
+done
+grep -q '^Rust standard library$' "$root/THIRD_PARTY_LICENCES.txt"
+grep -q '^GNU C Library' "$root/THIRD_PARTY_LICENCES.txt"
 bash -n "$root/share/bash-completion/completions/dsfms"
 dsfms=$work/$root/bin/dsfms
 # Both programs are of one commit, which they name.

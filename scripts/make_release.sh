@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # A release archive: the program for any x86-64 CPU, which hands over to the one for AVX2 and FMA beside it
-# where the CPU has them (crates/dsfms-cli/src/cpu.rs), manual pages, shell completions, licences.
+# where the CPU has them (crates/dsfms-cli/src/cpu.rs), manual pages, shell completions, licences, bill of materials.
 #   scripts/make_release.sh [-o FOLDER] [--from FAST PORTABLE]
 # --from packs two binaries that are built already instead of building them.
 set -euo pipefail
@@ -42,6 +42,9 @@ mkdir "$cd_to/licences"
 cp crates/dsfms-cli/data/font/OFL.txt "$cd_to/licences/Arimo-OFL.txt"
 cp crates/dsfms-cli/assets/three.LICENSE "$cd_to/licences/three.js.txt"
 cp crates/dsfms/data/organs/README.md "$cd_to/licences/organs.md"
+# Of crates, Rust's and C's libraries: every text of a licence, and the list of what is in the programs.
+python3 scripts/supply_chain.py licences --system > "$cd_to/THIRD_PARTY_LICENCES.txt"
+python3 scripts/supply_chain.py sbom > "$cd_to/dsfms.cdx.json"
 # The same input gives the same archive.
 tar --sort=name --owner=0 --group=0 --numeric-owner --mtime="@${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct)}" \
   -C "$out" -cf - "$name" | gzip -n > "$out/$name.tar.gz"
