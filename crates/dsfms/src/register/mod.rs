@@ -13,7 +13,6 @@ pub mod pose;
 mod printed;
 pub mod scene;
 pub mod solve;
-mod starts;
 mod terms;
 pub mod volume;
 
