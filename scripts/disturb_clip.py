@@ -29,6 +29,7 @@ import numpy as np
 from PIL import Image, ImageFilter
 
 CASES = ("low", "grey", "ghosted", "tool", "hard")
+TOOL = 40, 340  # frames of the rod
 SMOKE = np.array([0.35, 0.35, 0.37])  # linear light
 RNG = np.random.default_rng(3)
 WAVES = [(RNG.uniform(0.3, 1.5), RNG.uniform(0.3, 1.5), RNG.uniform(0, 6)) for _ in range(4)]
@@ -89,29 +90,42 @@ def ghosted(images):
     return encoded(mixed)
 
 
+def tip(i, w, h):
+    return np.array([w * (0.52 + 0.04 * np.sin(0.05 * i)), h * (0.5 + 0.05 * np.sin(0.037 * i))])
+
+
+def rod(i, w, h):
+    """How far across the rod each pixel lies, of its half width; nothing where it is not on it."""
+    at = tip(i, w, h)
+    y, x = np.mgrid[0:h, 0:w].astype(float)
+    # A band about the line to the right edge.
+    along = np.array([w + 10.0, h * 0.62]) - at
+    along /= np.linalg.norm(along)
+    d = (x - at[0]) * along[0] + (y - at[1]) * along[1]
+    across = ((x - at[0]) * -along[1] + (y - at[1]) * along[0]) / (0.055 * h)
+    on = (d > 0) & (np.abs(across) < 1) & (TOOL[0] <= i < TOOL[1])
+    return np.where(on, across, np.nan)
+
+
 def tool(image, i):
     """A rod from the right edge to the middle, and what it presses on drawn towards its tip."""
-    if not 40 <= i < 340:
+    if not TOOL[0] <= i < TOOL[1]:
         return image
     a = np.asarray(image, float)
     h, w = a.shape[:2]
-    press = min(1.0, (i - 40) / 30, (339 - i) / 30)
-    tip = np.array([w * (0.52 + 0.04 * np.sin(0.05 * i)), h * (0.5 + 0.05 * np.sin(0.037 * i))])
+    press = min(1.0, (i - TOOL[0]) / 30, (TOOL[1] - 1 - i) / 30)
+    at = tip(i, w, h)
     y, x = np.mgrid[0:h, 0:w].astype(float)
-    far = np.hypot(x - tip[0], y - tip[1]) / (0.12 * w)
+    far = np.hypot(x - at[0], y - at[1]) / (0.12 * w)
     pull = press * 14 * np.exp(-(far**2)) * np.minimum(far, 1)
-    away = np.maximum(np.hypot(x - tip[0], y - tip[1]), 1e-6)
-    sx = np.clip(x + pull * (x - tip[0]) / away, 0, w - 1).round().astype(int)
-    sy = np.clip(y + pull * (y - tip[1]) / away, 0, h - 1).round().astype(int)
+    away = np.maximum(np.hypot(x - at[0], y - at[1]), 1e-6)
+    sx = np.clip(x + pull * (x - at[0]) / away, 0, w - 1).round().astype(int)
+    sy = np.clip(y + pull * (y - at[1]) / away, 0, h - 1).round().astype(int)
     a = a[sy, sx]
-    # The rod: a band about the line to the right edge, shaded across.
-    end = np.array([w + 10.0, h * 0.62])
-    along = (end - tip) / np.linalg.norm(end - tip)
-    d = (x - tip[0]) * along[0] + (y - tip[1]) * along[1]
-    across = (x - tip[0]) * -along[1] + (y - tip[1]) * along[0]
-    half = 0.055 * h
-    rod = (d > 0) & (np.abs(across) < half)
-    a[rod] = (70 + 110 * np.sqrt(np.clip(1 - (across[rod] / half) ** 2, 0, 1)))[:, None]
+    # Shaded across.
+    across = rod(i, w, h)
+    on = ~np.isnan(across)
+    a[on] = (70 + 110 * np.sqrt(np.clip(1 - across[on] ** 2, 0, 1)))[:, None]
     return Image.fromarray(a.astype(np.uint8))
 
 

@@ -12,8 +12,8 @@ the same command runs to its end, gives the same files, and leaves no partial on
 
 Half of the moments of a kill are drawn over the whole run, half over its last quarter, where files are written. Full
 and read-only disks are small tmpfs, which need root. `--count` is the number of kills, a quarter as many interrupts;
-from 100 on the demo is one of the commands. Prints a table as Markdown; ends with 1 where anything was found. Needs
-nothing but Python 3.11.
+from 100 on, or where `--only` names it, the demo is one of the commands. Prints a table as Markdown, also when it is
+stopped; ends with 1 where anything was found. Needs nothing but Python 3.11.
 """
 import argparse
 import json
@@ -37,6 +37,8 @@ from pathlib import Path
 # What a run is allowed to leave under names of its own until the next run.
 PARTIAL = (".partial-", ".old-template-", ".tmp")
 USERS = "the user's\n"
+# What must end with this script.
+RUNNING = []
 
 
 class Broken(Exception):
@@ -156,7 +158,9 @@ class Command:
     def start(self, binary, out, **more):
         words = [str(binary)] + [w.replace("{out}", str(out)) for w in self.arguments]
         more.setdefault("stdout", subprocess.DEVNULL)
-        return subprocess.Popen(words, stderr=subprocess.PIPE, **more)
+        process = subprocess.Popen(words, stderr=subprocess.PIPE, **more)
+        RUNNING[:] = [process]
+        return process
 
     def run(self, binary, out, **more):
         process = self.start(binary, out, **more)
@@ -282,7 +286,7 @@ def measure(binary, command, work):
 
 class Score:
     def __init__(self):
-        self.rows, self.findings = {}, []
+        self.rows, self.findings, self.skipped = {}, [], []
 
     def count(self, fault, command, wrong):
         row = self.rows.setdefault(fault, {"runs": 0, "commands": set(), "found": 0})
@@ -470,19 +474,17 @@ def say(text):
     print(text, file=sys.stderr, flush=True)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--binary", type=Path, required=True, help="dsfms, as released")
-    parser.add_argument("--count", type=int, default=36, help="kills; default 36")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", help="a regular expression of names of commands")
-    options = parser.parse_args()
-    # So that nothing stays mounted.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
-    binary, draw, score = options.binary.resolve(), random.Random(options.seed), Score()
-    with tempfile.TemporaryDirectory(prefix="dsfms-faults-") as folder:
+def stopped(*_):
+    for process in RUNNING:
+        process.kill()
+    sys.exit(1)
+
+
+def attack(options, score):
+    binary, draw = options.binary.resolve(), random.Random(options.seed)
+    with tempfile.TemporaryDirectory(prefix="dsfms-faults-", ignore_cleanup_errors=True) as folder:
         work = Path(folder)
-        everything = commands(work, binary, options.count >= 100)
+        everything = commands(work, binary, options.count >= 100 or "demo" in (options.only or ""))
         chosen = [c for c in everything if re.search(options.only or "", c.name)]
         for command in chosen:
             measure(binary, command, work)
@@ -500,7 +502,6 @@ def main():
             score.count("SIGINT", command.name, wrong)
         shutil.rmtree(place)
         place.mkdir()
-        skipped = []
         if os.geteuid() == 0:
             parts = [0.0, 0.3, 0.7, 0.95] if options.count < 100 else [k / 12 for k in range(12)]
             for command in (c for c in chosen if c.seconds < 15 or options.count >= 100):
@@ -511,7 +512,7 @@ def main():
                     wrong = read_only(binary, command, place, older)
                     score.count("read-only disk", command.name, wrong)
         else:
-            skipped.append("full and read-only disks: only root can mount a tmpfs")
+            score.skipped.append("full and read-only disks: only root can mount a tmpfs")
         organ, done = str(work / "organ.template"), str(work / "done")
         clip = work / "clip"
         raw = ["track", str(clip / "organ.template"), str(clip / "frames"), "--camera", str(clip / "camera.json"),
@@ -532,14 +533,33 @@ def main():
             if not (out / "vertices.npz").is_file():
                 wrong.append("the run ends with its progress")
             score.count("SIGPIPE", "track, its progress", wrong)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--binary", type=Path, required=True, help="dsfms, as released")
+    parser.add_argument("--count", type=int, default=36, help="kills; default 36")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", help="a regular expression of names of commands")
+    options = parser.parse_args()
+    # So that nothing stays mounted or goes on, and what was done is told.
+    signal.signal(signal.SIGTERM, stopped)
+    score, whole = Score(), True
+    try:
+        attack(options, score)
+    except (SystemExit, KeyboardInterrupt) as end:
+        if isinstance(getattr(end, "code", 1), str):
+            raise
+        whole = False
+        score.skipped.append("what comes after the runs above: this run was stopped")
     print("| fault | runs | commands | runs with a finding |\n| --- | --- | --- | --- |")
     for fault, row in score.rows.items():
         print(f"| {fault} | {row['runs']} | {len(row['commands'])} | {row['found']} |")
-    for text in skipped:
+    for text in score.skipped:
         print(f"\nskipped: {text}")
     for text in score.findings:
         print(f"- {text}")
-    sys.exit(1 if score.findings else 0)
+    sys.exit(0 if whole and not score.findings else 1)
 
 
 if __name__ == "__main__":
