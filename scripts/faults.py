@@ -37,6 +37,8 @@ from pathlib import Path
 # What a run is allowed to leave under names of its own until the next run.
 PARTIAL = (".partial-", ".old-template-", ".tmp")
 USERS = "the user's\n"
+# Files of all frames.
+FRAMES = ("frames.glb", "overlay.mp4", "vertices.npz")
 # What must end with this script.
 RUNNING = []
 
@@ -88,6 +90,15 @@ def whole_npz(path):
             need(archive.read(name)[:6] == b"\x93NUMPY", f"{name} is no array")
 
 
+def whole_mp4(data):
+    at, kinds = 0, []
+    while at < len(data):
+        length, kind = struct.unpack(">I4s", data[at : at + 8])
+        need(length >= 8, "box of no length")
+        at, kinds = at + length, [*kinds, kind]
+    need(at == len(data) and {b"ftyp", b"mdat", b"moov"} <= set(kinds), "cut mp4")
+
+
 def whole_table(text):
     rows = [line for line in text.splitlines() if line and not line.startswith("#")]
     need(text.endswith("\n") and rows, "cut table")
@@ -121,6 +132,8 @@ def check_whole(path):
             need(struct.unpack("<I", data[8:12])[0] == len(data), "GLB of another length")
         elif kind == ".html":
             need(data.rstrip().endswith(b"</html>"), "cut page")
+        elif kind == ".mp4":
+            whole_mp4(data)
         elif kind in (".obj", ".mtl", ".md", ".txt"):
             need(data.endswith(b"\n"), "cut text")
     except Broken:
@@ -400,7 +413,9 @@ def killed(binary, command, place, number, how, draw):
         said = process.communicate()[1]
     said = said.decode(errors="replace")
     done = cases(out, command)
-    return after_fault(command, out, said, older) + after_rerun(binary, command, out, done)
+    # A run that is interrupted ends behind the frame in work: files that hold every frame hold those that were done.
+    shorter = FRAMES if process.returncode == 130 else ()
+    return after_fault(command, out, said, older, shorter) + after_rerun(binary, command, out, done)
 
 
 def mounted(place, size, *more):
@@ -417,7 +432,7 @@ def full(binary, command, place, part, temporary):
         environment = {**os.environ, **({"TMPDIR": str(place)} if temporary else {})}
         code, said = command.run(binary, out, env=environment)
         # `track` ends with the shapes of the frames that were done, and says so.
-        wrong = after_fault(command, out, said, False, ("vertices.npz",) if code == 1 else ())
+        wrong = after_fault(command, out, said, False, FRAMES if code == 1 else ())
         complete = set(files(out)) >= set(command.reference)
         if code in (0, 2) and code == command.code and not complete:
             wrong.append(f"exit {code}, but files are missing")
