@@ -94,6 +94,13 @@ def tip(i, w, h):
     return np.array([w * (0.52 + 0.04 * np.sin(0.05 * i)), h * (0.5 + 0.05 * np.sin(0.037 * i))])
 
 
+def pull(i, away, w):
+    """How far the picture is drawn towards the tip, px, at so many px from it."""
+    press = min(1.0, (i - TOOL[0]) / 30, (TOOL[1] - 1 - i) / 30)
+    far = away / (0.12 * w)
+    return press * 14 * np.exp(-(far**2)) * np.minimum(far, 1)
+
+
 def rod(i, w, h):
     """How far across the rod each pixel lies, of its half width; nothing where it is not on it."""
     at = tip(i, w, h)
@@ -113,14 +120,12 @@ def tool(image, i):
         return image
     a = np.asarray(image, float)
     h, w = a.shape[:2]
-    press = min(1.0, (i - TOOL[0]) / 30, (TOOL[1] - 1 - i) / 30)
     at = tip(i, w, h)
     y, x = np.mgrid[0:h, 0:w].astype(float)
-    far = np.hypot(x - at[0], y - at[1]) / (0.12 * w)
-    pull = press * 14 * np.exp(-(far**2)) * np.minimum(far, 1)
     away = np.maximum(np.hypot(x - at[0], y - at[1]), 1e-6)
-    sx = np.clip(x + pull * (x - at[0]) / away, 0, w - 1).round().astype(int)
-    sy = np.clip(y + pull * (y - at[1]) / away, 0, h - 1).round().astype(int)
+    by = pull(i, away, w)
+    sx = np.clip(x + by * (x - at[0]) / away, 0, w - 1).round().astype(int)
+    sy = np.clip(y + by * (y - at[1]) / away, 0, h - 1).round().astype(int)
     a = a[sy, sx]
     # Shaded across.
     across = rod(i, w, h)

@@ -4,12 +4,15 @@
     dsfms synth --video --organ uterus --seed 21 --frames 240 --frame-format jpeg -o clip
     python3 scripts/disturb_clip.py clip hard hard
     dsfms track hard/organ.template hard/frames --camera hard/camera.json --method joint -o out
-    python3 scripts/score_track.py clip hard=out
+    dsfms track clip/organ.template clip/frames --camera clip/camera.json --method joint -o plain
+    python3 scripts/score_track.py clip clean=plain hard=out
 
 Counts ok, degraded and lost frames while at least half of what is ever seen of the organ at once is in view: vertices
 that the camera sees, not under an instrument nor under the rod of the cases `tool` and `hard`. Errors are means over
 these vertices, mm, absolute. Where the rod presses the picture moves and the truth does not: vertices within a quarter
-of the picture's width about its tip are left out of the errors. Writes OUT/marks.csv. Needs numpy and pillow.
+of the picture's width about its tip are left out of the errors. `dent`: where vertices are drawn by more than 3 px, how
+far the mesh goes with them, from where the track of the undisturbed clip (`clean`) has it, of the pull: 1 is all; the
+tenth, the median and the ninth tenth over the frames. Writes OUT/marks.csv. Needs numpy and pillow.
 """
 import csv
 import sys
@@ -35,7 +38,26 @@ def seen(clip, k, name):
     return visible, visible & (far > 0.25 * w)
 
 
-def score(clip, name, out):
+def dents(clip, shapes, plain):
+    """Part of the rod's pull that the mesh follows, in each frame in which it presses fully or nearly."""
+    w, h = clip.camera["width"], clip.camera["height"]
+    found = []
+    for k in range(disturb_clip.TOOL[0] + 30, len(shapes["status"])):
+        if max(shapes["status"][k], plain["status"][k]) > 1:
+            continue
+        start, end = (clip.project(s["vertices"][k].astype(float)) for s in (plain, shapes))
+        towards = disturb_clip.tip(k, w, h) - start
+        away = np.linalg.norm(towards, axis=1)
+        pull = disturb_clip.pull(k, away, w)
+        x, y = np.clip(start.round().astype(int), 0, [w - 1, h - 1]).T
+        m = clip.visible[k] & np.isnan(disturb_clip.rod(k, w, h)[y, x]) & (pull > 3)
+        if m.sum() >= 10:
+            along = ((end - start) * towards / away[:, None]).sum(1)
+            found.append((along[m] * pull[m]).sum() / (pull[m] ** 2).sum())
+    return ", ".join(f"{d:.2f}" for d in np.quantile(found, [0.1, 0.5, 0.9]))
+
+
+def score(clip, name, out, plain):
     shapes = np.load(Path(out) / "vertices.npz")
     most = max(v.sum() for v in clip.visible)
     rows = []
@@ -51,15 +73,18 @@ def score(clip, name, out):
     ok = np.array([r[3] for r in half if r[1] == "ok"] or [np.nan])
     rest = np.array([r[3] for r in half if r[1] == "degraded"] or [np.nan])
     print(f"| {name} | {len(half)} | {count[0]} / {count[1]} / {count[2]} | {count[2] / len(half):.0%} | "
-          f"{np.nanmedian(ok):.2f}, {np.nanmax(ok):.2f} | {np.nanmedian(rest):.2f}, {np.nanmax(rest):.2f} |")
+          f"{np.nanmedian(ok):.2f}, {np.nanmax(ok):.2f} | {np.nanmedian(rest):.2f}, {np.nanmax(rest):.2f} | "
+          f"{dents(clip, shapes, plain) if plain and name in ('tool', 'hard') else ''} |")
 
 
 def main():
     clip = Clip(sys.argv[1])
     print("| clip | frames, half in view | ok / degraded / lost | lost | error of the ok ones, mm: median, largest "
-          "| of the degraded ones |\n" + "| --- " * 6 + "|")
-    for word in sys.argv[2:]:
-        score(clip, *word.split("=", 1))
+          "| of the degraded ones | dent |\n" + "| --- " * 7 + "|")
+    outs = dict(word.split("=", 1) for word in sys.argv[2:])
+    plain = np.load(Path(outs["clean"]) / "vertices.npz") if "clean" in outs else None
+    for name, out in outs.items():
+        score(clip, name, out, plain)
 
 
 if __name__ == "__main__":

@@ -119,7 +119,10 @@ class Clip:
         return float(np.sqrt((expected[self.measured(k)].astype(float) ** 2).mean()))
 
     def pixels(self, k):
-        c, x = self.camera, self.vertices[k]
+        return self.project(self.vertices[k])
+
+    def project(self, x):
+        c = self.camera
         return np.stack([c["fx"] * x[:, 0] / x[:, 2] + c["cx"], c["fy"] * x[:, 1] / x[:, 2] + c["cy"]], 1)
 
     def matches(self, k, count=400):
