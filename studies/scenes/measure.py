@@ -100,16 +100,22 @@ def to_surface(true, visible, v, f):
     return found.closest(true / scale)[0] * scale
 
 
+def judged(scene, i):
+    """Vertices that are seen, and the deformed zone: what moved by at least half of what the visible vertex that moved most did; nothing at rest."""
+    info = np.load(scene / f"ground_truth/deformed_meshes_cam/frame_{i:03d}_vertices.npz")
+    visible, moved = info["visible"], info["displacement"]
+    largest = moved[visible].max()
+    return visible, (moved >= 0.5 * largest) & (largest > 0.1)
+
+
 def frame_errors(scene, i, v, rigid=None, faces=None):
     """Mean errors of vertices `v` in zone, visible and hidden (None where empty); with `rigid` vertices, the deviation from that pose too.
 
-    `faces`: distances to the surface (v, faces) after one scale, for a template of other vertices; its zone is what is seen of it."""
-    folder = scene / "ground_truth/deformed_meshes_cam"
-    true, _ = read_ply(folder / f"frame_{i:03d}.ply")
-    info = np.load(folder / f"frame_{i:03d}_vertices.npz")
-    visible, moved = info["visible"], info["displacement"]
-    largest = moved[visible].max()
-    zone = (moved >= 0.5 * largest) & (largest > 0.1) & (visible | (faces is None))
+    `faces`: distances to the surface (v, faces) after one scale, for a template of other vertices; of the zone the visible part alone."""
+    true, _ = read_ply(scene / f"ground_truth/deformed_meshes_cam/frame_{i:03d}.ply")
+    visible, zone = judged(scene, i)
+    if faces is not None:
+        zone &= visible
     error = to_surface(true, visible, v, faces) if faces is not None else np.linalg.norm(v - true, axis=1)
     mean = lambda e, m: float(e[m].mean()) if m.any() else None
     out = dict(zone=mean(error, zone), visible=mean(error, visible), hidden=mean(error, ~visible))

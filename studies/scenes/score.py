@@ -1,7 +1,8 @@
 """Score dsfms over generated scenes. usage: score.py SCENES [--half choose|held|all] [--roads mesh,auto] [--methods ...] [--json FILE]
 
 Roads: `mesh` true rest mesh and poses, 25 sparse matches, instrument masks; `auto` the same template, frames and camera alone;
-`frames` a template from the exploration frames alone (slow; distances between surfaces after one scale).
+`frames` a template from the exploration frames alone (slow; distances between surfaces after one scale, of the zone the visible part;
+--surface measures the other roads so too).
 Templates and finished runs are cached under --work, keyed by binary, options and scene; --fresh ignores finished runs.
 Per frame, mm: zone = vertices moved by at least half of what the visible one that moved most did; visible; hidden. Frame 0 is the
 rest shape: its seen and hidden deviation is from the rigid pose of the same road. Needs numpy and scipy."""
@@ -132,7 +133,7 @@ def score(a, scene, road, method, rigid):
             pose = Path(rigid["folder"]) / f"out/frame_{i:03d}.ply" if rigid and i == 0 else None
             pose = read_ply(pose)[0] if pose and pose.exists() else None
             vertices, faces = read_ply(ply)
-            frames[i] = frame_errors(scene, i, vertices, pose, faces if road == "frames" else None)
+            frames[i] = frame_errors(scene, i, vertices, pose, faces if road == "frames" or a.surface else None)
     mean = lambda k: float(np.mean([f[k] for i, f in frames.items() if i and f.get(k) is not None])) if frames else None
     figures = dict(
         zone=mean("zone"),
@@ -197,6 +198,7 @@ def arguments():
     ap.add_argument("--threads", default="1")
     ap.add_argument("--work", type=Path, default=Path("/tmp/dsfms-score"), help="cache of templates and runs")
     ap.add_argument("--fresh", action="store_true", help="run again what is cached (templates stay)")
+    ap.add_argument("--surface", action="store_true", help="distances between surfaces on every road, as for `frames`")
     ap.add_argument("--json", type=Path)
     a = ap.parse_args()
     a.extra, a.frames = a.extra.split(), {int(x) for x in a.frames.split(",") if x}

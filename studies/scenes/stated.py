@@ -2,8 +2,8 @@
 
 RUN names the folders that score.py left in WORK/SCENE, as `mesh-joint-*`. Error of a zone: root mean square over its vertices, mm,
 nothing aligned; stated: root mean square of their expected errors; bound: `expected_error.bound` of frame_NNN.json times that
-(`scripts/wrong_as_good.py` says why). The zone is what moved at least half of what the visible vertex that moved most did: its
-visible part, or all of it. Frame 0 is at rest and counts with all that is visible. Needs numpy and scipy."""
+(`scripts/wrong_as_good.py` says why). The zone is that of measure.py: its visible part, or all
+of it. Frame 0 is at rest and counts with all that is visible. Needs numpy and scipy."""
 
 import argparse
 import json
@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from measure import read_ply
+from measure import judged, read_ply
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 from wrong_as_good import places, read_table  # noqa: E402
@@ -20,13 +20,9 @@ from wrong_as_good import places, read_table  # noqa: E402
 
 def zones(scene, i):
     """Vertices that are judged, by name."""
-    info = np.load(scene / f"ground_truth/deformed_meshes_cam/frame_{i:03d}_vertices.npz")
-    visible, moved = info["visible"], info["displacement"]
-    largest = moved[visible].max()
-    zone = moved >= 0.5 * largest
-    if largest <= 0.1:
-        return {"seen": visible, "all": visible}
-    return {"seen": zone & visible if (zone & visible).any() else visible, "all": zone}
+    visible, zone = judged(scene, i)
+    # At rest there is no zone. The visible vertex that moved most is always in it.
+    return {"seen": zone & visible, "all": zone} if zone.any() else {"seen": visible, "all": visible}
 
 
 def rows_of(scene, out):

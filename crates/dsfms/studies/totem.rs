@@ -4,8 +4,8 @@
 //!     python3 scripts/convert_totem.py DATA_DIR SETS
 //!     cargo run --release --example totem -- SETS [OUT [OPTIONS.toml]]
 //!
-//! "Every match" hides none. Prints the table as Markdown; OUT gets totem.csv (a row per view, disc and method) and the shapes
-//! of the first disc as PLY, for looking at. OPTIONS.toml: as for `dsfms reconstruct --options`.
+//! Prints the table as Markdown ("every match": none is hidden; matches that agree with no pose are named
+//! and left out); OUT gets totem.csv (a row per view, disc and method) and the shapes of the first disc as PLY, for looking at. OPTIONS.toml: as for `dsfms reconstruct --options`.
 
 use dsfms::camera::CameraModel;
 use dsfms::eval::{Alignment, EvaluateOptions, Truth, evaluate};
@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut csv =
         String::from("set,view,disc,method,all,disc_mm,outside,aligned_all,aligned_disc\n");
     println!(
-        "| set | method | every match | aligned | all | disc | outside | all, aligned | disc, aligned | \
+        "| set | method | every match | every match, aligned | all | disc | outside | all, aligned | disc, aligned | \
          disc, p90 of means |"
     );
     println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |");
@@ -77,29 +77,22 @@ fn run_set(
     let set = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let camera = read_camera(&folder.join("camera.json"))?.camera;
     let rest = read_mesh(&folder.join("rest.ply"))?.mesh;
-    let mut views = read_views(folder, &rest, &camera)?;
-    views.retain(|view| match pose(&camera, &rest, &view.matches, options, 0) {
-        Ok(_) => true,
-        Err(error) => {
-            eprintln!("{set} {} left out: {error}", view.name);
-            false
-        }
-    });
-    let mut rows: Vec<Vec<Errors>> = vec![Vec::new(); METHODS.len()];
-    let mut whole = vec![[0.0; 2]; METHODS.len()];
-    let none = vec![false; rest.positions.len()];
-    for view in &views {
-        for ((_, prior), sums) in METHODS.iter().zip(&mut whole) {
-            let shape = solve(&camera, &rest, view, &none, *prior, options)?;
-            let errors =
-                [Alignment::None, Alignment::Rigid].map(|a| whole_error(&shape, &view.truth, a));
-            sums.iter_mut().zip(errors).try_for_each(|(sum, error)| error.map(|e| *sum += e))?;
+    let mut discs: Vec<Vec<Errors>> = vec![Vec::new(); METHODS.len()];
+    let mut every: Vec<Vec<[f64; 2]>> = vec![Vec::new(); METHODS.len()];
+    for view in &read_views(folder, &rest, &camera)? {
+        let told = format!("{set} {}", view.name);
+        if let Some(shapes) = shapes(&camera, &rest, &view.matches, options, &told) {
+            for (shape, errors) in shapes.iter().zip(&mut every) {
+                errors.push(whole_errors(shape, &view.truth)?);
+            }
         }
         for disc in 0..DISCS {
             let hidden = disc_of(&rest, disc);
-            for ((name, prior), rows) in METHODS.iter().zip(&mut rows) {
-                let shape = solve(&camera, &rest, view, &hidden, *prior, options)?;
-                let errors = measure(&shape, &view.truth, &hidden)?;
+            let matches = outside(&rest, view, &hidden);
+            let told = format!("{told}, disc {disc}");
+            let Some(shapes) = shapes(&camera, &rest, &matches, options, &told) else { continue };
+            for (((name, _), shape), rows) in METHODS.iter().zip(&shapes).zip(&mut discs) {
+                let errors = measure(shape, &view.truth, &hidden)?;
                 let numbers = errors.map(|e| format!("{e:.3}")).join(",");
                 writeln!(csv, "{set},{},{disc},{name},{numbers}", view.name)?;
                 if let Some(out) = out.filter(|_| disc == 0) {
@@ -112,16 +105,12 @@ fn run_set(
             }
         }
     }
-    for (((name, _), rows), whole) in METHODS.iter().zip(&rows).zip(&whole) {
-        let [every, aligned] = whole.map(|sum| sum / views.len() as f64);
-        let mean = |k: usize| rows.iter().map(|r| r[k]).sum::<f64>() / rows.len() as f64;
-        let means = [0, 1, 2, 3, 4].map(|k| format!("{:.2}", mean(k))).join(" | ");
-        let mut discs: Vec<f64> = rows.iter().map(|r| r[1]).collect();
+    for (((name, _), discs), every) in METHODS.iter().zip(&discs).zip(&every) {
+        let cells = [means(every), means(discs)].concat().join(" | ");
+        let mut discs: Vec<f64> = discs.iter().map(|r| r[1]).collect();
         discs.sort_unstable_by(f64::total_cmp);
-        println!(
-            "| {set} | {name} | {every:.2} | {aligned:.2} | {means} | {:.2} |",
-            discs[discs.len() * 9 / 10]
-        );
+        let worse = discs.get(discs.len() * 9 / 10).copied().unwrap_or(f64::NAN);
+        println!("| {set} | {name} | {cells} | {worse:.2} |");
     }
     Ok(())
 }
@@ -156,36 +145,52 @@ fn disc_of(rest: &Mesh, seed: u64) -> Vec<bool> {
     hidden
 }
 
-fn solve(
-    camera: &CameraModel,
-    rest: &Mesh,
-    view: &View,
-    hidden: &[bool],
-    prior: Option<Prior>,
-    options: &RegisterOptions,
-) -> Result<Mesh, Box<dyn Error>> {
+/// Mean of every column, as cells.
+fn means<const N: usize>(rows: &[[f64; N]]) -> Vec<String> {
+    let mean = |k: usize| rows.iter().map(|row| row[k]).sum::<f64>() / rows.len() as f64;
+    (0..N).map(|k| format!("{:.2}", mean(k))).collect()
+}
+
+/// The matches at vertices that are not hidden.
+fn outside(rest: &Mesh, view: &View, hidden: &[bool]) -> Vec<Match> {
     let vertex = |m: &Match| {
         let corner = (0..3).find(|&k| m.barycentric[k] > 0.5).unwrap_or(0);
         rest.topology.faces[m.face as usize][corner] as usize
     };
-    let matches: Vec<Match> = view.matches.iter().filter(|m| !hidden[vertex(m)]).copied().collect();
-    let options = {
-        let weights = PriorWeights { kind: prior.unwrap_or_default(), ..options.prior };
-        RegisterOptions { prior: weights, ..options.clone() }
-    };
-    let posed = pose(camera, rest, &matches, &options, 0)?;
-    let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
-    let scene = Scene::new(camera, rest, rigid);
-    Ok(match prior {
-        None => rest.with_positions(scene.posed.clone()),
-        Some(_) => rest.with_positions(register(&scene, &matches, &posed, &options).vertices),
-    })
+    view.matches.iter().filter(|m| !hidden[vertex(m)]).copied().collect()
 }
 
-/// Mean error of all vertices, mm.
-fn whole_error(shape: &Mesh, truth: &Mesh, alignment: Alignment) -> Result<f64, Box<dyn Error>> {
-    let found = evaluate(shape, &Truth::new(truth), &EvaluateOptions { alignment })?;
-    Ok(found.vertices.ok_or("template and truth have different faces")?.all.mean)
+/// The shape by every method; `None`, and a line that says why, where the matches agree with no pose.
+fn shapes(
+    camera: &CameraModel,
+    rest: &Mesh,
+    matches: &[Match],
+    options: &RegisterOptions,
+    told: &str,
+) -> Option<Vec<Mesh>> {
+    let posed = pose(camera, rest, matches, options, 0)
+        .inspect_err(|error| eprintln!("{told} left out: {error}"))
+        .ok()?;
+    let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
+    let scene = Scene::new(camera, rest, rigid);
+    let shape = |prior: Option<Prior>| match prior {
+        None => scene.posed.clone(),
+        Some(kind) => {
+            let prior = PriorWeights { kind, ..options.prior };
+            let options = RegisterOptions { prior, ..options.clone() };
+            register(&scene, matches, &posed, &options).vertices
+        }
+    };
+    Some(METHODS.iter().map(|(_, prior)| rest.with_positions(shape(*prior))).collect())
+}
+
+/// Mean error of all vertices, mm: absolute, and after a rigid alignment.
+fn whole_errors(shape: &Mesh, truth: &Mesh) -> Result<[f64; 2], Box<dyn Error>> {
+    let error = |alignment| -> Result<f64, Box<dyn Error>> {
+        let found = evaluate(shape, &Truth::new(truth), &EvaluateOptions { alignment })?;
+        Ok(found.vertices.ok_or("template and truth have different faces")?.all.mean)
+    };
+    Ok([error(Alignment::None)?, error(Alignment::Rigid)?])
 }
 
 fn measure(shape: &Mesh, truth: &Mesh, hidden: &[bool]) -> Result<Errors, Box<dyn Error>> {

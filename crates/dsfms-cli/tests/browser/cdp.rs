@@ -100,6 +100,11 @@ impl Browser {
 
     /// Send a command and wait for its result.
     pub fn call(&mut self, method: &str, parameters: Value) -> Value {
+        self.request(method, parameters).unwrap_or_else(|error| panic!("{method}: {error}"))
+    }
+
+    /// Send a command and wait for its result, or for the error that the browser answers.
+    fn request(&mut self, method: &str, parameters: Value) -> Result<Value, Value> {
         self.next += 1;
         let id = self.next;
         let mut message = json!({"id": id, "method": method, "params": parameters});
@@ -114,8 +119,10 @@ impl Browser {
             let answer =
                 self.messages.recv_timeout(left).unwrap_or_else(|e| panic!("{method}: {e}"));
             if answer["id"] == id {
-                assert!(answer["error"].is_null(), "{method}: {}", answer["error"]);
-                return answer["result"].clone();
+                return match &answer["error"] {
+                    Value::Null => Ok(answer["result"].clone()),
+                    error => Err(error.clone()),
+                };
             }
             self.events.push(answer);
         }
@@ -123,11 +130,16 @@ impl Browser {
 
     /// The value of an expression in the page; promises are awaited.
     pub fn eval(&mut self, expression: &str) -> Value {
+        self.evaluate(expression).unwrap_or_else(|error| panic!("{expression}: {error}"))
+    }
+
+    /// The same, or the error that the browser answers.
+    fn evaluate(&mut self, expression: &str) -> Result<Value, Value> {
         let parameters = json!({"expression": expression, "returnByValue": true,
             "awaitPromise": true});
-        let result = self.call("Runtime.evaluate", parameters);
+        let result = self.request("Runtime.evaluate", parameters)?;
         assert!(result["exceptionDetails"].is_null(), "{expression}: {result}");
-        result["result"]["value"].clone()
+        Ok(result["result"]["value"].clone())
     }
 
     /// Go to a page and wait until an expression in it is true.
@@ -193,7 +205,14 @@ impl Browser {
     /// Wait until an expression is true.
     pub fn wait(&mut self, expression: &str) {
         let end = Instant::now() + PATIENCE;
-        while self.eval(expression) != Value::Bool(true) {
+        loop {
+            match self.evaluate(expression) {
+                Ok(Value::Bool(true)) => return,
+                Ok(_) => {}
+                // The page that was asked makes room for the next one, which is asked again.
+                Err(error) if error["message"].to_string().contains("navigated") => {}
+                Err(error) => panic!("{expression}: {error}"),
+            }
             assert!(Instant::now() < end, "never true: {expression}");
             std::thread::sleep(Duration::from_millis(50));
         }
