@@ -5,7 +5,7 @@ Roads: `mesh` true rest mesh and poses, 25 sparse matches, instrument masks; `au
 --surface measures the other roads so too).
 Templates and finished runs are cached under --work, keyed by binary, options and scene; --fresh ignores finished runs.
 Per frame, mm: zone = vertices moved by at least half of what the visible one that moved most did; visible; hidden. Frame 0 is the
-rest shape: its seen and hidden deviation is from the rigid pose of the same road. Needs numpy and scipy."""
+rest shape: its seen and hidden deviation is from the rigid pose of the same road. Needs numpy, scipy and pillow."""
 
 import argparse
 import hashlib
@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from measure import frame_errors, read_ply
 
@@ -69,9 +70,26 @@ def template(a, scene, road):
     return out
 
 
+def exposed(a, scene, frames):
+    """The frames under an exposure that changes: their linear light times exp(normal x --exposure), the same on every run."""
+    folder = a.work / scene.name / f"exposure-{a.exposure:g}"
+    folder.mkdir(parents=True, exist_ok=True)
+    made = []
+    for f in frames:
+        out = folder / f"{f.stem}.png"
+        if not out.exists():
+            gain = np.exp(a.exposure * np.random.default_rng(int(digest(scene.name, f.name), 16)).normal())
+            coded = np.asarray(Image.open(f).convert("RGB"), float) / 255
+            light = gain * np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+            coded = np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055)
+            Image.fromarray((np.clip(coded, 0, 1) * 255 + 0.5).astype(np.uint8)).save(out)
+        made.append(out)
+    return made
+
+
 def reconstruct(a, scene, made, road, method):
     """Folder with the surfaces of one method on one road; cached."""
-    key = digest(a.binary, a.options or "", road, " ".join(a.extra))
+    key = digest(a.binary, a.options or "", road, " ".join(a.extra), *([a.exposure] if a.exposure else []))
     out = a.work / scene.name / f"{road}-{method}-{key}"
     if a.fresh:
         shutil.rmtree(out, ignore_errors=True)
@@ -81,6 +99,8 @@ def reconstruct(a, scene, made, road, method):
         frames = sorted(p for p in (scene / "deformed").iterdir() if p.name.startswith("frame_"))
         if a.frames:
             frames = [f for f in frames if int(f.stem[-3:]) in a.frames]
+        if a.exposure:
+            frames = exposed(a, scene, frames)
         command = [
             a.binary,
             "reconstruct",
@@ -192,6 +212,7 @@ def arguments():
     ap.add_argument("--methods", default=METHODS)
     ap.add_argument("--frames", default="", help="only these deformed frames, as 0,4,8")
     ap.add_argument("--binary", type=Path, help="dsfms; default target/release/dsfms, built first")
+    ap.add_argument("--exposure", type=float, default=0.0, help="spread of a log gain that every deformed frame gets")
     ap.add_argument("--options", type=Path, help="TOML for reconstruct --options")
     ap.add_argument("--extra", default="", help="further words for reconstruct, as one string")
     ap.add_argument("--template-key", default="a", help="change it to build the templates anew")

@@ -51,7 +51,7 @@ impl Joined {
 /// solved on, as the matches).
 ///
 /// `depth_sigma` is eq. 3's tolerance for the depth of the matches under a distant light. An exposure
-/// that is held and scales all of the surface is taken for unknown.
+/// that is held and scales the surface is taken for unknown.
 #[doc(alias("joint optimisation", "photometric refinement"))]
 pub fn join(
     body: &Body,
@@ -64,7 +64,7 @@ pub fn join(
     let posed = &body.scene().posed;
     let frame = NearFrame { body, matches, posed, depth_sigma, photo };
     let (told, held) = join_told(&frame, start, options);
-    if !held || !scaled(body.scene(), &told.vertices) {
+    if !held || !scaled(body.scene(), &told.vertices, told.at_matches) {
         return told;
     }
     let photo = &Photograph { exposure: None, ..*photo };

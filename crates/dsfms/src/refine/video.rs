@@ -157,7 +157,7 @@ pub struct Carried {
 }
 
 /// Solve motion, prior and shading together, from a shape near the solution. An exposure that is held
-/// and scales all of the surface is taken for unknown.
+/// and scales the surface is taken for unknown.
 pub fn join_near(
     memory: &mut VideoMemory,
     frame: &NearFrame,
@@ -166,7 +166,7 @@ pub fn join_near(
     video: &VideoOptions,
 ) -> Carried {
     let (told, held) = near_told(memory, frame, near, joint, video);
-    if !held || !scaled(frame.body.scene(), &told.vertices) {
+    if !held || !scaled(frame.body.scene(), &told.vertices, told.at_matches) {
         return told;
     }
     let photo = &Photograph { exposure: None, ..*frame.photo };
