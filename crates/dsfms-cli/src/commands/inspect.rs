@@ -74,6 +74,10 @@ fn rows(template: &Template, s: &TemplateStatistics) -> Vec<(&'static str, Strin
     let sigma = s
         .median_sigma
         .map_or("not known".into(), |sigma| format!("median {sigma:.3} {unit} expected"));
+    let sigma = match s.unmeasured {
+        Some(share) => format!("{sigma}; {:.0} % of the area unmeasured", 100.0 * share),
+        None => sigma,
+    };
     let around = template.surroundings.as_ref().map_or("none".into(), |mesh| {
         let (vertices, faces) = (mesh.positions.len(), mesh.topology.faces.len());
         format!("{vertices} vertices, {faces} faces: what lies around the organ")

@@ -31,9 +31,10 @@ use dsfms::pipeline::{
 };
 use dsfms::sfm::RefineIntrinsics;
 use dsfms::template::light_fit::Vignetting;
+use dsfms::template::statistics::{MOST_UNMEASURED, unmeasured};
 use dsfms::template::{LengthUnit, Template};
 pub use found::LETTERS;
-use found::{models_text, organ_hint, precision_row, summary_text};
+use found::{models_text, organ_hint, precision_row, summary_text, unmeasured_text};
 use load::{Cameras, Loaded, load, load_also};
 use mesh::{Reading, open_mesh, read_albedo, unit};
 use resume::Resumable;
@@ -272,7 +273,14 @@ fn from_frames(
     let scaled = built.scale.is_some() || !asked;
     // What may not be the organ alone is no template of it.
     let parted = built.organ.as_ref().is_none_or(|organ| !organ.open());
-    let complete = built.rejected.is_empty() && loaded.complete && scaled && parted;
+    let measured = match unmeasured(&built.template).filter(|&share| share > MOST_UNMEASURED) {
+        Some(share) => {
+            reporter.warn(&unmeasured_text(share));
+            false
+        }
+        None => true,
+    };
+    let complete = built.rejected.is_empty() && loaded.complete && scaled && parted && measured;
     Ok((built, loaded, complete))
 }
 

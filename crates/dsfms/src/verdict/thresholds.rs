@@ -101,7 +101,7 @@ impl Default for Thresholds {
             unobserved: 0.35,
             folded: 0.01,
             gain: [0.2, 5.0],
-            strain: [0.3, 0.8],
+            strain: [0.2, 0.8],
             jump: 0.15,
             tile_log: [0.45, 0.3],
             tile_structure: [0.4, 0.35],

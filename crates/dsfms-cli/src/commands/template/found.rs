@@ -2,6 +2,7 @@
 
 use dsfms::pipeline::{FoundOrgan, OrganGuess, SparsePrecision};
 use dsfms::sfm::FoundModel;
+use dsfms::template::statistics::MOST_UNMEASURED;
 use dsfms::template::{LengthUnit, Template};
 use std::path::Path;
 
@@ -50,6 +51,17 @@ pub fn precision_row(precision: &SparsePrecision, unit: LengthUnit) -> String {
         "{:<14}camera centres {centre:.4} {unit}, rotations {rotation_deg:.4} deg (rms), \
          sparse points {points:.4} {unit} (median): expected errors, see precision.json\n",
         "precision"
+    )
+}
+
+/// What it means that much of the surface was not measured, and what to try.
+pub fn unmeasured_text(share: f64) -> String {
+    format!(
+        "no two frames agree on {:.0} % of the surface (at most {:.0} % is usual): it is closed there, not measured, \
+         and may be off by much; the texture is too faint, the frames too far apart, or highlights cover it. More \
+         frames from nearer, with more light, help; so do --organ-masks, or a surface from CT (--mesh with --poses)",
+        100.0 * share,
+        100.0 * MOST_UNMEASURED
     )
 }
 

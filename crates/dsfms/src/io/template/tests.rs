@@ -207,6 +207,20 @@ fn statistics_of_the_tiny_template() {
     assert_eq!((s.euler_characteristic, s.frames, s.features), (2, 1, 2));
     assert_eq!(s.seen_vertices, Some(41));
     assert_eq!(s.median_sigma, Some(0.1));
+    // A third of the area of the faces around each vertex of which nothing is known.
+    let mut template = tiny();
+    let known = |t: &Template| template_statistics(t).unmeasured.unwrap();
+    let before = known(&template);
+    template.sigma = vec![0.1; 42];
+    assert_eq!(known(&template), 0.0);
+    template.sigma[7] = f64::INFINITY;
+    let (areas, around) =
+        (template.mesh.face_areas(), template.mesh.topology.vertex_faces[7].clone());
+    let share: f64 = around.iter().map(|&f| areas[f as usize] / 3.0).sum();
+    assert!((known(&template) - share / areas.iter().sum::<f64>()).abs() < 1e-12);
+    template.sigma.clear();
+    assert_eq!(template_statistics(&template).unmeasured, None);
+    assert!(before < 0.1, "{before}");
     assert_eq!(s.flattening.unwrap().flipped, 0);
     let albedo = s.albedo.unwrap();
     assert!(albedo.observed < 1.0 && albedo.observed > 0.99);
