@@ -106,6 +106,47 @@ fn black_and_cut_are_survived_and_no_wrong_surface_is_ok() {
     }
 }
 
+/// Largest distance of two tracked clips' surfaces, the second's divided by `unit`; every frame of both has one.
+fn apart(a: &[Tracked], b: &[Tracked], unit: f64) -> f64 {
+    let surfaces =
+        a.iter().zip(b).map(|(a, b)| [a, b].map(|t| &t.surface.as_ref().unwrap().vertices));
+    let distances = surfaces.flat_map(|[a, b]| a.iter().zip(b).map(|(a, b)| (a - b / unit).norm()));
+    distances.fold(0.0, f64::max)
+}
+
+/// By how much the surfaces of one clip may differ, mm, where other matches are kept: less than they are off.
+const SAME: f64 = 0.5;
+
+#[test]
+fn unit_and_axes_of_the_template_say_nothing() {
+    let mut clip = clip();
+    clip.frames.truncate(4);
+    let found = joint(&clip, 1);
+    let rest = clip.template.mesh.clone();
+    let moved = |by: &dyn Fn(&Point3) -> Point3| {
+        rest.with_positions(rest.positions.iter().map(by).collect())
+    };
+    clip.template.mesh = moved(&|p| p * 8.0);
+    assert!(apart(&found, &joint(&clip, 1), 8.0) < 1e-6);
+    let motion = Isometry::new(Vector3::new(30.0, -5.0, 8.0), Vector3::new(0.4, -1.0, 2.0));
+    clip.template.mesh = moved(&|p| motion * p);
+    let apart = apart(&found, &joint(&clip, 1), 1.0);
+    assert!(apart < SAME, "{apart} mm");
+}
+
+#[test]
+fn another_exposure_of_the_whole_clip_says_nothing() {
+    let mut clip = clip();
+    clip.frames.truncate(4);
+    let found = joint(&clip, 1);
+    for frame in &mut clip.frames {
+        let darker = |v: u8| (f64::from(v) * 0.85).round() as u8;
+        frame.rgb.iter_mut().for_each(|rgb| *rgb = rgb.map(darker));
+    }
+    let apart = apart(&found, &joint(&clip, 1), 1.0);
+    assert!(apart < SAME, "{apart} mm");
+}
+
 #[test]
 fn another_organ_is_never_good() {
     let mut clip = clip();
