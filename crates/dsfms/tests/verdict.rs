@@ -76,6 +76,21 @@ fn an_undisturbed_case_is_good() {
     }
 }
 
+#[test]
+fn given_matches_that_the_surface_leaves_aside_are_told() {
+    let case = case(60);
+    let mut matches = case.matches.clone();
+    // To either side, so that no surface goes with them, and by too little to be thrown out as wrong.
+    for (i, m) in matches.iter_mut().enumerate().filter(|(i, _)| i % 5 < 2) {
+        m.pixel.x += if i % 2 == 0 { 11.0 } else { -11.0 };
+    }
+    let given = Given { frame: &case.frame, camera: &case.camera, matches: &matches };
+    let (level, reasons) = solved(&case, given, Method::Joint).err().unwrap();
+    assert_eq!(level, Level::Degraded);
+    let told = |r: &Reason| matches!(r, Reason::MatchesDisagree { .. });
+    assert!(reasons.iter().any(told), "{reasons:?}");
+}
+
 /// The inputs of the review that found surfaces metres away shown as `ok`.
 #[test]
 fn degenerate_matches_are_never_good() {
