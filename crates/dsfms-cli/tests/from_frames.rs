@@ -279,6 +279,30 @@ fn with_nothing_said_the_organ_is_what_the_frames_look_at_and_its_masks_are_show
     assert!(frames.path("t/pictures/organ.png").exists());
     let widest = frames.shape("t").iter().map(|p| p.x.hypot(p.y)).fold(0.0, f64::max);
     assert!(widest < 0.35, "no wall: {widest} of the depth, truth 0.239");
+    assert!(frames.path("t/pictures/measured.png").exists());
+    // Outlines of some frames are enough, and of none an error.
+    let [some, other] = ["some", "other"].map(|folder| frames.path(folder));
+    fs::create_dir(&some).unwrap();
+    fs::create_dir(&other).unwrap();
+    for own in fs::read_dir(frames.path("t/organ_masks")).unwrap().map(|own| own.unwrap()) {
+        if own.file_name() != "f_2.png" {
+            fs::copy(own.path(), some.join(own.file_name())).unwrap();
+        }
+    }
+    fs::copy(some.join("f_4.png"), other.join("f_400.png")).unwrap();
+    let given =
+        ["template", "frames", "--camera", "camera.json", "--no-report", "--vertices", "300"];
+    let shown = frames.dsfms(&given).args(["-o", "s", "--organ-masks", "some"]).output().unwrap();
+    let said = String::from_utf8_lossy(&shown.stderr);
+    assert!(said.contains("organ masks for 5 of 6 frames"), "{said}");
+    // So small a scene may be measured on less than three quarters.
+    assert!(matches!(shown.status.code(), Some(0 | 2)), "{said}");
+    let widest = frames.shape("s").iter().map(|p| p.x.hypot(p.y)).fold(0.0, f64::max);
+    assert!(widest < 0.35, "no wall: {widest} of the depth, truth 0.239");
+    let none =
+        ["template", "frames", "--camera", "camera.json", "-o", "n", "--organ-masks", "other"];
+    let shown = frames.dsfms(&none).assert().failure();
+    assert!(String::from_utf8_lossy(&shown.get_output().stderr).contains("any of the"));
     // Another template in the same place leaves nothing of this one.
     fs::copy(frames.path("t/template.ply"), frames.path("m.ply")).unwrap();
     frames.dsfms(&["template", "--mesh", "m.ply", "--no-report", "-o", "t"]).assert().success();

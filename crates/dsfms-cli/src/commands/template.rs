@@ -13,6 +13,7 @@ use crate::exit::{Outcome, Usage};
 use crate::inputs;
 use crate::memory::peak_mb;
 use crate::outputs::{check_folder, prepare_folder, write_json};
+use crate::pictures::measured::write_measured;
 use crate::pictures::organ::write_organ;
 use crate::pictures::template::{write_pictures, write_textures};
 use crate::place;
@@ -87,6 +88,7 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
     write_pictures(&template, &pictures)?;
     if let Some(loaded) = &loaded {
         write_textures(&template, &loaded.frames, &loaded.valid, &pictures)?;
+        write_measured(&template, &loaded.frames, &pictures)?;
         if let Some(scene) = scene {
             with_photos(scene, &loaded.frames)?.write(&args.output.join(SCENE))?;
         }

@@ -1,6 +1,7 @@
 //! Pictures beside the results: calibration, flattening, texture, albedo.
 
 pub mod calibration;
+pub mod measured;
 pub mod organ;
 pub mod preoperative;
 pub mod template;

@@ -66,7 +66,8 @@ it (organ.png; as masks in organ_masks/: copy, mend, and give them back with
 and pictures/organ_a.png, organ_b.png ... show what may be meant, outlines from
 green, clearly marked, to red, a guess, with an option for each.
 So it is where frames agree on little of the surface (faint texture, highlights):
-what they do not agree on is closed, not measured. surroundings.ply is what lies
+what they do not agree on is closed, not measured, and red in
+pictures/measured.png. surroundings.ply is what lies
 around the organ. `dsfms view TEMPLATE` has a
 page (\"Organ\") on which strokes are drawn, the outline following in seconds,
 and saved to TEMPLATE/organ_scribbles.json. Strokes (--organ-scribbles):

@@ -58,7 +58,7 @@ pub fn precision_row(precision: &SparsePrecision, unit: LengthUnit) -> String {
 pub fn unmeasured_text(share: f64) -> String {
     format!(
         "no two frames agree on {:.0} % of the surface (at most {:.0} % is usual): it is closed there, not measured, \
-         and may be off by much; the texture is too faint, the frames too far apart, or highlights cover it. More \
+         and may be off by much (red in pictures/measured.png); the texture is too faint, the frames too far apart, or highlights cover it. More \
          frames from nearer, with more light, help; so do --organ-masks, or a surface from CT (--mesh with --poses)",
         100.0 * share,
         100.0 * MOST_UNMEASURED

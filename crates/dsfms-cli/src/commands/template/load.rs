@@ -124,6 +124,7 @@ pub fn load(
         let problem = format!("--organ-polygon: no frame is called {:?}", left.frame);
         return Err(Usage(problem).into());
     }
+    check_outlined(args, &loaded, reporter)?;
     match first_error {
         Some(error) if loaded.frames.len() < 2 => Err(error).with_context(|| {
             format!("{} of {} frames can be used", loaded.frames.len(), sources.len())
@@ -175,7 +176,33 @@ fn masks(
             .map(|path| inputs::mask_of(frame, source.path(), path, kind, reporter))
             .transpose()
     };
-    Ok((read(&args.masks, MaskKind::Valid)?, read(&args.organ.organ_masks, MaskKind::Organ)?))
+    // The organ outlined in some of the frames tells it in the others.
+    let organ = match read(&args.organ.organ_masks, MaskKind::Organ) {
+        Err(InputError::NoPartner { .. }) => None,
+        read => read?,
+    };
+    Ok((read(&args.masks, MaskKind::Valid)?, organ))
+}
+
+/// Say how many frames have an outline of the organ; masks that are of none of them are an error.
+fn check_outlined(args: &TemplateArgs, loaded: &Loaded, reporter: &Reporter) -> anyhow::Result<()> {
+    let (Some(path), Some(first)) = (&args.organ.organ_masks, loaded.frames.first()) else {
+        return Ok(());
+    };
+    let (found, all) = (loaded.organ.iter().flatten().count(), loaded.frames.len());
+    if found == 0 {
+        anyhow::bail!(
+            "{}: no organ mask (white = organ) for any of the {all} frames; expected {name}.png for {name}, or another \
+             name with its number",
+            path.display(),
+            name = first.name
+        );
+    }
+    if found < all {
+        reporter
+            .note(&format!("organ masks for {found} of {all} frames; the others follow from them"));
+    }
+    Ok(())
 }
 
 #[cfg(test)]
