@@ -13,6 +13,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -20,6 +21,9 @@ import numpy as np
 from PIL import Image
 
 from measure import frame_errors, read_ply
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
+from wrong_as_good import encoded, linear  # noqa: E402
 
 METHODS = "rigid,dsfm,dsfms,joint"
 ROOT = Path(__file__).resolve().parents[2]
@@ -79,10 +83,7 @@ def exposed(a, scene, frames):
         out = folder / f"{f.stem}.png"
         if not out.exists():
             gain = np.exp(a.exposure * np.random.default_rng(int(digest(scene.name, f.name), 16)).normal())
-            coded = np.asarray(Image.open(f).convert("RGB"), float) / 255
-            light = gain * np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
-            coded = np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055)
-            Image.fromarray((np.clip(coded, 0, 1) * 255 + 0.5).astype(np.uint8)).save(out)
+            Image.fromarray(encoded(gain * linear(Image.open(f).convert("RGB")))).save(out)
         made.append(out)
     return made
 

@@ -114,7 +114,7 @@ fn apart(a: &[Tracked], b: &[Tracked], unit: f64) -> f64 {
     distances.fold(0.0, f64::max)
 }
 
-/// By how much the surfaces of one clip may differ, mm, where other matches are kept: less than they are off.
+/// By how much the surfaces of one clip may differ, mm, where other matches are kept; found are 0.27 and 0.34.
 const SAME: f64 = 0.5;
 
 #[test]

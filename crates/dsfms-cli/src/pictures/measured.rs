@@ -4,8 +4,9 @@ use super::TEXT;
 use crate::draw::{dot, error_colour, picture};
 use crate::outputs::write_png;
 use crate::sheet::{Anchor, Item, raster};
+use dsfms::Mesh;
 use dsfms::camera::{Camera, CameraModel};
-use dsfms::geometry::{Isometry, Point2};
+use dsfms::geometry::{Isometry, Point2, Vector3, median};
 use dsfms::image::Frame;
 use dsfms::mesh::normals::vertex_normals;
 use dsfms::template::statistics::unmeasured;
@@ -26,16 +27,18 @@ pub fn write_measured(template: &Template, frames: &[Frame], folder: &Path) -> a
     let (Some(camera), Some(share)) = (&template.camera, unmeasured(template)) else {
         return Ok(());
     };
+    let mesh = &template.mesh;
+    let normals = vertex_normals(&mesh.topology, &mesh.positions);
     let seen = |view: &TemplateView| {
         let frame = frames.iter().find(|f| f.name == view.name)?;
-        Some((frame, places(template, camera, &view.camera_from_template)))
+        Some((frame, places(mesh, &normals, camera, &view.camera_from_template)))
     };
     let views = template.views.iter().filter_map(seen);
     let Some((frame, places)) = views.rev().max_by_key(|(_, places)| places.len()) else {
         return Ok(());
     };
     let mut known: Vec<f64> = template.sigma.iter().copied().filter(|s| s.is_finite()).collect();
-    let full = 2.0 * dsfms::geometry::median(&mut known).unwrap_or(1.0);
+    let full = 2.0 * median(&mut known).unwrap_or(1.0);
     let [w, h] = frame.size.map(|s| s as u32);
     let mut canvas = RgbImage::from_pixel(w, h + BELOW, Rgb([255; 3]));
     image::imageops::replace(&mut canvas, &picture(frame), 0, 0);
@@ -54,10 +57,13 @@ pub fn write_measured(template: &Template, frames: &[Frame], folder: &Path) -> a
     write_png(&folder.join("measured.png"), &canvas)
 }
 
-/// Vertices that face a camera, and where they are in its image.
-fn places(template: &Template, camera: &CameraModel, pose: &Isometry) -> Vec<(usize, Point2)> {
-    let mesh = &template.mesh;
-    let normals = vertex_normals(&mesh.topology, &mesh.positions);
+/// Vertices that face a camera, and where they are in its image, px; what hides them is not asked.
+fn places(
+    mesh: &Mesh,
+    normals: &[Vector3],
+    camera: &CameraModel,
+    pose: &Isometry,
+) -> Vec<(usize, Point2)> {
     let place = |v: usize| {
         let point = pose * mesh.positions[v];
         let facing = (pose.rotation * normals[v]).dot(&point.coords) < 0.0;
@@ -91,7 +97,9 @@ mod tests {
         assert!(!folder.path().join("measured.png").exists());
 
         template.sigma = vec![0.1; template.mesh.positions.len()];
-        let seen = places(&template, &case.camera, &poses[0]);
+        let mesh = &template.mesh;
+        let normals = vertex_normals(&mesh.topology, &mesh.positions);
+        let seen = places(mesh, &normals, &case.camera, &poses[0]);
         let &(v, at) = &seen[seen.len() / 2];
         template.sigma[v] = f64::INFINITY;
         template.views.truncate(1);

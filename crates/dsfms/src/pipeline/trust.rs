@@ -14,8 +14,8 @@ use crate::verdict::strain::strain;
 use crate::verdict::{Compared, Looked, Region, Says, judge, look};
 
 /// Part of the image's diagonal (8 px at 640 x 480) within which a surface agrees with a given match: on six clips nine of
-/// ten are within 1.6 px, and within 9 px where their noise is 4 px. Given matches that are all 10 px off stay in the
-/// solve, beside found ones that are right.
+/// ten good ones are within 1.6 px, and noise of 4 px would leave nine of ten within 9 px. Given matches that are all
+/// 10 px off stay in the solve, beside found ones that are right.
 const AGREES: f64 = 0.01;
 
 /// A surface and what it was made from.

@@ -33,8 +33,8 @@ pub struct TemplateStatistics {
     pub seen_vertices: Option<usize>,
     /// Median of the standard deviations expected of the vertices; `None` where none is known.
     pub median_sigma: Option<f64>,
-    /// Share of the area that no depth map measured: closed holes, and what was continued at the rim; `None` where
-    /// no deviation is known.
+    /// Share of the area, 0 to 1, that no depth map agrees with (to 1 % of its distance): closed holes, and what was
+    /// continued at the rim; `None` where no deviation is known.
     pub unmeasured: Option<f64>,
     /// The flattening's distortion.
     pub flattening: Option<FlatteningStatistics>,

@@ -64,9 +64,10 @@ albedo, and which part of the frames was taken for the organ where no mask said
 it (organ.png; as masks in organ_masks/: copy, mend, and give them back with
 --organ-masks). Where the organ ends is open, all is kept, the exit code is 2,
 and pictures/organ_a.png, organ_b.png ... show what may be meant, outlines from
-green, clearly marked, to red, a guess, with an option for each. So it is where
-frames agree on little of the surface (faint texture, highlights): what they do
-not agree on is closed, not measured, and red in pictures/measured.png.
+green, clearly marked, to red, a guess, with an option for each. The exit code
+is 2 too where frames agree on less than three quarters of the surface (faint
+texture, highlights): the rest is closed, not measured, and red in
+pictures/measured.png.
 surroundings.ply is what lies around the organ. `dsfms view TEMPLATE` has a
 page (\"Organ\") on which strokes are drawn, the outline following in seconds,
 and saved to TEMPLATE/organ_scribbles.json.

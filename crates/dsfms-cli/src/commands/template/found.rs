@@ -57,11 +57,12 @@ pub fn precision_row(precision: &SparsePrecision, unit: LengthUnit) -> String {
 /// What it means that much of the surface was not measured, and what to try.
 pub fn unmeasured_text(share: f64) -> String {
     format!(
-        "no two frames agree on {:.0} % of the surface (at most {:.0} % is usual): it is closed there, not measured, \
-         and may be off by much (red in pictures/measured.png); the texture is too faint, the frames too far apart, or highlights cover it. More \
-         frames from nearer, with more light, help; so do --organ-masks, or a surface from CT (--mesh with --poses)",
-        100.0 * share,
-        100.0 * MOST_UNMEASURED
+        "frames agree on no more than {:.0} % of the surface; at least {:.0} % are wanted. The rest is closed, not \
+         measured, and may be off by much (red in pictures/measured.png): its texture is too faint, too few frames see \
+         it, or highlights cover it. Explore it from nearer and from more sides, or give a surface from CT (--mesh \
+         with --poses)",
+        100.0 * (1.0 - share),
+        100.0 * (1.0 - MOST_UNMEASURED)
     )
 }
 
