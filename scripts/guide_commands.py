@@ -65,35 +65,6 @@ def png(path, width, height, grey):
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
 
 
-def chessboard(folder):
-    """15 x 11 squares of 3 mm, seen from eight sides by a camera of 640 x 480 px."""
-    import math
-
-    folder.mkdir()
-    turns = [(0.5, 0.1, 0.1), (-0.45, 0.4, -0.3), (0.2, -0.55, 0.2), (-0.5, -0.1, 0), (0.3, 0.3, 1.4), (0.4, -0.4, 0.5),
-             (-0.3, -0.5, 0.3), (0.05, 0.55, -0.6)]
-    for k, (a, b, c) in enumerate(turns):
-        sa, ca, sb, cb, sc, cc = (f(v) for v in (a, b, c) for f in (math.sin, math.cos))
-        rotation = [[cb * cc, -cb * sc, sb], [sa * sb * cc + ca * sc, ca * cc - sa * sb * sc, -sa * cb],
-                    [sa * sc - ca * sb * cc, ca * sb * sc + sa * cc, ca * cb]]
-        middle = [rotation[i][0] * 21 + rotation[i][1] * 15 for i in range(3)]
-        shift = [-middle[0] + 2 * (k % 3 - 1), -middle[1], 58 - middle[2]]
-        eye = [sum(rotation[j][i] * -shift[j] for j in range(3)) for i in range(3)]
-
-        def light(x, y):
-            ray = [(x - 320.3) / 560, (y - 238.6) / 562, 1]
-            d = [sum(rotation[j][i] * ray[j] for j in range(3)) for i in range(3)]
-            s = -eye[2] / d[2]
-            u, v = (eye[0] + s * d[0]) / 3 + 1, (eye[1] + s * d[1]) / 3 + 1
-            if not (-1 < u < 16 and -1 < v < 12):
-                return 110
-            dark = 0 < u < 15 and 0 < v < 11 and (math.floor(u) + math.floor(v)) % 2 == 0
-            return 25 if dark else 225
-
-        soft = [(dx / 3, dy / 3) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
-        png(folder / f"board_{k}.png", 640, 480, lambda x, y: sum(light(x + dx, y + dy) for dx, dy in soft) // 9)
-
-
 def corners(path, count):
     """Corners of some faces of a binary STL, mm."""
     data = path.read_bytes()
@@ -134,7 +105,11 @@ def prepare(dsfms, work):
     guess = {key: guess[key] for key in ("width", "height", "fx", "fy", "cx", "cy")}
     guess["fx"] = guess["fy"] = round(1.05 * guess["fx"])
     (work / "guess.json").write_text(json.dumps(guess))
-    chessboard(work / "chessboard")
+    quiet("synth", "--chessboard", "14x10", "--square", "3mm", "-o", "chessboard")
+    # A video that begins with the organ at rest, of which one pose is known.
+    (work / "frames").symlink_to(scene / "exploration")
+    poses = json.loads((work / "poses.json").read_text())
+    (work / "pose.json").write_text(json.dumps(poses["exploration"][:1]))
     film(scene / "exploration", "frame_%03d.jpg", work / "exploration.mp4", 5)
     film(scene / "deformed", "frame_%03d.jpg", work / "clip.mp4", 25)
     quiet("synth", "--video", "--frames", "12", "--size", "320x180", "--vertices", "300", "--seed", "3", "-o", "made")

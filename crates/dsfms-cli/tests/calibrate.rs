@@ -1,74 +1,77 @@
-//! `dsfms calibrate` through the binary, on pictures of a small chessboard.
-
-mod common;
+//! `dsfms calibrate` through the binary, on the chessboards of `dsfms synth`.
 
 use assert_cmd::Command;
-use common::save;
-use dsfms::camera::{Camera, CameraModel};
-use dsfms::geometry::{Isometry, Point2, Vector3};
+use assert_cmd::assert::Assert;
 use dsfms::io::camera::read_camera;
 use std::fs;
+use std::path::Path;
 
-const SIZE: [usize; 2] = [260, 200];
-
-fn camera() -> CameraModel {
-    CameraModel::pinhole(SIZE, [240.0, 243.0], [127.0, 103.0])
+fn dsfms(folder: &Path, arguments: &str) -> Assert {
+    let mut command = Command::cargo_bin("dsfms").unwrap();
+    command.current_dir(folder).args(arguments.split(' ')).assert()
 }
 
-fn poses() -> [Isometry; 5] {
-    [
-        ([-9.0, -6.0, 32.0], [0.5, 0.1, 0.1]),
-        ([-10.0, -4.0, 34.0], [-0.4, 0.4, -0.3]),
-        ([-7.0, -8.0, 33.0], [0.2, -0.55, 0.2]),
-        ([-12.0, -7.0, 36.0], [-0.5, -0.1, 0.0]),
-        ([2.0, -10.0, 40.0], [0.3, 0.3, 1.4]),
-    ]
-    .map(|(t, r)| Isometry::new(Vector3::from(t), Vector3::from(r)))
-}
-
-/// Squares of 3 mm, 8 x 6 of them, in a white margin on grey; 25 samples a pixel.
-fn light(pose: &Isometry, pixel: usize) -> [u8; 3] {
-    let inverse = pose.inverse();
-    let sample = |k: usize| {
-        let (dx, dy) = ((k % 5) as f64 / 5.0 - 0.4, (k / 5) as f64 / 5.0 - 0.4);
-        let at = Point2::new((pixel % SIZE[0]) as f64 + dx, (pixel / SIZE[0]) as f64 + dy);
-        let ray = inverse.rotation * camera().unproject(&at).unwrap();
-        let eye = inverse.translation.vector;
-        let hit = eye - ray * (eye.z / ray.z);
-        let (u, v) = (hit.x / 3.0 + 1.0, hit.y / 3.0 + 1.0);
-        let inside = |m: f64| (-m..8.0 + m).contains(&u) && (-m..6.0 + m).contains(&v);
-        match (u.floor() + v.floor()) as i64 % 2 {
-            0 if inside(0.0) => 25.0,
-            _ if inside(1.0) => 225.0,
-            _ => 110.0,
-        }
-    };
-    [((0..25).map(sample).sum::<f64>() / 25.0) as u8; 3]
+fn said(done: &Assert) -> String {
+    String::from_utf8_lossy(&done.get_output().stderr).into_owned()
 }
 
 #[test]
-fn the_intrinsics_and_their_residuals_are_written() {
+fn the_camera_of_a_synthetic_chessboard_comes_back() {
     let folder = tempfile::tempdir().unwrap();
-    let path = |name: &str| folder.path().join(name);
-    fs::create_dir(path("board")).unwrap();
-    for (i, pose) in poses().iter().enumerate() {
-        save(&path(&format!("board/{i}.png")), SIZE, |p| light(pose, p));
-    }
-    let run = |board: &str| {
-        let mut command = Command::cargo_bin("dsfms").unwrap();
-        command.current_dir(folder.path()).args(["calibrate", "board", "--square", "3mm"]);
-        command.args(["--board", board, "-o", "camera.json", "--quiet"]);
-        command.assert()
-    };
-    run("7x5").success();
+    let (at, path) = (folder.path(), |name: &str| folder.path().join(name));
+    let synth = "synth --chessboard 7x5 --square 4mm --frames 12 --size 480x360 --seed 4 -o board";
+    let told = dsfms(at, synth).success();
+    let told = String::from_utf8_lossy(&told.get_output().stdout).into_owned();
+    dsfms(at, "calibrate board --board 7x5 --square 4mm -o camera.json --quiet").success();
     let found = read_camera(&path("camera.json")).unwrap().camera;
-    for (found, truth) in found.focal.iter().zip(camera().focal) {
-        assert!((found / truth - 1.0).abs() < 0.02, "focal {found}, true {truth}");
+    let truth = read_camera(&path("board/truth/camera.json")).unwrap().camera;
+    assert!(told.contains(&format!("fx  {:>12.2}", truth.focal[0])), "{told}");
+    for c in 0..2 {
+        let focal = found.focal[c] / truth.focal[c] - 1.0;
+        let centre = found.centre[c] - truth.centre[c];
+        eprintln!("focal {focal:.5}, centre {centre:.3} px");
+        assert!(focal.abs() < 0.004, "focal {} of {}", found.focal[c], truth.focal[c]);
+        assert!(centre.abs() < 1.0, "centre {} of {}", found.centre[c], truth.centre[c]);
     }
+    let (found, truth) = (found.lens.coefficients(), truth.lens.coefficients());
+    eprintln!("{found:?} {truth:?}");
+    assert!((found[0].1 - truth[0].1).abs() < 0.01, "{found:?}, true {truth:?}");
     let report = fs::read_to_string(path("camera.calibration/report.json")).unwrap();
-    assert!(report.contains("residual") || report.contains("rms"), "{report:.300}");
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    // Poses of the report and of the truth: a board may be read from either end, its distance is the same.
+    let poses = fs::read_to_string(path("board/truth/poses.json")).unwrap();
+    let poses: serde_json::Value = serde_json::from_str(&poses).unwrap();
+    assert_eq!(poses.as_array().unwrap().len(), 12);
+    assert_eq!(report["images"][3]["image"], poses[3]["image"]);
+    assert!(report["rms_px"].as_f64().unwrap() < 0.1, "{}", report["rms_px"]);
     assert!(path("camera.calibration/residuals.png").is_file());
-    let wrong = run("12x12").failure();
-    let message = String::from_utf8_lossy(&wrong.get_output().stderr).into_owned();
-    assert!(message.contains("12") && message.contains("board"), "{message}");
+    let wrong = said(&dsfms(at, "calibrate board --board 12x12 --square 4mm -o o.json").failure());
+    assert!(wrong.contains("12") && wrong.contains("board"), "{wrong}");
+
+    // The folder goes on where it was with the same words, and belongs to no others.
+    let picture = fs::read(path("board/board_003.png")).unwrap();
+    fs::remove_file(path("board/board_003.png")).unwrap();
+    dsfms(at, synth).success();
+    assert!(fs::read(path("board/board_003.png")).unwrap() == picture);
+    let other = dsfms(at, &synth.replace("--seed 4", "--seed 5")).code(64);
+    assert!(said(&other).contains("holds other pictures (see board.json"), "{}", said(&other));
+}
+
+#[test]
+fn a_chessboard_that_is_none_is_refused_and_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    for (arguments, words) in [
+        ("--chessboard 14", "10x7"),
+        ("--chessboard 2x9", "at least 3x3"),
+        ("--chessboard 40x30 --size 320x180", "px wide"),
+        ("--chessboard 14x10 --square 0mm", "positive length"),
+        ("--chessboard 14x10 --ext 10", "--ext"),
+        ("--chessboard 14x10 --video", "--video"),
+        ("--square 3mm", "--chessboard"),
+        ("--frames 3", "--chessboard"),
+    ] {
+        let done = dsfms(folder.path(), &format!("synth {arguments} -o board")).code(64);
+        assert!(said(&done).contains(words), "{arguments}: {}", said(&done));
+        assert!(!folder.path().join("board").exists(), "{arguments} leaves a folder");
+    }
 }

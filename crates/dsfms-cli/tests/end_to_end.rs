@@ -3,6 +3,7 @@
 mod common;
 
 use common::Case;
+use dsfms::expected_error::Model;
 use std::fs;
 
 #[test]
@@ -26,6 +27,9 @@ fn a_known_mesh_goes_all_the_way() {
         assert!(case.path(&format!("{method}/frame_003_overlay.png")).is_file());
         let json = fs::read_to_string(case.path(&format!("{method}/frame_003.json"))).unwrap();
         assert!(json.contains("\"pose\"") && json.contains("\"stages\""), "{json}");
+        let report: serde_json::Value = serde_json::from_str(&json).unwrap();
+        let bound = report["expected_error"]["bound"].as_f64();
+        assert_eq!(bound, (method == "dsfm").then(|| Model::MotionSeen.bound()));
         let csv = fs::read_to_string(case.path(&format!("{method}/summary.csv"))).unwrap();
         assert_eq!(csv.lines().count(), 2, "{csv}");
         error_of(&case, method)

@@ -1,6 +1,8 @@
 //! `dsfms track` of a bare mesh, which one posed frame gives the organ's look.
 
 mod clip;
+#[path = "../../dsfms/tests/common/mp4.rs"]
+mod mp4;
 
 use clip::{CLIP, Text, column, track_of};
 use dsfms::geometry::{Isometry, Point3, align_rigid};
@@ -60,4 +62,37 @@ fn one_posed_frame_gives_a_mesh_the_look_that_it_is_followed_by() {
     for name in ["a", "b", "c"] {
         assert!(!fresh(name).exists(), "{name} is left");
     }
+}
+
+#[test]
+fn one_posed_frame_of_a_video_gives_a_mesh_its_look_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    // The eighth frame is covered.
+    let pictures: Vec<_> = (0..7).map(|k| clip::frame(k).rgb).collect();
+    std::fs::write(path("clip.mp4"), mp4::video(clip::SIZE, &pictures).bytes).unwrap();
+    let video = path("clip.mp4").to_str().unwrap().to_owned();
+    let poses = path("poses.json");
+    let posed = ["--poses", poses.to_str().unwrap()];
+    let mesh = "organ.template/template.ply";
+    // Not the first, so that the video is read up to it and begun again.
+    write_pose(&poses, "frame_002", &truth(2).1);
+    let said = track_of(mesh, &path("out"), &video, &posed).said();
+    let (shapes, status) = read_shapes(&path("out").join("vertices.npz")).unwrap();
+    let good: Vec<usize> = (0..status.len()).filter(|&k| status[k] < 2).collect();
+    assert_eq!(column(&path("out"), "status").len(), 7);
+    assert!(good.len() >= 5, "{status:?} {said}");
+    for k in good {
+        let (shape, _) = truth(k);
+        let far: f64 = shapes[k].iter().zip(&shape).map(|(a, b)| (a - b).norm()).sum::<f64>();
+        let mean = far / shape.len() as f64;
+        eprintln!("frame {k}: {mean} mm");
+        assert!(mean < 2.0, "frame {k}: {mean} mm");
+    }
+
+    // A pose of a frame behind the end.
+    write_pose(&poses, "frame_009", &truth(2).1);
+    let said = track_of(mesh, &path("none"), &video, &posed).said();
+    assert!(said.contains("none of its 1 poses is of one of the 7 frames"), "{said}");
+    assert!(!path("none").exists());
 }

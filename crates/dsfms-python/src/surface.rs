@@ -36,6 +36,7 @@ pub struct Surface {
     pose: Option<Isometry>,
     visible: Option<Vec<bool>>,
     expected_error: Option<Vec<f64>>,
+    error_bound: Option<f64>,
     observed: Option<Vec<bool>>,
     regions: Option<Vec<u8>>,
     gain: f64,
@@ -72,6 +73,7 @@ impl Surface {
             pose: believed.then_some(found.pose),
             visible: believed.then_some(found.visible),
             expected_error: found.expected_error.filter(|_| believed),
+            error_bound: found.error_bound.filter(|_| believed),
             observed: found.observed.filter(|_| believed),
             regions: believed.then(|| found.regions.iter().map(|&r| r as u8).collect()),
             gain: found.gain,
@@ -109,6 +111,7 @@ impl Surface {
             pose,
             visible,
             expected_error: None,
+            error_bound: None,
             observed: None,
             regions,
             gain: f64::NAN,
@@ -177,6 +180,12 @@ impl Surface {
     #[getter]
     fn expected_error<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         self.expected_error.clone().map(|values| array1(py, values))
+    }
+
+    /// Nine vertices of ten are off by less than this multiple of their expected error; None where there is none.
+    #[getter]
+    fn expected_error_bound(&self) -> Option<f64> {
+        self.error_bound
     }
 
     /// False where nothing in the frame spoke of a vertex, bool (n,); None where the method does not tell.

@@ -65,6 +65,7 @@ def test_surface(surface: dsfms.Surface, template: dsfms.Template) -> None:
     assert surface.vertices.shape == (n, 3) and np.isfinite(surface.vertices).all()
     assert surface.pose.shape == (4, 4) and surface.visible.shape == (n,) and surface.visible.any()
     assert surface.expected_error is not None and surface.expected_error.shape == (n,)
+    assert surface.expected_error_bound is not None and surface.expected_error_bound > 1
     assert surface.observed is not None and surface.observed.dtype == bool
     assert surface.status in (dsfms.Status.OK, dsfms.Status.DEGRADED)
     assert surface.matches.shape == (len(surface.matches_kept), 6) and surface.matches_kept.any()
@@ -172,6 +173,7 @@ def test_tracker(clip: Path) -> None:
     assert all(np.array_equal(a.vertices, b.vertices, equal_nan=True) for a, b in zip(pushed, iterated, strict=True))
     good = [s for s in pushed if s.status is not dsfms.Status.LOST]
     assert len(good) >= 6 and good[0].visible.any() and good[0].expected_error is None
+    assert good[0].expected_error_bound is None
     lost = tracker.push(np.zeros_like(frames[0]))
     assert lost.status is dsfms.Status.LOST and np.isnan(lost.vertices).all() and np.isnan(lost.pose).all()
     assert not lost.visible.any() and lost.reasons

@@ -1,10 +1,11 @@
-//! The expected error of a vertex: unit, growth, flags, determinism.
+//! The expected error of a vertex: unit, growth, flags, determinism, and the bound that nine of ten stay below.
 
 use dsfms::expected_error::{ExpectedErrors, Model, Solved, expected_errors, features};
 use dsfms::geometry::Point3;
 use dsfms::light::{Coated, LightModel};
 use dsfms::mesh::Mesh;
 use dsfms::mesh::paths::shortest_paths;
+use dsfms::pipeline::{Method, Observation, ReconstructOptions, Reconstruction, reconstruct};
 use dsfms::refine::{Photograph, RefineOptions};
 use dsfms::register::{Match, Scene};
 use dsfms::synth::{Case, CaseOptions, Cell, Draw, Protocol};
@@ -147,4 +148,46 @@ fn a_wrong_shape_is_expected_to_be_worse() {
     let wrong = judged(&wrong, |_| true, 1.0, Model::Shading);
     let mean = |c: &ExpectedErrors| c.errors.iter().sum::<f64>();
     assert!(mean(&wrong) > 1.1 * mean(&right), "{} {}", mean(&wrong), mean(&right));
+}
+
+/// The true error over the expected one of every visible vertex, on cases that nothing was fitted on.
+fn true_over_expected(method: Method, bound: Option<f64>) -> Vec<f64> {
+    let protocol = Protocol { vertices: 150, seed: 77, ..Default::default() };
+    let case = |i: usize| protocol.case(Cell { extension: 5.0 * (i % 4) as f64, noise: 1.0 }, i);
+    let ratios = (0..8).map(case).flat_map(|case| {
+        let seen = Observation::new(&case.frame, &case.camera).matches(&case.matches);
+        let options = ReconstructOptions::default();
+        let found = reconstruct(&case.template, &seen, method, &options);
+        let found = Reconstruction::even_refused(found).unwrap();
+        assert_eq!(found.error_bound, bound, "{method:?}");
+        let expected = found.expected_error.unwrap_or_default();
+        let error = |v: usize| (found.vertices[v] - case.truth[v]).norm() / expected[v];
+        (0..expected.len()).filter(|&v| case.visible[v]).map(error).collect::<Vec<_>>()
+    });
+    ratios.collect()
+}
+
+#[test]
+fn nine_errors_of_ten_stay_below_the_bound() {
+    for (method, model) in [(Method::Dsfm, Model::MotionSeen), (Method::Joint, Model::Joint)] {
+        let ratios = true_over_expected(method, Some(model.bound()));
+        let below = |most: f64| {
+            ratios.iter().filter(|r| **r < most).count() as f64 / ratios.len() as f64
+        };
+        let [tight, share] = [below(0.5 * model.bound()), below(model.bound())];
+        eprintln!("{method:?}: {share} below the bound, {tight} below half of it");
+        assert!(share > 0.85, "{method:?}: {share} below the bound");
+        // A bound that everything stays below would say nothing.
+        assert!(tight < 0.85, "{method:?}: {tight} below half of the bound");
+    }
+    assert!(true_over_expected(Method::Rigid, None).is_empty());
+}
+
+#[test]
+fn the_bound_is_one_number_of_the_model_without_a_unit() {
+    let case = case();
+    for model in Model::ALL {
+        let [mm, cm] = [1.0, 0.1].map(|scale| judged(&case, |_| true, scale, model).bound);
+        assert!(mm == model.bound() && cm == mm && mm > 1.0, "{model:?}: {mm}, {cm}");
+    }
 }

@@ -63,7 +63,8 @@ pub struct CalibrateArgs {
     output: PathBuf,
 }
 
-fn board_size(text: &str) -> Result<[usize; 2], String> {
+/// Corners along both sides, `14x10`.
+pub fn board_size(text: &str) -> Result<[usize; 2], String> {
     let expected = || format!("{text:?}; expected two counts of inner corners, as 10x7");
     let (columns, rows) = text.split_once(['x', 'X', '×']).ok_or_else(expected)?;
     let count = |word: &str| word.trim().parse::<usize>().map_err(|_| expected());

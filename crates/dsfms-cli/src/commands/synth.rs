@@ -1,7 +1,9 @@
-//! `dsfms synth`: synthetic cases and clips as files that the other commands read.
+//! `dsfms synth`: synthetic cases, clips and chessboards as files that the other commands read.
 
+mod chessboard;
 mod video;
 
+use super::calibrate::{board_size, length_mm};
 use super::experiment::pace::Paced;
 use super::experiment::series::{SeriesArgs, percent};
 use crate::args::Global;
@@ -9,7 +11,9 @@ use crate::draw::picture;
 use crate::exit::{Outcome, Usage};
 use crate::outputs::{prepare_folder, write_json, write_png, write_text};
 use crate::progress::Reporter;
-use clap::Args;
+use anyhow::Context;
+use clap::{ArgGroup, Args};
+use dsfms::calibrate::Board;
 use dsfms::experiment::SeriesOrgan;
 use dsfms::geometry::Point2;
 use dsfms::image::{ColorImage, ToneCurve};
@@ -21,7 +25,7 @@ use dsfms::io::vertex_truth::{VertexTruth, write_vertex_truth};
 use dsfms::mesh::Mesh;
 use dsfms::pipeline::Progress;
 use dsfms::synth::render::encoder;
-use dsfms::synth::{Case, Cell, ClipOptions};
+use dsfms::synth::{Case, Cell, ChessboardOptions, ClipOptions};
 use dsfms::template::bake::bake;
 use dsfms::template::{Flattening, LengthUnit, SurfaceTexels};
 use image::RgbImage;
@@ -43,6 +47,9 @@ Examples:
   # The same pictures as a video file
   ffmpeg -framerate 25 -i clip/frames/frame_%03d.png -crf 15 \\
       -pix_fmt yuv420p clip.mp4
+  # A chessboard of 15 x 11 squares, and the camera that is found in it
+  dsfms synth --chessboard 14x10 --square 3mm -o board
+  dsfms calibrate board --board 14x10 --square 3mm -o camera.json
 
 Written for every case: frame_000.png, camera.json (with the light),
 matches.csv, rest.obj (mm, with UV) and albedo.png, truth/frame_000.ply (camera
@@ -58,11 +65,17 @@ zone: what moved by at least half of the largest visible displacement),
 events.csv (event,first,last frame), frames.csv, instruments/ (masks),
 poses.json, light.json. The organ is pulled and pushed in turn, instruments
 touch and pass, the exposure jumps, the lens is covered for 10 frames, one cut
-changes view and shape. A run that was stopped goes on where it was.";
+changes view and shape. A run that was stopped goes on where it was.
+
+With --chessboard: board_NNN.png (the board at all tilts under a light beside
+the lens, through the lens's distortion, blurred and with noise), board.json,
+truth/camera.json, which calibrate should find, and truth/poses.json (board to
+camera, mm). The true camera is printed.";
 
 /// Write synthetic cases: deformed organs with image, matches and truth (paper, section 8.1).
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
+#[command(group = ArgGroup::new("pictures"))]
 pub struct SynthArgs {
     #[command(flatten)]
     series: SeriesArgs,
@@ -70,28 +83,60 @@ pub struct SynthArgs {
     #[arg(long, value_delimiter = ',', default_value = "0,5,10,15,20", value_parser = percent)]
     ext: Vec<f64>,
     /// Write one clip instead of cases; of the options above it takes --organ and --vertices.
-    #[arg(long)]
+    #[arg(long, group = "pictures")]
     video: bool,
-    /// Frames of the clip, 25 a second.
-    #[arg(long, value_name = "N", default_value_t = 500, value_parser = frames, requires = "video")]
-    frames: usize,
-    /// Size of the clip's frames, px.
+    /// Write pictures of a chessboard instead of cases; inner corners along both sides.
+    #[arg(long, value_name = "COLUMNSxROWS", group = "pictures", value_parser = board_size,
+        conflicts_with_all = OF_CASES)]
+    chessboard: Option<[usize; 2]>,
+    /// Side of a square of the chessboard, as 3mm or 0.3cm; a plain number is mm.
+    #[arg(long, value_name = "LENGTH", default_value = "3mm", value_parser = length_mm,
+        requires = "chessboard")]
+    square: f64,
+    /// Frames of the clip, 25 a second, or pictures of the chessboard; default 500, and 15.
+    #[arg(long, value_name = "N", value_parser = frames, requires = "pictures")]
+    frames: Option<usize>,
+    /// Size of the pictures of clip or chessboard, px.
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = super::track::size,
-        requires = "video")]
+        requires = "pictures")]
     size: [usize; 2],
     /// Files of the clip's frames.
     #[arg(long, value_enum, default_value_t = video::FrameFormat::Png, requires = "video")]
     frame_format: video::FrameFormat,
-    /// Folder for the cases or the clip.
+    /// Folder for the cases, the clip or the chessboard.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
 }
+
+/// What a chessboard has not.
+const OF_CASES: [&str; 11] = [
+    "organ",
+    "count",
+    "noise",
+    "matches",
+    "light",
+    "vertices",
+    "extension_of",
+    "attractions",
+    "reach",
+    "height",
+    "ext",
+];
 
 /// Side of the albedo picture, px.
 const ALBEDO_SIDE: usize = 1024;
 
 /// Run the command.
 pub fn run(args: &SynthArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
+    if let Some(corners) = args.chessboard {
+        let options = ChessboardOptions {
+            board: Board { corners, square: args.square },
+            size: args.size,
+            pictures: args.frames.unwrap_or(15),
+            seed: global.seed,
+        };
+        return chessboard::make(&options, &args.output, global, reporter);
+    }
     let organ = args.series.organ()?;
     prepare_folder(&args.output)?;
     if args.video {
@@ -140,6 +185,24 @@ fn frames(text: &str) -> Result<usize, String> {
     }
 }
 
+/// A folder belongs to one run, whose parameters lie in it.
+fn claim(path: &Path, parameters: &serde_json::Value, other: &str) -> anyhow::Result<()> {
+    if !path.exists() {
+        return write_json(path, parameters);
+    }
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("{}: cannot be read", path.display()))?;
+    if serde_json::from_str::<serde_json::Value>(&text).is_ok_and(|old| old == *parameters) {
+        return Ok(());
+    }
+    let [folder, name] = [path.parent(), path.file_name().map(Path::new)];
+    let [folder, name] = [folder, name].map(|p| p.unwrap_or(path).display());
+    Err(Usage(format!(
+        "{folder} holds {other} (see {name} in it); choose another folder or remove it"
+    ))
+    .into())
+}
+
 fn clip(
     args: &SynthArgs,
     organ: &SeriesOrgan,
@@ -149,7 +212,7 @@ fn clip(
     if args.size.iter().any(|s| *s < 64) {
         return Err(Usage("--size: a clip needs at least 64x64".into()).into());
     }
-    let (frames, size, seed) = (args.frames, args.size, global.seed);
+    let (frames, size, seed) = (args.frames.unwrap_or(500), args.size, global.seed);
     let arguments = video::VideoArgs {
         organ,
         vertices: args.series.vertices_or(1000),

@@ -23,7 +23,7 @@ pub use board::{BoardCorner, Rejection, find_board};
 pub use error::CalibrateError;
 
 use crate::camera::CameraModel;
-use crate::geometry::{Isometry, Point2, Vector2};
+use crate::geometry::{Isometry, Point2, Point3, Vector2};
 use crate::image::Frame;
 use crate::solver::Summary;
 use rayon::prelude::*;
@@ -38,6 +38,29 @@ pub struct Board {
     pub corners: [usize; 2],
     /// Side of a square, mm.
     pub square: f64,
+}
+
+impl Board {
+    /// Check corners and square.
+    ///
+    /// # Errors
+    /// Fewer than 3 corners along a side, or a square without a length.
+    pub fn validate(&self) -> Result<(), CalibrateError> {
+        if self.corners.iter().any(|&n| n < 3) {
+            return Err(CalibrateError::Board { corners: self.corners });
+        }
+        match self.square.is_finite() && self.square > 0.0 {
+            true => Ok(()),
+            false => Err(CalibrateError::Square(self.square)),
+        }
+    }
+
+    /// Every corner, mm: x along the first side, y along the second, z 0.
+    pub fn points(&self) -> Vec<Point3> {
+        let [columns, rows] = self.corners;
+        let at = |k: usize| [k % columns, k / columns].map(|n| n as f64 * self.square);
+        (0..columns * rows).map(at).map(|[x, y]| Point3::new(x, y, 0.0)).collect()
+    }
 }
 
 /// What is estimated.
@@ -189,12 +212,7 @@ fn from_corners(
 }
 
 fn check(frames: &[Frame], board: &Board) -> Result<(), CalibrateError> {
-    if board.corners.iter().any(|&n| n < 3) {
-        return Err(CalibrateError::Board { corners: board.corners });
-    }
-    if !(board.square.is_finite() && board.square > 0.0) {
-        return Err(CalibrateError::Square(board.square));
-    }
+    board.validate()?;
     match frames.iter().find(|f| f.size != frames[0].size) {
         None => Ok(()),
         Some(other) => Err(CalibrateError::Sizes {
@@ -216,7 +234,6 @@ mod tests {
     use super::test_scene::{board, camera, picture, poses};
     use super::*;
     use crate::camera::Camera;
-    use crate::geometry::Point3;
     use crate::synth::random::{Random, normal};
 
     fn frames() -> Vec<Frame> {

@@ -124,13 +124,13 @@ fn within(text: &str, most: f64, expected: &str) -> Result<f64, String> {
     text.parse().ok().filter(|v| (0.0..=most).contains(v)).ok_or_else(|| expected.to_owned())
 }
 
-/// A length above zero.
 /// A light by its name.
 fn light() -> impl TypedValueParser<Value = LightKind> {
     let names = PossibleValuesParser::new(LightKind::ALL.map(LightKind::name));
     names.try_map(|name| LightKind::named(&name).ok_or("no such light"))
 }
 
+/// A length above zero.
 fn length(text: &str) -> Result<f64, String> {
     let valid = |v: &f64| (0.5..=100.0).contains(v);
     text.parse().ok().filter(valid).ok_or_else(|| "expected 0.5 to 100 mm".to_owned())

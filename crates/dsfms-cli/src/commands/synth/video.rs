@@ -3,10 +3,9 @@
 use crate::args::Global;
 use crate::commands::experiment::pace::Paced;
 use crate::draw::picture;
-use crate::exit::{Outcome, Usage};
+use crate::exit::Outcome;
 use crate::outputs::{encode_png, prepare_folder, quoted, write_json, write_text};
 use crate::progress::Reporter;
-use anyhow::Context;
 use clap::ValueEnum;
 use dsfms::eval::deformed_zone;
 use dsfms::eval::zone::extent;
@@ -92,7 +91,9 @@ pub fn make(args: &VideoArgs, global: &Global, reporter: &Reporter) -> anyhow::R
     let progress = Paced::new(reporter);
     let explored = exploration(args, &clip, &progress)?;
     let poses = frames(args, &clip, &progress)?;
-    let list = |poses: &[Isometry]| poses.iter().enumerate().map(pose_json).collect::<Vec<_>>();
+    let list = |poses: &[Isometry]| {
+        poses.iter().enumerate().map(|(k, pose)| pose_json("frame", k, pose)).collect::<Vec<_>>()
+    };
     let known = json!({ "exploration": list(&explored), "deformed": list(&poses) });
     write_json(&args.path("truth/poses.json"), &known)?;
     let light = json!({ "light": clip.light.light, "coat": clip.light.coat });
@@ -103,7 +104,6 @@ pub fn make(args: &VideoArgs, global: &Global, reporter: &Reporter) -> anyhow::R
 
 /// A folder belongs to one clip.
 fn claim(args: &VideoArgs) -> anyhow::Result<()> {
-    let path = args.path("clip.json");
     let parameters = json!({
         "organ": args.organ.name(),
         "vertices": args.vertices,
@@ -113,25 +113,14 @@ fn claim(args: &VideoArgs) -> anyhow::Result<()> {
         "format": if args.format == FrameFormat::Png { "png" } else { "jpeg" },
         "frames_a_second": RATE,
     });
-    if !path.exists() {
-        return write_json(&path, &parameters);
-    }
-    let text = std::fs::read_to_string(&path)
-        .with_context(|| format!("{}: cannot be read", path.display()))?;
-    if serde_json::from_str::<serde_json::Value>(&text).is_ok_and(|old| old == parameters) {
-        return Ok(());
-    }
-    let folder = args.folder.display();
-    Err(Usage(format!(
-        "{folder} holds another clip (see clip.json in it); choose another folder or remove it"
-    ))
-    .into())
+    super::claim(&args.path("clip.json"), &parameters, "another clip")
 }
 
-fn pose_json((number, pose): (usize, &Isometry)) -> serde_json::Value {
+/// A pose of `poses.json`, of the picture `NAME_NNN`.
+pub fn pose_json(name: &str, number: usize, pose: &Isometry) -> serde_json::Value {
     let (r, t) = (pose.rotation.to_rotation_matrix(), pose.translation.vector);
     let rows: Vec<Vec<f64>> = (0..3).map(|i| (0..3).map(|j| r[(i, j)]).collect()).collect();
-    json!({ "image": format!("frame_{number:03}"), "R": rows, "t": [t.x, t.y, t.z] })
+    json!({ "image": format!("{name}_{number:03}"), "R": rows, "t": [t.x, t.y, t.z] })
 }
 
 /// The organ at rest; returns the poses.

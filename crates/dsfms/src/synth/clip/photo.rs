@@ -4,14 +4,12 @@ use super::instrument::Instrument;
 use super::tissue::{TissueTexture, noise};
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point3, Vector3, point_at};
-use crate::image::filter::blur;
-use crate::image::{ColorImage, Frame, Mask, ToneCurve};
+use crate::image::{ColorImage, Frame, Mask};
 use crate::light::{Coated, Light, specular_angle};
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
 use crate::raster::Raster;
-use crate::synth::random::{Random, normal};
-use crate::synth::render::encoder;
+use crate::synth::sensor::develop;
 use crate::synth::shadow::Shadows;
 use rayon::prelude::*;
 
@@ -20,15 +18,6 @@ const GLOSS: [f64; 2] = [1.1, 0.07];
 
 /// Veil of stray light in the lens, linear.
 const VEIL: f64 = 0.006;
-
-/// Blur of lens and sensor, px.
-const BLUR: f64 = 0.6;
-
-/// Noise of the encoded values, of 255.
-const NOISE: f64 = 1.5;
-
-/// Normal deviates of a frame, of which every value draws one.
-const DEVIATES: usize = 1 << 14;
 
 /// Organ and wall at rest, with their textures.
 #[derive(Clone, Debug)]
@@ -69,7 +58,7 @@ pub(super) fn photograph(
     let size = camera.size;
     if conditions.covered {
         let linear = covered(size, conditions);
-        return (develop(name, linear, conditions), Mask::filled(size, false));
+        return (develop(name, &linear, conditions.seed), Mask::filled(size, false));
     }
     let stage = Stage {
         light,
@@ -90,7 +79,7 @@ pub(super) fn photograph(
     let expose = |p: &([f64; 3], bool)| p.0.map(|v| (conditions.gain * v + VEIL) as f32);
     let linear = ColorImage { size, data: seen.iter().map(expose).collect() };
     let mask = Mask { size, data: seen.iter().map(|p| p.1).collect() };
-    (develop(name, linear, conditions), mask)
+    (develop(name, &linear, conditions.seed), mask)
 }
 
 /// What the sightlines meet.
@@ -162,26 +151,4 @@ fn covered(size: [usize; 2], conditions: &Conditions) -> ColorImage {
         [0.30, 0.03, 0.02].map(|c: f64| (c * value) as f32)
     };
     ColorImage { size, data: (0..size[0] * size[1]).map(pixel).collect() }
-}
-
-/// Blur, encode, add noise row by row.
-fn develop(name: String, linear: ColorImage, conditions: &Conditions) -> Frame {
-    let size = linear.size;
-    let planes: Vec<_> =
-        (0..3usize).into_par_iter().map(|c| blur(&linear.channel(c), BLUR)).collect();
-    let encode = encoder(&ToneCurve::Srgb);
-    let mut random = Random::new(conditions.seed, 0x401);
-    let deviates: Vec<f64> = (0..DEVIATES).map(|_| NOISE * normal(&mut random)).collect();
-    let row = |y: usize| -> Vec<[u8; 3]> {
-        let mut random = Random::new(conditions.seed, 0x401_0000 + y as u64);
-        let value = |i: usize, c: usize, random: &mut Random| {
-            let noisy = encode(f64::from(planes[c].data[i])) + deviates[random.below(DEVIATES)];
-            noisy.round().clamp(0.0, 255.0) as u8
-        };
-        (y * size[0]..(y + 1) * size[0])
-            .map(|i| [0, 1, 2].map(|c| value(i, c, &mut random)))
-            .collect()
-    };
-    let rgb: Vec<Vec<[u8; 3]>> = (0..size[1]).into_par_iter().map(row).collect();
-    Frame { name, size, rgb: rgb.concat() }
 }
