@@ -2,7 +2,9 @@
 
 use assert_cmd::Command;
 use assert_cmd::assert::Assert;
+use dsfms::geometry::Vector3;
 use dsfms::io::camera::read_camera;
+use serde_json::Value;
 use std::fs;
 use std::path::Path;
 
@@ -13,6 +15,14 @@ fn dsfms(folder: &Path, arguments: &str) -> Assert {
 
 fn said(done: &Assert) -> String {
     String::from_utf8_lossy(&done.get_output().stderr).into_owned()
+}
+
+/// Where a pose has the middle of the board, mm: a board may be read from either end.
+fn middle(pose: &Value) -> Vector3 {
+    let board = Vector3::new(12.0, 8.0, 0.0);
+    let number = |value: &Value| value.as_f64().unwrap();
+    let row = |k: usize| Vector3::from_fn(|i, _| number(&pose["R"][k][i])).dot(&board);
+    Vector3::from_fn(|k, _| row(k) + number(&pose["t"][k]))
 }
 
 #[test]
@@ -29,20 +39,23 @@ fn the_camera_of_a_synthetic_chessboard_comes_back() {
     for c in 0..2 {
         let focal = found.focal[c] / truth.focal[c] - 1.0;
         let centre = found.centre[c] - truth.centre[c];
-        eprintln!("focal {focal:.5}, centre {centre:.3} px");
-        assert!(focal.abs() < 0.004, "focal {} of {}", found.focal[c], truth.focal[c]);
+        // 0.0003 and 0.26 px are measured; k1 is off by 0.0009.
+        assert!(focal.abs() < 0.001, "focal {} of {}", found.focal[c], truth.focal[c]);
         assert!(centre.abs() < 1.0, "centre {} of {}", found.centre[c], truth.centre[c]);
     }
     let (found, truth) = (found.lens.coefficients(), truth.lens.coefficients());
-    eprintln!("{found:?} {truth:?}");
-    assert!((found[0].1 - truth[0].1).abs() < 0.01, "{found:?}, true {truth:?}");
+    assert!((found[0].1 - truth[0].1).abs() < 0.004, "{found:?}, true {truth:?}");
     let report = fs::read_to_string(path("camera.calibration/report.json")).unwrap();
-    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
-    // Poses of the report and of the truth: a board may be read from either end, its distance is the same.
+    let report: Value = serde_json::from_str(&report).unwrap();
     let poses = fs::read_to_string(path("board/truth/poses.json")).unwrap();
-    let poses: serde_json::Value = serde_json::from_str(&poses).unwrap();
+    let poses: Value = serde_json::from_str(&poses).unwrap();
     assert_eq!(poses.as_array().unwrap().len(), 12);
-    assert_eq!(report["images"][3]["image"], poses[3]["image"]);
+    for (found, truth) in report["images"].as_array().unwrap().iter().zip(poses.as_array().unwrap())
+    {
+        assert_eq!(found["image"], truth["image"]);
+        let [found, truth] = [middle(&found["camera_from_board"]), middle(truth)];
+        assert!((found - truth).norm() < 0.1, "{found} mm, true {truth} mm");
+    }
     assert!(report["rms_px"].as_f64().unwrap() < 0.1, "{}", report["rms_px"]);
     assert!(path("camera.calibration/residuals.png").is_file());
     let wrong = said(&dsfms(at, "calibrate board --board 12x12 --square 4mm -o o.json").failure());

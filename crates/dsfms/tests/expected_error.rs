@@ -168,17 +168,16 @@ fn true_over_expected(method: Method, bound: Option<f64>) -> Vec<f64> {
 }
 
 #[test]
-fn nine_errors_of_ten_stay_below_the_bound() {
+fn about_nine_errors_of_ten_stay_below_the_bound() {
     for (method, model) in [(Method::Dsfm, Model::MotionSeen), (Method::Joint, Model::Joint)] {
         let ratios = true_over_expected(method, Some(model.bound()));
-        let below = |most: f64| {
-            ratios.iter().filter(|r| **r < most).count() as f64 / ratios.len() as f64
-        };
+        let below =
+            |most: f64| ratios.iter().filter(|r| **r < most).count() as f64 / ratios.len() as f64;
         let [tight, share] = [below(0.5 * model.bound()), below(model.bound())];
-        eprintln!("{method:?}: {share} below the bound, {tight} below half of it");
-        assert!(share > 0.85, "{method:?}: {share} below the bound");
+        // 0.91 and 0.86 are measured, 0.58 and 0.59 below half of the bound.
+        assert!(share > 0.8, "{method:?}: {share} below the bound");
         // A bound that everything stays below would say nothing.
-        assert!(tight < 0.85, "{method:?}: {tight} below half of the bound");
+        assert!(tight < 0.75, "{method:?}: {tight} below half of the bound");
     }
     assert!(true_over_expected(Method::Rigid, None).is_empty());
 }

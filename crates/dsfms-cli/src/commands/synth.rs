@@ -49,7 +49,7 @@ Examples:
       -pix_fmt yuv420p clip.mp4
   # A chessboard of 15 x 11 squares, and the camera that is found in it
   dsfms synth --chessboard 14x10 --square 3mm -o board
-  dsfms calibrate board --board 14x10 --square 3mm -o camera.json
+  dsfms calibrate board --board 14x10 --square 3mm -o board/camera.json
 
 Written for every case: frame_000.png, camera.json (with the light),
 matches.csv, rest.obj (mm, with UV) and albedo.png, truth/frame_000.ply (camera
