@@ -103,6 +103,29 @@ mod tests {
     }
 
     #[test]
+    fn an_organ_that_looks_no_rarer_elsewhere_is_found_by_its_place() {
+        // Four more pieces like the plate in the corners: of the middle and of the rest the same share looks so.
+        let (camera, (mut frames, mut maps)) = (camera(), scene(0.0, PLATE[0]));
+        let corner = |p: usize| {
+            let (x, y) = (p % SIZE[0], p / SIZE[0]);
+            x.min(SIZE[0] - 1 - x).max(y.min(SIZE[1] - 1 - y)) < 24
+        };
+        for (i, (frame, map)) in frames.iter_mut().zip(&mut maps).enumerate() {
+            for p in 0..map.depth.len() {
+                let like = plate(i, p, -10.0) || corner(p);
+                map.depth[p] = if like { PLATE[0] } else { WALL } as f32;
+                let red = (p % 5) as u8;
+                frame.rgb[p] = if like { [180 + red, 150, 120] } else { [60 + red, 60, 60] };
+            }
+        }
+        let views = posed(&frames, &camera);
+        let parting = Parting::new(&views, &maps, &Seeds::default(), &[]);
+        let truth: Vec<Mask> = (0..5).map(|i| mask(|p| plate(i, p, -10.0))).collect();
+        assert!(!telling(&parting.under(&USUAL).masks), "what the fallback is for");
+        assert!(overlap(&parting.best().masks, &truth) > 0.95);
+    }
+
+    #[test]
     fn overlap_by_hand() {
         let row = |on: [bool; 4]| vec![Mask { size: [4, 1], data: on.to_vec() }];
         let (a, b) = (row([true, true, false, false]), row([false, true, true, false]));
