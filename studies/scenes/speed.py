@@ -1,0 +1,80 @@
+"""How long one frame of a generated scene takes, stage by stage. usage: speed.py SCENES [--half choose|held|all] [--binary DSFMS]
+
+Closed organs of 3,000 to 48,000 vertices, true rest mesh and poses, 25 given matches and instrument masks: the road `mesh` of score.py, whose
+templates are used (--work, --template-key). Every frame is a command of its own with --threads threads, so nothing is left from one frame to
+the next; ms of wall by the stages of frame_NNN.json, the median over the frames. Descriptors are matched beside the given matches (`matching`);
+--given leaves that out. `frame`: from the decoded picture to the judged surface. `setup`: control mesh and volume, made once for a template,
+and reading of template, picture and masks; the rest of the command. Run it with nothing else on the machine."""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from score import template
+
+STAGES = {"matching": "matching", "pose": "pose", "register (eq. 3)": "eq. 3", "joint": "joint"}
+
+
+def command(a, scene, made, frame, out):
+    """One frame as a user reconstructs it."""
+    number = frame.stem[-3:]
+    out.mkdir(parents=True)
+    given = scene / f"ground_truth/correspondences/frame_{number}_sparse25.csv"
+    (out / "matches").mkdir()
+    (out / f"matches/frame_{number}.csv").write_bytes(given.read_bytes())
+    words = [a.binary, "reconstruct", made, frame, "--camera", scene / "camera.json", "--matches", out / "matches"]
+    mask = scene / f"deformed/instrument_mask_{number}.png"
+    if mask.exists():
+        (out / "instruments").mkdir()
+        (out / f"instruments/frame_{number}.png").write_bytes(mask.read_bytes())
+        words += ["--instrument-masks", out / "instruments"]
+    if a.given:
+        (out / "given.toml").write_text("find_beside_given = false\n")
+        words += ["--options", out / "given.toml"]
+    words += ["--no-report", "-q", "--threads", a.threads, "-o", out / "out"]
+    start = time.perf_counter()
+    done = subprocess.run([str(w) for w in words], capture_output=True, text=True)
+    wall = time.perf_counter() - start
+    told = out / f"out/frame_{number}.json"
+    if not told.exists():
+        sys.exit(f"{scene.name} {number}: exit {done.returncode}\n{done.stderr}")
+    report = json.loads(told.read_text())
+    found = {STAGES[s["name"]]: 1e3 * s["seconds"] for s in report["stages"] if s["name"] in STAGES}
+    found["frame"] = 1e3 * sum(s["seconds"] for s in report["stages"])
+    return dict(found, setup=1e3 * wall - found["frame"])
+
+
+def main():
+    ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    ap.add_argument("scenes", type=Path, help="folder that make.py filled")
+    ap.add_argument("--half", default="all", choices=["choose", "held", "all"])
+    ap.add_argument("--binary", type=Path, default=Path(__file__).resolve().parents[2] / "target/release/dsfms")
+    ap.add_argument("--frames", default="3,5,7")
+    ap.add_argument("--threads", default="2")
+    ap.add_argument("--given", action="store_true", help="the given matches alone")
+    ap.add_argument("--template-key", default="a")
+    ap.add_argument("--work", type=Path, default=Path("/tmp/dsfms-score"), help="cache of templates, as of score.py")
+    a = ap.parse_args()
+    columns = [*STAGES.values(), "frame", "setup"]
+    print("| scene | vertices | " + " | ".join(columns) + " |\n" + "| --- " * (len(columns) + 2) + "|")
+    for scene in sorted(s for s in a.scenes.iterdir() if (s / "DONE").exists() and (a.half == "all" or a.half in s.name)):
+        made = template(a, scene, "mesh")
+        rows = []
+        for number in map(int, a.frames.split(",")):
+            frame = next((scene / "deformed").glob(f"frame_{number:03d}.*"))
+            with tempfile.TemporaryDirectory() as out:
+                rows.append(command(a, scene, made, frame, Path(out) / "run"))
+        head = (scene / "ground_truth/rest_world.ply").read_bytes()[:400].decode("latin1")
+        vertices = int(head.split("element vertex ")[1].split()[0])
+        cells = [f"{np.median([row.get(c, np.nan) for row in rows]):.0f}" for c in columns]
+        print(f"| {scene.name} | {vertices} | " + " | ".join(cells) + " |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
