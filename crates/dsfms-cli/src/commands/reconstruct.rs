@@ -67,16 +67,7 @@ pub fn run(
 ) -> anyhow::Result<Outcome> {
     place::check(&args.output, &places(args))?;
     let mut job = prepare(args, global, reporter)?;
-    let sources = match (args.images.is_empty(), &args.matches) {
-        (true, Some(matches)) => job.without_images(matches)?,
-        _ => inputs::sources(&args.images, inputs::Purpose::Reconstruct, reporter)?,
-    };
-    inputs::check_sizes(&sources, &job.camera, job.camera_file())?;
-    let faces = job.template.mesh.topology.faces.len();
-    inputs::check_matches(&sources, args.matches.as_deref(), faces, &job.camera)?;
-    let instrument = args.instrument_masks.as_deref();
-    inputs::check_masks(&sources, instrument, MaskKind::Instrument)?;
-    inputs::check_masks(&sources, args.organ_masks.as_deref(), MaskKind::Organ)?;
+    let sources = job.sources()?;
     let inputs: Vec<String> = sources.iter().map(Source::name).collect();
     let names = outputs::output_names(&inputs);
     place::renew(&args.output, "reconstruct")?;
@@ -183,6 +174,22 @@ fn method(args: &ReconstructArgs, template: &Template, reporter: &Reporter) -> M
 }
 
 impl Job<'_> {
+    /// The frames, after a look at them and at their matches and masks.
+    fn sources(&mut self) -> anyhow::Result<Vec<Source>> {
+        let (args, reporter) = (self.args, self.reporter);
+        let sources = match (args.images.is_empty(), &args.matches) {
+            (true, Some(matches)) => self.without_images(matches)?,
+            _ => inputs::sources(&args.images, inputs::Purpose::Reconstruct, reporter)?,
+        };
+        inputs::check_sizes(&sources, &self.camera, self.camera_file())?;
+        let faces = self.template.mesh.topology.faces.len();
+        inputs::check_matches(&sources, args.matches.as_deref(), faces, &self.camera)?;
+        let instrument = args.instrument_masks.as_deref();
+        inputs::check_masks(&sources, instrument, MaskKind::Instrument)?;
+        inputs::check_masks(&sources, args.organ_masks.as_deref(), MaskKind::Organ)?;
+        Ok(sources)
+    }
+
     /// A plain grey frame for every match file; only methods that look at no image remain.
     fn without_images(&mut self, matches: &Path) -> anyhow::Result<Vec<Source>> {
         match (self.args.method, self.method) {

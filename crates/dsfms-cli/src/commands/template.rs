@@ -271,19 +271,20 @@ fn from_frames(
     for (name, why) in &built.rejected {
         reporter.warn(&format!("frame {name} is left out: {why}"));
     }
-    let asked = !options.scale.is_empty() || metric.is_some();
-    let scaled = built.scale.is_some() || !asked;
-    // What may not be the organ alone is no template of it.
-    let parted = built.organ.as_ref().is_none_or(|organ| !organ.open());
-    let measured = match unmeasured(&built.template).filter(|&share| share > MOST_UNMEASURED) {
-        Some(share) => {
-            reporter.warn(&unmeasured_text(share));
-            false
-        }
-        None => true,
-    };
-    let complete = built.rejected.is_empty() && loaded.complete && scaled && parted && measured;
+    let unscaled = built.scale.is_none() && (!options.scale.is_empty() || metric.is_some());
+    let complete = whole(&built, reporter) && loaded.complete && !unscaled;
     Ok((built, loaded, complete))
+}
+
+/// Whether every frame is in a template, it is of the organ alone, and frames agree on nearly all of it; says where
+/// they do not.
+fn whole(built: &BuiltTemplate, reporter: &Reporter) -> bool {
+    let holes = unmeasured(&built.template).filter(|&share| share > MOST_UNMEASURED);
+    if let Some(share) = holes {
+        reporter.warn(&unmeasured_text(share));
+    }
+    let parted = built.organ.as_ref().is_none_or(|organ| !organ.open());
+    built.rejected.is_empty() && parted && holes.is_none()
 }
 
 /// Poses of other frames are named with their file.

@@ -1,5 +1,6 @@
 //! `dsfms view`: the page of a report, template or mesh, from this machine to its own browser.
 
+mod browser;
 mod http;
 mod live;
 mod organ;
@@ -16,7 +17,6 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::Write;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -65,7 +65,7 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<Outcome> {
     std::io::stdout().flush()?;
     crate::interrupt::advise("the page is no longer served");
     if !args.no_open {
-        open(&url);
+        browser::open(&url);
     }
     serve(&listener, &Served::of(&args.path), &root);
     Ok(Outcome::Ok)
@@ -80,7 +80,7 @@ pub fn serve_running(output: &Path, port: u16) -> anyhow::Result<String> {
     std::thread::spawn(move || serve(&listener, &served, &root));
     // Over ssh the browser is on the other side.
     if std::env::var_os("SSH_CONNECTION").is_none() {
-        open(&url);
+        browser::open(&url);
     }
     Ok(url)
 }
@@ -127,17 +127,6 @@ impl Drop for Place {
 fn token() -> String {
     let word = || RandomState::new().build_hasher().finish();
     format!("{:016x}{:016x}", word(), word())
-}
-
-fn open(url: &str) {
-    let (program, arguments): (&str, &[&str]) = match std::env::consts::OS {
-        "macos" => ("open", &[]),
-        "windows" => ("rundll32", &["url.dll,FileProtocolHandler"]),
-        _ => ("xdg-open", &[]),
-    };
-    // Without a desktop the printed address is enough.
-    let mut browser = Command::new(program);
-    let _ = browser.args(arguments).arg(url).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
 }
 
 /// The page of a run that has no frame yet; it asks again by itself.

@@ -7,6 +7,7 @@ use crate::exit::Usage;
 use crate::formats::Format;
 use crate::inputs;
 use clap::{Args, ValueEnum};
+use dsfms::pipeline::Method;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -191,6 +192,15 @@ pub enum TrackMethod {
     Dsfm,
     /// Motion, prior and shading in one problem.
     Joint,
+}
+
+impl From<TrackMethod> for Method {
+    fn from(method: TrackMethod) -> Self {
+        match method {
+            TrackMethod::Dsfm => Self::Dsfm,
+            TrackMethod::Joint => Self::Joint,
+        }
+    }
 }
 
 /// `1280x720`.

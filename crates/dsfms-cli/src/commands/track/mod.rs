@@ -28,13 +28,13 @@ use crate::report::track::TrackReport;
 use crate::structures::Structures;
 pub use again::Again;
 use again::Plan;
-use args::TrackMethod;
 use args::check;
 pub use args::{TrackArgs, size};
 use dsfms::camera::CameraModel;
 use dsfms::io::masks::MaskKind;
 use dsfms::pipeline::Method;
 use dsfms::register::Prior;
+use dsfms::template::Template;
 use dsfms::track::shapes::ShapeFile;
 use dsfms::track::{TrackOptions, Tracker};
 use incoming::Stream;
@@ -77,19 +77,9 @@ fn follow(
     let mut template = bare::template(args, global, reporter)?;
     let (camera, tone) = inputs::frame_camera(args.camera.as_deref(), global, &mut template)?;
     check_files(args, &sources, &camera)?;
-    let options = match again {
-        Some(again) => again.run.options.clone(),
-        None => options(args, global)?,
-    };
-    let run = match again {
-        Some(again) => RunFile { frames: Vec::new(), ..again.run.clone() },
-        None => RunFile::of(args, &options)?,
-    };
-    let method = match args.method {
-        TrackMethod::Dsfm => Method::Dsfm,
-        TrackMethod::Joint => Method::Joint,
-    };
-    let tracker = Tracker::new(&template, &camera, &tone, method, options)?;
+    let run = run_file(args, global, again)?;
+    let method = Method::from(args.method);
+    let tracker = Tracker::new(&template, &camera, &tone, method, run.options.clone())?;
     let structures = Structures::read(&args.structures, &template, reporter)?;
     let link = Link::open(&args.link, &template, &camera, reporter)?;
     let recorder = recording.as_ref().map(Recording::recorder);
@@ -101,17 +91,15 @@ fn follow(
     let reading = source.start(rate, tracker.preparation()).with_first()?;
     place::renew(&args.output, "track")?;
     run.write(&args.output)?;
-    let path = args.output.join("vertices.npz");
-    let shapes = ShapeFile::create(&path, template.mesh.positions.len())?;
-    let name = args.template.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let page = args.output.join("report.html");
-    let report = TrackReport::new(page, name, &template, &camera, method_name(method))?;
+    let vertices = template.mesh.positions.len();
+    let shapes = ShapeFile::create(&args.output.join("vertices.npz"), vertices)?;
+    let report = report(args, &template, &camera, method)?;
     if args.view {
         watch(args, live)?;
     }
     let mut job = Job {
         args,
-        report: (!args.no_report).then_some(report),
+        report,
         kept: Vec::new(),
         template: &template,
         camera: &camera,
@@ -133,6 +121,29 @@ fn follow(
     let mut plan = again.map(|again| Plan(&again.run.frames));
     let ended = job.all(reading, &mut plan);
     job.conclude(ended)
+}
+
+/// What is written down of this run; of an earlier one its words and options.
+fn run_file(args: &TrackArgs, global: &Global, again: Option<&Again>) -> anyhow::Result<RunFile> {
+    match again {
+        Some(again) => Ok(RunFile { frames: Vec::new(), ..again.run.clone() }),
+        None => RunFile::of(args, &options(args, global)?),
+    }
+}
+
+/// The page that grows with the frames; `None` where none is wanted.
+fn report<'a>(
+    args: &TrackArgs,
+    template: &'a Template,
+    camera: &'a CameraModel,
+    method: Method,
+) -> anyhow::Result<Option<TrackReport<'a>>> {
+    if args.no_report {
+        return Ok(None);
+    }
+    let name = args.template.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let page = args.output.join("report.html");
+    Ok(Some(TrackReport::new(page, name, template, camera, method_name(method))?))
 }
 
 /// Refuse files that cannot be tracked, before anything is written.
