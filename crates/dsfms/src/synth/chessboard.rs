@@ -14,7 +14,7 @@
 use super::random::{Random, uniform};
 use super::sensor::develop;
 use crate::calibrate::{Board, CalibrateError};
-use crate::camera::{Camera, CameraModel, Lens};
+use crate::camera::{BrownConrady, Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3, Vector3};
 use crate::image::{ColorImage, Frame};
 use crate::light::{Light, LightModel, PointLight, Spot};
@@ -219,7 +219,7 @@ fn camera(size: [usize; 2], random: &mut Random) -> CameraModel {
     let centre = [about(0.5 * (w - 1.0), 0.02 * w), about(0.5 * (h - 1.0), 0.02 * h)];
     let k = [about(-0.22, 0.03), about(0.06, 0.01), 0.0];
     let p = [about(0.0, 0.001), about(0.0, 0.001)];
-    CameraModel { size, focal, centre, lens: Lens::BrownConrady { k, p } }
+    CameraModel { size, focal, centre, lens: BrownConrady { k, p }.into() }
 }
 
 fn middle(board: &Board) -> Point3 {
