@@ -88,6 +88,18 @@ def exposed(a, scene, frames):
     return made
 
 
+def given(a, scene):
+    """Words for reconstruct: the 25 matches a frame and the instrument masks of a scene, under the names of its frames."""
+    matches, masks = a.work / scene.name / "matches", a.work / scene.name / "instruments"
+    for folder in (matches, masks):
+        folder.mkdir(exist_ok=True)
+    for f in (scene / "ground_truth/correspondences").glob("*_sparse25.csv"):
+        shutil.copy(f, matches / f.name.replace("_sparse25", ""))
+    for f in (scene / "deformed").glob("instrument_mask_*.png"):
+        shutil.copy(f, masks / f.name.replace("instrument_mask", "frame"))
+    return ["--matches", matches, "--instrument-masks", masks]
+
+
 def reconstruct(a, scene, made, road, method):
     """Folder with the surfaces of one method on one road; cached."""
     key = digest(a.binary, a.options or "", road, " ".join(a.extra), *([a.exposure] if a.exposure else []))
@@ -121,15 +133,7 @@ def reconstruct(a, scene, made, road, method):
         if a.options:
             command += ["--options", a.options]
         if road == "mesh":
-            matches = a.work / scene.name / "matches"
-            matches.mkdir(exist_ok=True)
-            for f in (scene / "ground_truth/correspondences").glob("*_sparse25.csv"):
-                shutil.copy(f, matches / f.name.replace("_sparse25", ""))
-            masks = a.work / scene.name / "instruments"
-            masks.mkdir(exist_ok=True)
-            for f in (scene / "deformed").glob("instrument_mask_*.png"):
-                shutil.copy(f, masks / f.name.replace("instrument_mask", "frame"))
-            command += ["--matches", matches, "--instrument-masks", masks]
+            command += given(a, scene)
         code, wall, cpu = run(command + a.extra, out / "log.txt")
         (out / "run.json").write_text(json.dumps(dict(code=code, wall=wall, cpu=cpu, frames=len(frames))))
     return out

@@ -16,34 +16,26 @@ from pathlib import Path
 
 import numpy as np
 
-from score import template
+from measure import read_ply
+from score import given, template
 
 STAGES = {"matching": "matching", "pose": "pose", "register (eq. 3)": "eq. 3", "joint": "joint"}
 
 
-def command(a, scene, made, frame, out):
-    """One frame as a user reconstructs it."""
-    number = frame.stem[-3:]
-    out.mkdir(parents=True)
-    given = scene / f"ground_truth/correspondences/frame_{number}_sparse25.csv"
-    (out / "matches").mkdir()
-    (out / f"matches/frame_{number}.csv").write_bytes(given.read_bytes())
-    words = [a.binary, "reconstruct", made, frame, "--camera", scene / "camera.json", "--matches", out / "matches"]
-    mask = scene / f"deformed/instrument_mask_{number}.png"
-    if mask.exists():
-        (out / "instruments").mkdir()
-        (out / f"instruments/frame_{number}.png").write_bytes(mask.read_bytes())
-        words += ["--instrument-masks", out / "instruments"]
+def timed(a, scene, made, frame, out):
+    """Milliseconds by column of one frame as a user reconstructs it."""
+    words = [a.binary, "reconstruct", made, frame, "--camera", scene / "camera.json", *given(a, scene)]
     if a.given:
-        (out / "given.toml").write_text("find_beside_given = false\n")
-        words += ["--options", out / "given.toml"]
+        options = out / "given.toml"
+        options.write_text("find_beside_given = false\n")
+        words += ["--options", options]
     words += ["--no-report", "-q", "--threads", a.threads, "-o", out / "out"]
     start = time.perf_counter()
     done = subprocess.run([str(w) for w in words], capture_output=True, text=True)
     wall = time.perf_counter() - start
-    told = out / f"out/frame_{number}.json"
+    told = out / f"out/{frame.stem}.json"
     if not told.exists():
-        sys.exit(f"{scene.name} {number}: exit {done.returncode}\n{done.stderr}")
+        sys.exit(f"{scene.name} {frame.name}: exit {done.returncode}\n{done.stderr}")
     report = json.loads(told.read_text())
     found = {STAGES[s["name"]]: 1e3 * s["seconds"] for s in report["stages"] if s["name"] in STAGES}
     found["frame"] = 1e3 * sum(s["seconds"] for s in report["stages"])
@@ -69,9 +61,8 @@ def main():
         for number in map(int, a.frames.split(",")):
             frame = next((scene / "deformed").glob(f"frame_{number:03d}.*"))
             with tempfile.TemporaryDirectory() as out:
-                rows.append(command(a, scene, made, frame, Path(out) / "run"))
-        head = (scene / "ground_truth/rest_world.ply").read_bytes()[:400].decode("latin1")
-        vertices = int(head.split("element vertex ")[1].split()[0])
+                rows.append(timed(a, scene, made, frame, Path(out)))
+        vertices = len(read_ply(scene / "ground_truth/rest_world.ply")[0])
         cells = [f"{np.median([row.get(c, np.nan) for row in rows]):.0f}" for c in columns]
         print(f"| {scene.name} | {vertices} | " + " | ".join(cells) + " |", flush=True)
 

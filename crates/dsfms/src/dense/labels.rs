@@ -71,8 +71,8 @@ pub(super) const USUAL: LabelPrior =
 /// That where nothing is left of those: what is learned from the middle tells nothing where the rest looks like the
 /// organ as often. The labels of the gallbladder clip, which need it, are the same for 3 and for 6.
 const CUT_FIRST: LabelPrior = LabelPrior { first: 3.0, ..USUAL };
-/// Share of the nodes below which nothing is left.
-const NOTHING: f64 = 0.02;
+/// Share of what the frames show below which nothing is left.
+pub(super) const NOTHING: f64 = 0.02;
 
 /// Where the organ is in every depth map.
 #[derive(Clone, Debug)]

@@ -1,6 +1,6 @@
 //! What else may be meant by the organ, where its outline is a guess: the same energy under other priors.
 
-use super::labels::{LabelPrior, Labelling, Parting, USUAL};
+use super::labels::{LabelPrior, Labelling, NOTHING, Parting, USUAL};
 use crate::image::Mask;
 
 /// Priors, the likeliest meaning first: with the pieces that it borders on, less, more than what is looked at, and what
@@ -14,7 +14,7 @@ const OTHERS: [LabelPrior; 4] = [
 /// Labellings that overlap by more are the same to a user.
 const SAME: f64 = 0.9;
 /// Shares of what the frames show below and above which a labelling tells nothing.
-const SHOWN: [f64; 2] = [0.02, 0.95];
+const SHOWN: [f64; 2] = [NOTHING, 0.95];
 
 impl Parting<'_> {
     /// Labellings that differ clearly from `own`, from each other and from everything, at most `most`, those first
