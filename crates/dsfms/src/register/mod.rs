@@ -13,6 +13,7 @@ pub mod pose;
 mod printed;
 pub mod scene;
 pub mod solve;
+mod starts;
 mod terms;
 pub mod volume;
 

@@ -20,8 +20,10 @@
 //! isometric and as-rigid-as-possible priors take the place of shearing, anisotropy and stretch.
 
 use super::{Match, Prior, RegisterOptions, Scene};
-use crate::energy::{Anisotropy, Isometric, Objective, Shearing, Smoothing, Stretch};
-use crate::solver::Loss::{self, Huber, Squared};
+use crate::energy::{Anisotropy, Isometric, Objective, Shearing, Smoothing, Stretch, Unknowns};
+use crate::geometry::Point3;
+use crate::solver::Loss::{self, GemanMcClure, Huber, Squared};
+use crate::solver::Problem;
 
 /// Eq. 3 on one mesh.
 pub(super) struct MotionProblem<'a> {
@@ -36,14 +38,23 @@ impl MotionProblem<'_> {
     /// The lines of eq. 3, with a loss of the annealing.
     pub(super) fn objective(&self, loss: Loss) -> Objective<'_> {
         let Self { scene, matches, displacement, options } = *self;
-        let (rest, posed) = (&scene.faces, &scene.posed);
-        let prior = &options.prior;
-        let motion = scene.motion(matches, options.match_sigma_px);
+        let posed = &scene.posed;
         let smoothing = Smoothing::of_displacement(&scene.laplacian, posed, scene.visible_area);
         let depth_sigma = hold(scene, options).hypot(displacement);
         let depth = scene.depth_of(matches, posed, vec![depth_sigma; matches.len()]);
         let hidden = scene.hidden(&scene.visible, posed);
-        Objective::over(posed.len(), 0)
+        self.motion_and_strain(loss)
+            .plus("smoothing (eq. 3)", self.smoothing_weight(), Squared, smoothing)
+            .plus("depth prior", 1.0, Huber(1.0), depth)
+            .plus("hidden side", options.prior.hidden, Squared, hidden)
+    }
+
+    /// The lines that know nothing of a pose.
+    fn motion_and_strain(&self, loss: Loss) -> Objective<'_> {
+        let Self { scene, matches, options, .. } = *self;
+        let (rest, prior) = (&scene.faces, &options.prior);
+        let motion = scene.motion(matches, options.match_sigma_px);
+        Objective::over(scene.posed.len(), 0)
             .plus("motion (eq. 3)", 1.0, loss, motion)
             .plus("shearing (eq. 3)", prior.of(Prior::Conformal), Squared, Shearing { rest })
             .plus("anisotropy (eq. 3)", prior.of(Prior::Conformal), Squared, Anisotropy { rest })
@@ -55,9 +66,14 @@ impl MotionProblem<'_> {
                 Squared,
                 scene.arap(prior.kind),
             )
-            .plus("smoothing (eq. 3)", self.smoothing_weight(), Squared, smoothing)
-            .plus("depth prior", 1.0, Huber(1.0), depth)
-            .plus("hidden side", prior.hidden, Squared, hidden)
+    }
+
+    /// What a shape leaves of matches and strain, by which shapes from different starts are compared.
+    pub(super) fn left(&self, shape: &[Point3]) -> f64 {
+        let loss = GemanMcClure(self.options.robust_px[1] / self.options.match_sigma_px);
+        let state = Unknowns { vertices: shape.to_vec(), globals: Vec::new() };
+        let costs = self.motion_and_strain(loss).costs(&state);
+        costs.map_or(f64::INFINITY, |costs| costs.iter().sum())
     }
 
     /// λ₃′: a disc of radius 1 that bulges by `d` has a Laplacian of `8 d` (up to its profile), whose

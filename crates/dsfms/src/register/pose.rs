@@ -32,6 +32,14 @@ impl Posed {
     pub fn median_px(&self) -> f64 {
         median_of(&self.residuals_px)
     }
+
+    /// Reprojection error that one match in ten exceeds, px; of those before the camera.
+    pub(super) fn nine_of_ten_px(&self) -> f64 {
+        let finite = self.residuals_px.iter().copied().filter(|r| r.is_finite());
+        let mut sorted: Vec<f64> = finite.collect();
+        sorted.sort_unstable_by(f64::total_cmp);
+        sorted.get(sorted.len() * 9 / 10).copied().unwrap_or(0.0)
+    }
 }
 
 /// 0 of nothing.
@@ -111,15 +119,28 @@ fn settled(
         }
         scale = (0.5 * scale).max(floor);
     }
-    let residuals_px = residuals(camera, &pose, points, pixels);
-    let offset = |i: usize| -> Option<Vector2> {
-        let seen = camera.project(&(pose * points[i]))?;
-        (residuals_px[i] < coarse).then_some(pixels[i] - seen.pixel)
-    };
-    let offsets: Vec<(Point3, Vector2)> =
-        (0..points.len()).filter_map(|i| Some((points[i], offset(i)?))).collect();
-    let shared_motion_px = shared_motion(&offsets);
-    Posed { pose, residuals_px, shared_motion_px }
+    Posed::at(camera, points, pixels, pose, coarse)
+}
+
+impl Posed {
+    /// What a pose leaves of the matches; offsets from `most_px` on are wrong matches.
+    pub(super) fn at(
+        camera: &CameraModel,
+        points: &[Point3],
+        pixels: &[Point2],
+        pose: Isometry,
+        most_px: f64,
+    ) -> Self {
+        let residuals_px = residuals(camera, &pose, points, pixels);
+        let offset = |i: usize| -> Option<Vector2> {
+            let seen = camera.project(&(pose * points[i]))?;
+            (residuals_px[i] < most_px).then_some(pixels[i] - seen.pixel)
+        };
+        let offsets: Vec<(Point3, Vector2)> =
+            (0..points.len()).filter_map(|i| Some((points[i], offset(i)?))).collect();
+        let shared_motion_px = shared_motion(&offsets);
+        Self { pose, residuals_px, shared_motion_px }
+    }
 }
 
 /// Root mean product of every point's offset with its nearest neighbour's; 0 where the mean is

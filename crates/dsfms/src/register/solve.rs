@@ -2,6 +2,7 @@
 
 use super::coarse::{RegisterMemory, coarser, on_coarser};
 use super::objective::{MotionProblem, hold};
+use super::starts::{best_of_starts, covered};
 use super::{Match, Posed, RegisterOptions, Scene};
 use crate::camera::Camera;
 use crate::energy::{Unknowns, Workspace};
@@ -44,7 +45,8 @@ pub(super) const STEPS: usize = 15;
 /// Where neighbouring matches share a motion that the pose does not explain and that the depth hold
 /// would not allow, the surface bends as a whole and no part of it gives the pose: the solve is then
 /// repeated from the rest shape posed again, with smoothing and depth hold loosened to the motion
-/// found, until that no longer grows.
+/// found, until that no longer grows; and from other rigid starts, of which the one that leaves least of matches and
+/// strain is taken.
 ///
 /// ```
 /// use dsfms::register::{RegisterOptions, Scene, pose, register};
@@ -85,15 +87,30 @@ pub fn register_in(
     posed: &Posed,
     options: &RegisterOptions,
 ) -> Registered {
+    let displacement = expected_displacement(scene, posed, options);
+    let found = in_rounds(memory, scene, matches, displacement, &losses(options), options);
+    match displacement > hold(scene, options) && covered(scene, matches) {
+        true => best_of_starts(memory, scene, matches, posed, found, options),
+        false => found,
+    }
+}
+
+/// The rounds of [`register`] from one rigid pose.
+pub(super) fn in_rounds(
+    memory: &mut RegisterMemory,
+    scene: &Scene,
+    matches: &[Match],
+    mut displacement: f64,
+    losses: &[Loss],
+    options: &RegisterOptions,
+) -> Registered {
     let hold = hold(scene, options);
-    let mut displacement = expected_displacement(scene, posed, options);
-    let losses = losses(options);
     let mut state = scene.posed.clone();
     let (mut reposed, mut round): (Option<Scene>, usize) = (None, 1);
     let summary = loop {
         let scene = reposed.as_ref().unwrap_or(scene);
         let problem = MotionProblem { scene, matches, displacement, options };
-        let (next, summary) = problem.solve(memory, state, &losses, TOLERANCE);
+        let (next, summary) = problem.solve(memory, state, losses, TOLERANCE);
         state = next;
         let moved = displacement_of(scene, matches, &state, options);
         if displacement <= hold || moved <= GROWTH * displacement || round == ROUNDS {
@@ -265,9 +282,14 @@ pub(crate) fn limit_px(options: &RegisterOptions) -> f64 {
 
 /// Losses of the annealing, coarse to fine.
 fn losses(options: &RegisterOptions) -> Vec<Loss> {
+    losses_from(options.robust_px[0], options)
+}
+
+/// The same from another coarsest scale, px.
+pub(super) fn losses_from(coarse: f64, options: &RegisterOptions) -> Vec<Loss> {
     /// Finest scale over the coarsest: ten steps, whatever is asked for.
     const FINEST: f64 = 1e-4;
-    let [coarse, fine] = options.robust_px.map(|px| px / options.match_sigma_px);
+    let [coarse, fine] = [coarse, options.robust_px[1]].map(|px| px / options.match_sigma_px);
     let fine = fine.max(FINEST * coarse);
     let mut scales = vec![coarse];
     while scales[scales.len() - 1] > fine {
