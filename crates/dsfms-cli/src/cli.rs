@@ -50,9 +50,13 @@ pub enum Command {
 const WITHOUT_SEED_AND_TONE: [&str; 9] =
     ["replay", "inspect", "evaluate", "options", "export", "view", "figure", "completions", "man"];
 
+/// Columns of the help.
+const HELP: usize = 80;
+
 /// The command line with only those global options in a command's help that it uses.
 pub fn command() -> clap::Command {
-    let command = Arguments::command();
+    // Its examples are narrower. What a narrow terminal breaks by itself can still be copied as one line.
+    let command = Arguments::command().term_width(HELP);
     let unused = ["seed", "tone"];
     let hidden = command.get_arguments().filter(|arg| unused.contains(&arg.get_id().as_str()));
     // An option that a command has already is not given to it once more.
