@@ -84,7 +84,9 @@ mod tests {
         let mut open: Vec<&clap::Command> = command.get_subcommands().collect();
         while let Some(command) = open.pop() {
             let text = command.get_after_long_help().map(ToString::to_string).unwrap_or_default();
+            let shown = command.clone().render_long_help().to_string();
             for line in text.lines() {
+                assert!(shown.contains(line), "{}: broken: {line}", command.get_name());
                 assert!(line.chars().count() < 80, "{}: {line}", command.get_name());
             }
             open.extend(command.get_subcommands());

@@ -159,6 +159,8 @@ if (controls) { controls.addEventListener("change", drawMoving); controls.rotate
 refresh();
 paintPoints();
 drawStatuses();
+// Of a run that goes on the newest frame is looked at, and followed.
+if ($("curves").children.length) go(data.frames.length - 1);
 restore(location.hash);
 addEventListener("hashchange", () => { if (location.hash !== told) restore(location.hash); });
 $("viewer").dataset.ready = "yes";

@@ -74,7 +74,7 @@ impl TrackReport<'_> {
     }
 
     fn expected_words(&self) -> String {
-        format!("Expected error of what is seen, mean, {}", self.base.unit)
+        format!("Expected error of what is seen, {}", self.base.unit)
     }
 
     /// Latency and expected error of the latest frames, with their status; the residual where no expected
@@ -93,7 +93,7 @@ impl TrackReport<'_> {
         let strip: Vec<(f64, String)> =
             (0..).zip(latest).map(|(i, r)| (f64::from(i), status_name(r.status).into())).collect();
         let chart = |value: &str, strip, series: &[Series]| {
-            let value = &format!("{value}; the last {} frames", latest.len());
+            let value = &format!("{value}; last {} frames", latest.len());
             let plot =
                 Plot { value, against: "frame", ticks: &ticks, by_frame: true, ..Plot::default() };
             lines(&Plot { flat: true, strip, ..plot }, series)
