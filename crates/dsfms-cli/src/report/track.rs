@@ -51,7 +51,7 @@ struct Row {
 
 /// One frame of the run.
 #[derive(Clone, Copy)]
-pub struct Entry<'t> {
+pub struct RunEntry<'t> {
     pub number: usize,
     pub frame: &'t Frame,
     pub tracked: &'t Tracked,
@@ -119,8 +119,8 @@ impl<'a> TrackReport<'a> {
     }
 
     /// The next frame; the page is written where its time has come.
-    pub fn add(&mut self, entry: &Entry) -> anyhow::Result<()> {
-        let &Entry { number, frame, tracked, ms, answer_ms, expected } = entry;
+    pub fn add(&mut self, entry: &RunEntry) -> anyhow::Result<()> {
+        let &RunEntry { number, frame, tracked, ms, answer_ms, expected } = entry;
         let place = self.rows.len();
         let surface = tracked.surface.as_ref();
         self.rows.push(Row {
@@ -184,13 +184,13 @@ impl<'a> TrackReport<'a> {
         Ok(())
     }
 
-    fn shown(&self, entry: &Entry) -> anyhow::Result<ShownFrame> {
+    fn shown(&self, entry: &RunEntry) -> anyhow::Result<ShownFrame> {
         let image = embed::photograph_within(crate::draw::picture(entry.frame), LONGEST_SIDE)?;
         Ok(ShownFrame { image: Some(image), ..self.without_image(entry) })
     }
 
-    fn without_image(&self, entry: &Entry) -> ShownFrame {
-        let &Entry { number, frame, tracked, expected, .. } = entry;
+    fn without_image(&self, entry: &RunEntry) -> ShownFrame {
+        let &RunEntry { number, frame, tracked, expected, .. } = entry;
         let mut shown = ShownFrame::with(&format!("frame_{number:03}"), None, frame.size);
         shown.status.push(status_name(tracked.status));
         shown.reasons.push(sentences(&tracked.reasons));
@@ -334,7 +334,7 @@ mod tests {
             let tracked =
                 Tracked { status, reasons, surface: None, stages: vec![("prepare", 0.001)] };
             let (answer_ms, frame, tracked) = (Some(9.0), &frame, &tracked);
-            let entry = Entry { number: k, frame, tracked, ms: 5.0, answer_ms, expected: None };
+            let entry = RunEntry { number: k, frame, tracked, ms: 5.0, answer_ms, expected: None };
             report.add(&entry).unwrap();
             assert!(k > 0 || path.is_file(), "a run can be watched from its first frame");
         }

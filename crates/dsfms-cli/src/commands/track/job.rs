@@ -14,7 +14,7 @@ use crate::formats::{Formats, Shape};
 use crate::interrupt;
 use crate::outputs::{FrameMasks, write_png, write_text};
 use crate::progress::Reporter;
-use crate::report::track::{Entry, TrackReport};
+use crate::report::track::{RunEntry, TrackReport};
 use crate::structures::Structures;
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
@@ -60,13 +60,13 @@ pub struct Job<'a> {
 }
 
 /// A frame that was taken.
-enum Shot {
+enum TakenFrame {
     Whole(Box<Prepared>),
     /// Black, in the place of one that could not be read.
     Unread(Frame),
 }
 
-impl Shot {
+impl TakenFrame {
     fn frame(&self) -> &Frame {
         match self {
             Self::Whole(prepared) => &prepared.frame,
@@ -117,32 +117,32 @@ impl<'a> Job<'a> {
         self.dropped += dropped;
         let start = Instant::now();
         let mut taken = Taken { number, unread: None, reserved: None };
-        let (shot, tracked, masks) = match content {
+        let (taken_frame, tracked, masks) = match content {
             Content::Frame(ready) => {
                 let Ready { prepared, masks, reservation } = *ready;
                 taken.reserved.clone_from(&reservation);
                 let mut tracked = self.tracker.solve(&prepared);
                 reservation.into_iter().for_each(|why| tracked.reserve(why));
-                (Shot::Whole(Box::new(prepared)), tracked, masks)
+                (TakenFrame::Whole(Box::new(prepared)), tracked, masks)
             }
             Content::Unreadable(name, reason) => {
                 self.reporter.warn(&format!("{name} is lost: {reason}"));
                 taken.unread = Some(reason.clone());
                 let size = self.camera.size;
                 let frame = Frame { name, size, rgb: vec![[0; 3]; size[0] * size[1]] };
-                (Shot::Unread(frame), Tracked::unread(reason), FrameMasks::default())
+                (TakenFrame::Unread(frame), Tracked::unread(reason), FrameMasks::default())
             }
         };
         let ms = 1e3 * start.elapsed().as_secs_f64();
         self.run.frames.push(taken);
         let tracked = &tracked;
-        self.keep(&shot, &Done { number, time, came, tracked, masks: &masks, dropped, ms })
+        self.keep(&taken_frame, &Done { number, time, came, tracked, masks: &masks, dropped, ms })
     }
 
     /// Everything that one frame leaves.
-    fn keep(&mut self, shot: &Shot, done: &Done) -> anyhow::Result<()> {
+    fn keep(&mut self, taken_frame: &TakenFrame, done: &Done) -> anyhow::Result<()> {
         let &Done { number, time, tracked, masks, dropped, ms, .. } = done;
-        let frame = shot.frame();
+        let frame = taken_frame.frame();
         self.counts[tracked.status as usize] += 1;
         self.summary += &outputs::row(number, &frame.name, tracked, dropped, ms);
         if let (TrackStatus::Ok, Some(surface)) = (tracked.status, &tracked.surface) {
@@ -162,7 +162,7 @@ impl<'a> Job<'a> {
         // Of a shape that is only kept nothing is known to be seen.
         let visible = surface.map_or(&[][..], |s| s.visible.as_slice());
         self.shapes.push(shape, visible, tracked.status as u8)?;
-        self.show(shot, done)?;
+        self.show(taken_frame, done)?;
         if let Some(shape) = shape {
             let shape = Shape {
                 vertices: shape,
@@ -184,19 +184,26 @@ impl<'a> Job<'a> {
     }
 
     /// The frame on the page.
-    fn show(&mut self, shot: &Shot, done: &Done) -> anyhow::Result<()> {
+    fn show(&mut self, taken_frame: &TakenFrame, done: &Done) -> anyhow::Result<()> {
         let &Done { number, came, tracked, ms, .. } = done;
         let answer_ms = self.arrives.then(|| 1e3 * came.elapsed().as_secs_f64());
         let Some(report) = &mut self.report else { return Ok(()) };
-        let expected = match (shot, &tracked.surface) {
+        let expected = match (taken_frame, &tracked.surface) {
             // Who watches sees it; it takes its time.
-            (Shot::Whole(prepared), Some(surface)) if self.args.view => {
+            (TakenFrame::Whole(prepared), Some(surface)) if self.args.view => {
                 self.tracker.expected_errors(prepared, surface)
             }
             _ => None,
         };
         let expected = expected.as_ref().map(|e| e.errors.as_slice());
-        report.add(&Entry { number, frame: shot.frame(), tracked, ms, answer_ms, expected })
+        report.add(&RunEntry {
+            number,
+            frame: taken_frame.frame(),
+            tracked,
+            ms,
+            answer_ms,
+            expected,
+        })
     }
 
     /// The hidden structures where the surface carries them.
