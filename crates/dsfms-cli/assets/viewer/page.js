@@ -1,11 +1,13 @@
+/** A frame of a video without a surface is lost. */
+function statusWord(status) { return status === "failed" && data.video ? "lost" : status; }
 // --- Bringing it together --------------------------------------------------------------------
 function readout() {
   const frame = data.frames[state.frame];
   const parts = state.shown.map((k) => {
     const s = surface(state.frame, k), name = data.methods[k];
-    if (!s) return `${name}: ${frame.status[k]}, no surface`;
+    if (!s) return `${name}: ${[statusWord(frame.status[k]), "no surface", ...((frame.reasons || [])[k] || [])].join(", ")}`;
     const bits = [];
-    if (k !== data.truth && frame.status[k] !== "ok") bits.push([frame.status[k], ...((frame.reasons || [])[k] || [])].join(": "));
+    if (k !== data.truth && frame.status[k] !== "ok") bits.push([statusWord(frame.status[k]), ...((frame.reasons || [])[k] || [])].join(": "));
     if (s.visible) bits.push(`${s.visible.reduce((a, b) => a + b, 0)} of ${data.vertices} vertices seen`);
     const e = k !== data.truth && errors(state.frame, k);
     if (e) {
@@ -23,7 +25,7 @@ function light() {
   box.hidden = !why || k === data.truth;
   if (box.hidden) return;
   box.className = status[k] === "ok" || status[k] === "degraded" ? status[k] : "failed";
-  word.textContent = status[k] === "failed" && data.video ? "lost" : status[k];
+  word.textContent = statusWord(status[k]);
   words.textContent = why.join("; ");
   box.title = why.join("\n");
 }
