@@ -2,6 +2,7 @@
 
 use super::TrackArgs;
 use super::again::Plan;
+use super::input::is_address;
 use super::item::{Content, Item, Ready};
 use super::link::Link;
 use super::live::{Told, tell};
@@ -40,8 +41,6 @@ pub struct Job<'a> {
     /// Name, seconds and shape of every frame that has one, where a format needs them.
     pub kept: Vec<(String, f64, Vec<Point3>)>,
     pub live: bool,
-    /// Frames come when they are made, and wait for nobody.
-    pub arrives: bool,
     /// Frames a second.
     pub rate: f64,
     pub summary: String,
@@ -183,10 +182,19 @@ impl<'a> Job<'a> {
         Ok(())
     }
 
+    /// Whether frames come when they are made, and wait for nobody.
+    fn arrives(&self) -> bool {
+        let args = self.args;
+        self.live
+            || args.realtime
+            || args.device.is_some()
+            || args.input.iter().any(|i| is_address(i))
+    }
+
     /// The frame on the page.
     fn show(&mut self, taken_frame: &TakenFrame, done: &Done) -> anyhow::Result<()> {
         let &Done { number, came, tracked, ms, .. } = done;
-        let answer_ms = self.arrives.then(|| 1e3 * came.elapsed().as_secs_f64());
+        let answer_ms = self.arrives().then(|| 1e3 * came.elapsed().as_secs_f64());
         let Some(report) = &mut self.report else { return Ok(()) };
         let expected = match (taken_frame, &tracked.surface) {
             // Who watches sees it; it takes its time.

@@ -83,7 +83,6 @@ fn follow(
     let structures = Structures::read(&args.structures, &template, reporter)?;
     let link = Link::open(&args.link, &template, &camera, reporter)?;
     let recorder = recording.as_ref().map(Recording::recorder);
-    let arrives = live || stream.is_some() || args.realtime;
     let mut source = source(args, live, stream, recorder);
     source.numbered = again.is_some_and(|again| again.recorded);
     let rate = args.rate.or_else(|| source.rate()).unwrap_or(RATE);
@@ -108,7 +107,6 @@ fn follow(
         tracker,
         shapes,
         live,
-        arrives,
         rate,
         summary: outputs::COLUMNS.to_owned(),
         last: None,
