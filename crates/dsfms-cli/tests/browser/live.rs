@@ -27,7 +27,7 @@ impl Feed {
                 let bytes = match dark.load(Ordering::SeqCst) {
                     true => vec![1; 3 * SIZE[0] * SIZE[1]],
                     // There and back, without a jump.
-                    false => frame(if k / FRAMES % 2 == 0 {
+                    false => frame(if (k / FRAMES).is_multiple_of(2) {
                         k % FRAMES
                     } else {
                         FRAMES - 1 - k % FRAMES
