@@ -50,9 +50,13 @@ pub enum Command {
 const WITHOUT_SEED_AND_TONE: [&str; 9] =
     ["replay", "inspect", "evaluate", "options", "export", "view", "figure", "completions", "man"];
 
+/// Columns of the help.
+const HELP: usize = 80;
+
 /// The command line with only those global options in a command's help that it uses.
 pub fn command() -> clap::Command {
-    let command = Arguments::command();
+    // Its examples are narrower. What a narrow terminal breaks by itself can still be copied as one line.
+    let command = Arguments::command().term_width(HELP);
     let unused = ["seed", "tone"];
     let hidden = command.get_arguments().filter(|arg| unused.contains(&arg.get_id().as_str()));
     // An option that a command has already is not given to it once more.
@@ -80,7 +84,9 @@ mod tests {
         let mut open: Vec<&clap::Command> = command.get_subcommands().collect();
         while let Some(command) = open.pop() {
             let text = command.get_after_long_help().map(ToString::to_string).unwrap_or_default();
+            let shown = command.clone().render_long_help().to_string();
             for line in text.lines() {
+                assert!(shown.contains(line), "{}: broken: {line}", command.get_name());
                 assert!(line.chars().count() < 80, "{}: {line}", command.get_name());
             }
             open.extend(command.get_subcommands());

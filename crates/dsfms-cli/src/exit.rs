@@ -87,9 +87,6 @@ fn advice(cause: &(dyn Error + 'static)) -> Option<&'static str> {
             Some("check the path; relative paths start at the current folder")
         }
         InputError::Image { .. } => Some("expected PNG, JPEG or TIFF; export the frame again"),
-        InputError::CameraSize { .. } => {
-            Some("scale fx, fy, cx, cy with the image, or give images of the calibrated size")
-        }
         InputError::Field { .. } | InputError::Camera { .. } => {
             Some("README.md lists the fields of camera.json")
         }

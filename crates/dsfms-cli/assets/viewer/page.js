@@ -1,11 +1,13 @@
+/** A frame of a video without a surface is lost. */
+function statusWord(status) { return status === "failed" && data.video ? "lost" : status; }
 // --- Bringing it together --------------------------------------------------------------------
 function readout() {
   const frame = data.frames[state.frame];
   const parts = state.shown.map((k) => {
     const s = surface(state.frame, k), name = data.methods[k];
-    if (!s) return `${name}: ${frame.status[k]}, no surface`;
+    if (!s) return `${name}: ${[statusWord(frame.status[k]), "no surface", ...((frame.reasons || [])[k] || [])].join(", ")}`;
     const bits = [];
-    if (k !== data.truth && frame.status[k] !== "ok") bits.push(frame.status[k]);
+    if (k !== data.truth && frame.status[k] !== "ok") bits.push([statusWord(frame.status[k]), ...((frame.reasons || [])[k] || [])].join(": "));
     if (s.visible) bits.push(`${s.visible.reduce((a, b) => a + b, 0)} of ${data.vertices} vertices seen`);
     const e = k !== data.truth && errors(state.frame, k);
     if (e) {
@@ -16,8 +18,20 @@ function readout() {
   });
   $("readout").textContent = `${frame.name}. ${parts.join(". ")}.`;
 }
+/** The verdict on the shown frame beside its picture: a light, the status, why. */
+function light() {
+  const { status, reasons } = data.frames[state.frame], k = +$("overlay-method").value;
+  const why = reasons && reasons[k], box = $("verdict"), [, word, words] = box.children;
+  box.hidden = !why || k === data.truth;
+  if (box.hidden) return;
+  box.className = status[k] === "ok" || status[k] === "degraded" ? status[k] : "failed";
+  word.textContent = statusWord(status[k]);
+  words.textContent = why.join("; ");
+  box.title = why.join("\n");
+}
 function refresh() {
   tellFrame();
+  light();
   legend(state.layer, $("ramp"), $("ticks"));
   $("legend-name").textContent = state.layer.name; // on paper there is no select
   const scaled = !!state.layer.values && !state.layer.flags;
@@ -77,7 +91,7 @@ function wire_up() {
   $("layer").onchange = (e) => { state.layer = layers.find((l) => l.id === e.target.value); refresh(); };
   $("limit").onchange = (e) => { if (+e.target.value > (state.layer.low || 0)) { state.layer.limit = +e.target.value; state.layer.chosen = true; } refresh(); };
   $("flat-layer").onchange = drawFlattening;
-  for (const id of ["overlay-kind", "overlay-method", "opacity", "matches"]) $(id).addEventListener("input", () => { drawOverlay(); changed(); });
+  for (const id of ["overlay-kind", "overlay-method", "opacity", "matches"]) $(id).addEventListener("input", () => { drawOverlay(); light(); changed(); });
   for (const id of ["edges", "ghost", "truth", "rig", "path", "points", "around", "solid", "shading", "cut", "cut-axis"]) $(id).addEventListener("input", () => { draw(); changed(); });
   $("points-by").oninput = () => { $("points").checked = true; paintPoints(); changed(); };
   document.querySelectorAll("[data-view]").forEach((b) => { b.onclick = () => { turntable(false); view(b.dataset.view); }; });
@@ -115,7 +129,7 @@ const kept = (d) => JSON.stringify([d.faces, d.methods, d.unit, d.structures.len
 function update(page) {
   const next = JSON.parse(page.getElementById("data").textContent);
   if (kept(next) !== kept(data)) return false;
-  for (const id of ["summary", "sections"]) $(id).innerHTML = page.getElementById(id).innerHTML;
+  for (const id of ["summary", "sections", "curves"]) $(id).innerHTML = page.getElementById(id).innerHTML;
   readCharts();
   const name = data.frames[wanted ?? state.frame].name, follow = state.frame === data.frames.length - 1;
   const shownNow = { ...data.frames[state.frame] };
@@ -147,6 +161,8 @@ if (controls) { controls.addEventListener("change", drawMoving); controls.rotate
 refresh();
 paintPoints();
 drawStatuses();
+// Of a run that goes on the newest frame is looked at, and followed.
+if ($("curves").children.length) go(data.frames.length - 1);
 restore(location.hash);
 addEventListener("hashchange", () => { if (location.hash !== told) restore(location.hash); });
 $("viewer").dataset.ready = "yes";

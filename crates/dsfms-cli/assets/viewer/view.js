@@ -134,7 +134,7 @@ function cellLabel(cell) {
   const status = data.frames[state.frame].status[cell.k];
   const name = data.methods.length > 1 || !data.moving_camera ? escape(data.methods[cell.k]) : "";
   const note = surface(state.frame, cell.k) ? summaryOf(cell.k) : "no surface";
-  const mark = status === "ok" ? "" : ` <b class="${status}" style="position:static;border:0">${status}</b>`;
+  const mark = status === "ok" ? "" : ` <b class="${status}" style="position:static;border:0">${statusWord(status)}</b>`;
   let html = name ? `<span style="left:${cell.x}px;top:${cell.y}px;max-width:${cell.w}px">${name}${mark} ${note}</span>` : "";
   columns[cell.k].pins.forEach((pin, i) => {
     if (!pin.visible || !columns[cell.k].group) return;

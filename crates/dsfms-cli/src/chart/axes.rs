@@ -1,13 +1,13 @@
 //! Where the values of a chart lie.
 
-use super::{FLOOR, HEIGHT, LEFT, Plot, RIGHT, Series, TEXT, TOP, WIDTH, known};
+use super::{FLAT, FLOOR, HEIGHT, LEFT, Plot, RIGHT, Series, TEXT, TOP, WIDTH, known};
 use crate::sheet::colours::round_up;
 use crate::sheet::{Anchor, Ink, Item, font};
 
 /// Behind a span.
 const SHADE: Ink = Ink::Rgb([234, 236, 240]);
-/// Upper end and height of the strip under the axis.
-const STRIP: [f64; 2] = [FLOOR + 1.0, 5.0];
+/// Distance from the axis and height of the strip under it.
+const STRIP: [f64; 2] = [1.0, 5.0];
 
 /// From values to the drawing.
 pub struct Axes {
@@ -15,6 +15,10 @@ pub struct Axes {
     y: [f64; 2],
     pub decades: bool,
     pub decades_along: bool,
+    /// Where the axis lies, and how high all of it is.
+    pub floor: f64,
+    pub height: f64,
+    flat: bool,
 }
 
 impl Axes {
@@ -35,7 +39,9 @@ impl Axes {
             0 => [0.0, round_up(far)],
             n => [-0.3, n as f64 - 0.7],
         };
-        Self { x, y, decades: plot.decades, decades_along }
+        let flat = plot.flat;
+        let (floor, height) = if flat { (FLAT[0], FLAT[0] + FLAT[1]) } else { (FLOOR, HEIGHT) };
+        Self { x, y, decades: plot.decades, decades_along, floor, height, flat }
     }
 
     pub fn x(&self, v: f64) -> f64 {
@@ -45,7 +51,7 @@ impl Axes {
 
     pub fn y(&self, v: f64) -> f64 {
         let v = if self.decades { v.max(1e-300).log10().max(self.y[0]) } else { v };
-        FLOOR - (FLOOR - TOP) * (v - self.y[0]) / (self.y[1] - self.y[0])
+        self.floor - (self.floor - TOP) * (v - self.y[0]) / (self.y[1] - self.y[0])
     }
 
     /// Places and names of the horizontal lines.
@@ -53,7 +59,11 @@ impl Axes {
         if self.decades {
             return powers(self.y);
         }
-        steps(self.y[1])
+        let top = self.y[1];
+        match self.flat {
+            true => [0.0, 0.5 * top, top].map(|v| (v, tick(v, top))).to_vec(),
+            false => steps(top),
+        }
     }
 
     pub fn grid(&self, plot: &Plot) -> Vec<Item> {
@@ -68,7 +78,7 @@ impl Axes {
         };
         let every = plot.ticks.len().div_ceil(12).max(1);
         for (i, name) in plot.ticks.iter().enumerate().step_by(every) {
-            label(self.x(i as f64), FLOOR + 17.0, name);
+            label(self.x(i as f64), self.floor + 17.0, name);
         }
         let along: Vec<(f64, String)> = match (plot.ticks.is_empty(), self.decades_along) {
             (false, _) => Vec::new(),
@@ -76,9 +86,11 @@ impl Axes {
             (true, false) => steps(self.x[1]),
         };
         for (v, name) in &along {
-            label(self.x(*v), FLOOR + 17.0, name);
+            label(self.x(*v), self.floor + 17.0, name);
         }
-        label(0.5 * (LEFT + WIDTH), HEIGHT - 6.0, plot.against);
+        if !self.flat {
+            label(0.5 * (LEFT + WIDTH), self.height - 6.0, plot.against);
+        }
         items
     }
 
@@ -87,7 +99,7 @@ impl Axes {
         let (mut shades, mut names, mut free) = (Vec::new(), Vec::new(), LEFT);
         for span in plot.spans {
             let [a, b] = self.around(span.ends);
-            shades.push(Item::block([a, TOP], [b - a, FLOOR - TOP], SHADE));
+            shades.push(Item::block([a, TOP], [b - a, self.floor - TOP], SHADE));
             let wide = font::width(&span.name, 0.8 * TEXT);
             if a >= free && a + wide <= WIDTH {
                 let name = span.name.as_str();
@@ -103,7 +115,11 @@ impl Axes {
     pub fn strip(&self, plot: &Plot) -> Vec<Item> {
         let run = |run: &[(f64, String)]| {
             let [a, b] = self.around([run[0].0, run[run.len() - 1].0]);
-            Item::block([a, STRIP[0]], [b - a, STRIP[1]], Ink::Status(known(&run[0].1).0))
+            Item::block(
+                [a, self.floor + STRIP[0]],
+                [b - a, STRIP[1]],
+                Ink::Status(known(&run[0].1).0),
+            )
         };
         plot.strip.chunk_by(|a, b| a.1 == b.1).map(run).collect()
     }

@@ -1,7 +1,7 @@
 //! Lines with markers. Series differ in colour, dash and marker, so that print and colour-blind eyes tell them apart.
 
 use super::axes::Axes;
-use super::{Chart, FLOOR, HEIGHT, Key, Plot, STATUSES, Series, TOP, said};
+use super::{Chart, Key, Plot, STATUSES, Series, TOP, said};
 use crate::report::embed::escape;
 use crate::sheet::{Ink, Item, Place};
 
@@ -22,7 +22,7 @@ pub fn lines(plot: &Plot, series: &[Series]) -> String {
 pub fn line_chart(plot: &Plot, series: &[Series]) -> Chart {
     let axes = Axes::of(plot, series);
     let places = (!plot.ticks.is_empty()).then_some(plot.ticks);
-    let where_ = said([TOP, FLOOR], axes.x, places, plot.by_frame);
+    let where_ = said([TOP, axes.floor], axes.x, places, plot.by_frame);
     let mut items = axes.spans(plot);
     items.extend(axes.grid(plot));
     items.extend(axes.strip(plot));
@@ -35,7 +35,7 @@ pub fn line_chart(plot: &Plot, series: &[Series]) -> Chart {
         Key { sign, words: s.label.clone(), class: "" }
     };
     Chart {
-        height: HEIGHT,
+        height: axes.height,
         items,
         caption: plot.value.into(),
         keys: series

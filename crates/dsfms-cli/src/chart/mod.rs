@@ -15,6 +15,8 @@ const LEFT: f64 = 52.0;
 const RIGHT: f64 = 12.0;
 const TOP: f64 = 14.0;
 const FLOOR: f64 = HEIGHT - 44.0;
+/// The same of a flat chart, and what lies under it.
+const FLAT: [f64; 2] = [68.0, 24.0];
 /// Size of the letters; a page says its own.
 const TEXT: f64 = 12.0;
 /// Width of a chart on paper, mm: that of a text of Springer's LNCS.
@@ -55,6 +57,8 @@ pub struct Plot<'a> {
     pub decades_along: bool,
     /// Shaded spans.
     pub spans: &'a [Span],
+    /// A quarter of the height, with three levels, for a strip beside something else.
+    pub flat: bool,
     /// Places that have a status, drawn as a strip under the axis.
     pub strip: &'a [(f64, String)],
 }

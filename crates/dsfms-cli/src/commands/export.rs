@@ -119,9 +119,16 @@ fn colmap(template: &Template, folder: &Path, args: &ExportArgs) -> anyhow::Resu
     }
     prepare_folder(folder)?;
     write_model(folder, &model, if args.binary { Format::Binary } else { Format::Text })?;
+    let names = match args.images {
+        Some(_) => "",
+        None => {
+            "\n  images are named as the frames are, without ending: with --images FRAMES as their files, \
+             where other programs look for them"
+        }
+    };
     let sightings: usize = model.points.iter().map(|p| p.track.len()).sum();
     Ok(format!(
-        "{}: {} images, {} points, {sightings} observations, lengths in {}",
+        "{}: {} images, {} points, {sightings} observations, lengths in {}{names}",
         folder.display(),
         model.images.len(),
         model.points.len(),

@@ -76,7 +76,11 @@ impl Plate<'_> {
         let most = [self.width_mm / POINT, TALLEST * self.width_mm / POINT - GAP - LEGEND];
         let (s, l) = (self.surfaces.len(), looks.len());
         let ways: Vec<Arrangement> = match (self.turning, s) {
-            (true, _) => vec![turntable(s, self.layers.len(), self.views.len())],
+            (true, _) => {
+                let mut way = turntable(s, self.layers.len(), self.views.len());
+                way.lines.retain(|line| !line.iter().all(|cell| self.empty(cell, looks)));
+                vec![way]
+            }
             (false, 1) => {
                 vec![views_across(self.layers.len(), self.views.len()), looks_across(s, l)]
             }
@@ -91,6 +95,11 @@ impl Plate<'_> {
         fitted
             .reduce(larger)
             .unwrap_or_else(|| looks_across(s, l).fitted(&sizes, most, self.room(Kind::Looks)))
+    }
+
+    /// The error of the truth is no picture.
+    fn empty(&self, cell: &[usize; 2], looks: &[Look]) -> bool {
+        self.surfaces[cell[0]].is_truth && looks[cell[1]].layer == Layer::Error
     }
 
     fn room(&self, kind: Kind) -> Room {
@@ -111,8 +120,7 @@ impl Plate<'_> {
         let mut cells = Vec::new();
         for (line, cells_of) in layout.arrangement.lines.iter().enumerate() {
             for (column, cell) in cells_of.iter().enumerate() {
-                let shown = &self.surfaces[cell[0]];
-                if !(shown.is_truth && looks[cell[1]].layer == Layer::Error) {
+                if !self.empty(cell, looks) {
                     cells.push((line, column, *cell));
                 }
             }
@@ -268,7 +276,7 @@ impl Legend<'_> {
         let mut high = [f64::NEG_INFINITY; 2];
         for (line, cells) in layout.arrangement.lines.iter().enumerate() {
             for (column, &[s, l]) in cells.iter().enumerate() {
-                if self.plate.surfaces[s].is_truth && self.looks[l].layer == Layer::Error {
+                if self.plate.empty(&[s, l], self.looks) {
                     let at = [layout.lefts[line][column], layout.tops[line]];
                     let size = [layout.widths[line][column], layout.heights[line]];
                     low = [0, 1].map(|k| low[k].min(at[k]));

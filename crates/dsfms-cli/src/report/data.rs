@@ -63,6 +63,9 @@ pub struct PageData {
     /// Most frames are names alone; `dsfms view` sends them when they are asked for.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub stream: bool,
+    /// Frames follow each other; one without a surface is lost.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub video: bool,
 }
 
 /// Colour, error and sightings of the sparse points.
@@ -157,6 +160,9 @@ pub struct ShownFrame {
     /// One a method.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub status: Vec<&'static str>,
+    /// Why it is not ok; one list a method.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub reasons: Vec<Vec<String>>,
 }
 
 /// A match in the image.
@@ -234,6 +240,7 @@ impl PageData {
             surroundings: None,
             point_values: None,
             stream: false,
+            video: false,
         }
     }
 
@@ -288,7 +295,7 @@ impl ShownFrame {
     /// A frame by its parts.
     pub fn with(name: &str, image: Option<String>, size: [usize; 2]) -> Self {
         let name = name.to_string();
-        Self { name, image, size, pose: None, surfaces: vec![], status: vec![] }
+        Self { name, image, size, pose: None, surfaces: vec![], status: vec![], reasons: vec![] }
     }
 
     /// Add the next method's result; its lengths are multiplied by `scale`.
@@ -300,6 +307,7 @@ impl ShownFrame {
         scale: f64,
     ) {
         self.status.push(report.status);
+        self.reasons.push(report.reasons.clone());
         self.surfaces.push(result.map(|r| ShownSurface::of(r, camera, faces, scale)));
     }
 }

@@ -28,6 +28,7 @@ pub fn experiment_page(plan: &Plan, organ: &SeriesOrgan, rows: &[Row]) -> anyhow
         summary: summary(plan),
         sections: sections(plan, rows),
         data: cases_data(&cases, arms)?,
+        curves: String::new(),
     })
 }
 
@@ -38,6 +39,7 @@ pub fn case_page(name: &str, case: Case, arms: &[Arm], text: &str) -> anyhow::Re
         summary: format!("<p>{}</p>", escape(text)),
         sections: String::new(),
         data: cases_data(&[(name.to_string(), case)], arms)?,
+        curves: String::new(),
     })
 }
 

@@ -179,6 +179,7 @@ fn meshes_page(columns: &[Column]) -> anyhow::Result<Page> {
         summary: definition_list(&facts),
         sections: String::new(),
         data,
+        curves: String::new(),
     })
 }
 

@@ -30,6 +30,7 @@ pub fn frames_page(
         summary: summary(rows, template.0),
         sections: sections(method, rows),
         data,
+        curves: String::new(),
     })
 }
 

@@ -58,6 +58,8 @@ pub struct Page {
     pub summary: String,
     /// Markup after the viewer.
     pub sections: String,
+    /// Markup under the viewer in the first window: curves of a run that goes on; else empty.
+    pub curves: String,
     pub data: PageData,
 }
 
@@ -74,6 +76,7 @@ impl Page {
                 ("style", STYLE),
                 ("summary", &self.summary),
                 ("sections", &self.sections),
+                ("curves", &self.curves),
                 ("data", &data),
                 ("three", THREE),
                 ("script", SCRIPT),

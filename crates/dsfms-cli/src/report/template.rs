@@ -27,6 +27,7 @@ pub fn template_page(name: &str, template: &Template, frames: &[Frame]) -> anyho
         summary: facts(template),
         sections: String::new(),
         data: template_data(template, frames)?,
+        curves: String::new(),
     })
 }
 

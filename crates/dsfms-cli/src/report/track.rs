@@ -1,13 +1,14 @@
 //! The report of a video: written again and again while it is tracked, so that it can be watched.
 
+mod plots;
+
 use super::Page;
 use super::clip;
 use super::data::{
     PageData, ShownCamera, ShownFrame, ShownSurface, pixels, rows, shown_matches, unit_name,
 };
-use super::embed::{self, Cloud, escape};
+use super::embed::{self, Cloud, Numbers, escape};
 use super::template::definition_list;
-use crate::chart::{Plot, Series, lines, status_strip};
 use crate::reasons::sentences;
 use dsfms::camera::CameraModel;
 use dsfms::image::Frame;
@@ -26,6 +27,10 @@ const LONGEST_SIDE: u32 = 640;
 const MOST_EVENTS: usize = 100;
 /// Least time between two writings.
 const PAUSE: Duration = Duration::from_secs(2);
+/// What is said of a run that goes on.
+const RUNNING: &str = "running";
+/// Frames of the curves beside the picture of a run that goes on.
+const LATEST: usize = 100;
 /// The writing takes at most this share of the time.
 const SHARE: u32 = 10;
 
@@ -35,10 +40,27 @@ struct Row {
     status: TrackStatus,
     reasons: Vec<String>,
     ms: f64,
+    answer_ms: Option<f64>,
+    /// Mean of what is seen, length units.
+    expected: Option<f64>,
     found: bool,
     stages: Vec<(&'static str, f64)>,
     /// Kept matches, residual in px, agreement.
     quality: Option<(usize, f64, f64)>,
+}
+
+/// One frame of the run.
+#[derive(Clone, Copy)]
+pub struct RunEntry<'t> {
+    pub number: usize,
+    pub frame: &'t Frame,
+    pub tracked: &'t Tracked,
+    /// What its solve took.
+    pub ms: f64,
+    /// From its arrival to its answer, where it came when it was made.
+    pub answer_ms: Option<f64>,
+    /// Of every vertex, length units, where it was asked for.
+    pub expected: Option<&'t [f64]>,
 }
 
 /// A frame in the page and about how many bytes it takes there.
@@ -79,6 +101,7 @@ impl<'a> TrackReport<'a> {
         let mut base = PageData::of_template(template, 1.0, unit_name(template.unit))?;
         base.camera = Some(ShownCamera::of(camera));
         base.methods = vec![method.into()];
+        base.video = true;
         let (rows, shown, next) = (Vec::new(), Vec::new(), Instant::now());
         Ok(Self {
             path,
@@ -96,40 +119,35 @@ impl<'a> TrackReport<'a> {
     }
 
     /// The next frame; the page is written where its time has come.
-    pub fn add(
-        &mut self,
-        number: usize,
-        frame: &Frame,
-        tracked: &Tracked,
-        ms: f64,
-    ) -> anyhow::Result<()> {
+    pub fn add(&mut self, entry: &RunEntry) -> anyhow::Result<()> {
+        let &RunEntry { number, frame, tracked, ms, answer_ms, expected } = entry;
         let place = self.rows.len();
+        let surface = tracked.surface.as_ref();
         self.rows.push(Row {
             number,
             status: tracked.status,
             reasons: sentences(&tracked.reasons),
             ms,
-            found: tracked.surface.as_ref().is_some_and(|s| s.origin == Origin::Found),
+            answer_ms,
+            expected: surface.zip(expected).and_then(|(s, e)| seen_mean(&s.visible, e)),
+            found: surface.is_some_and(|s| s.origin == Origin::Found),
             stages: tracked.stages.clone(),
-            quality: tracked
-                .surface
-                .as_ref()
-                .map(|s| (s.matches_kept(), s.residual_px, s.agreement)),
+            quality: surface.map(|s| (s.matches_kept(), s.residual_px, s.agreement)),
         });
         if let Some(writer) = &self.writer {
-            writer.add(frame, self.without_image(number, frame, tracked));
+            writer.add(frame, self.without_image(entry));
         }
         let due = Instant::now() >= self.next;
         let regular = place.is_multiple_of(self.stride);
         if !(regular || due) {
             return Ok(());
         }
-        let shown = self.shown(number, frame, tracked)?;
+        let shown = self.shown(entry)?;
         let bytes = serde_json::to_string(&shown)?.len();
         self.shown.push(Shown { place, bytes, frame: shown });
         if due {
             let start = Instant::now();
-            self.page("running").write(&self.path)?;
+            self.page(RUNNING).write(&self.path)?;
             self.next = Instant::now() + PAUSE.max(SHARE * start.elapsed());
         }
         if regular {
@@ -166,24 +184,27 @@ impl<'a> TrackReport<'a> {
         Ok(())
     }
 
-    fn shown(&self, number: usize, frame: &Frame, tracked: &Tracked) -> anyhow::Result<ShownFrame> {
-        let image = embed::photograph_within(crate::draw::picture(frame), LONGEST_SIDE)?;
-        Ok(ShownFrame { image: Some(image), ..self.without_image(number, frame, tracked) })
+    fn shown(&self, entry: &RunEntry) -> anyhow::Result<ShownFrame> {
+        let image = embed::photograph_within(crate::draw::picture(entry.frame), LONGEST_SIDE)?;
+        Ok(ShownFrame { image: Some(image), ..self.without_image(entry) })
     }
 
-    fn without_image(&self, number: usize, frame: &Frame, tracked: &Tracked) -> ShownFrame {
+    fn without_image(&self, entry: &RunEntry) -> ShownFrame {
+        let &RunEntry { number, frame, tracked, expected, .. } = entry;
         let mut shown = ShownFrame::with(&format!("frame_{number:03}"), None, frame.size);
         shown.status.push(status_name(tracked.status));
-        shown.surfaces.push(tracked.surface.as_ref().map(|s| self.surface(s)));
+        shown.reasons.push(sentences(&tracked.reasons));
+        shown.surfaces.push(tracked.surface.as_ref().map(|s| self.surface(s, expected)));
         shown
     }
 
-    fn surface(&self, surface: &Surface) -> ShownSurface {
+    fn surface(&self, surface: &Surface, expected: Option<&[f64]>) -> ShownSurface {
         let faces = &self.template.mesh.topology.faces;
         ShownSurface {
             positions: Some(Cloud::of(&surface.vertices)),
             pixels: Some(pixels(self.camera, &surface.vertices)),
             visible: Some(embed::flags(&surface.visible)),
+            confidence: expected.map(Numbers::of),
             matches: shown_matches(self.camera, faces, &surface.vertices, &surface.matches),
             pose: Some(rows(&surface.pose, 1.0)),
             ..Default::default()
@@ -197,6 +218,7 @@ impl<'a> TrackReport<'a> {
             title: format!("Tracking, {}", self.method),
             summary: self.summary(state),
             sections: self.sections(),
+            curves: if state == RUNNING { self.curves() } else { String::new() },
             data,
         }
     }
@@ -233,65 +255,6 @@ impl<'a> TrackReport<'a> {
         }
     }
 
-    fn sections(&self) -> String {
-        let statuses: Vec<&str> = self.rows.iter().map(|r| r.status.label()).collect();
-        let quality =
-            |value: fn((usize, f64, f64)) -> f64| self.series("", move |r| r.quality.map(value));
-        let plot = |value, series: &[Series]| {
-            lines(&Plot { value, against: "frame", by_frame: true, ..Default::default() }, series)
-        };
-        format!(
-            "<h2>Frames</h2>{}<div class=\"plots\">{}{}{}{}</div>{}",
-            status_strip("Status of every frame", &statuses, self.numbers().as_deref()),
-            lines(
-                &Plot {
-                    value: "Time, ms",
-                    against: "frame",
-                    by_frame: true,
-                    decades: true,
-                    ..Default::default()
-                },
-                &self.timing()
-            ),
-            plot("Matches kept", &[quality(|q| q.0 as f64)]),
-            plot("Median residual of the kept matches, px", &[quality(|q| q.1)]),
-            plot("Share of textured places that look like the template", &[quality(|q| q.2)]),
-            self.events()
-        )
-    }
-
-    /// Of the frames, where they are not 0, 1, ….
-    fn numbers(&self) -> Option<Vec<String>> {
-        let plain = self.rows.iter().enumerate().all(|(i, r)| r.number == i);
-        (!plain).then(|| self.rows.iter().map(|r| r.number.to_string()).collect())
-    }
-
-    fn series(&self, label: &str, value: impl Fn(&Row) -> Option<f64>) -> Series {
-        let point = |r: &Row| Some((r.number as f64, value(r)?));
-        let points = self.rows.iter().filter_map(point).collect();
-        Series { label: label.into(), points, ..Default::default() }
-    }
-
-    /// The whole frame and the four stages that take longest.
-    fn timing(&self) -> Vec<Series> {
-        let mut totals: Vec<(&str, f64)> = Vec::new();
-        for (name, seconds) in self.rows.iter().flat_map(|r| &r.stages) {
-            match totals.iter_mut().find(|t| t.0 == *name) {
-                Some(total) => total.1 += seconds,
-                None => totals.push((name, *seconds)),
-            }
-        }
-        totals.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let stage = |name: &str| {
-            let of = |r: &Row| -> f64 {
-                1e3 * r.stages.iter().filter(|s| s.0 == name).map(|s| s.1).sum::<f64>()
-            };
-            self.series(name, move |r| Some(of(r)))
-        };
-        let whole = self.series("whole frame", |r| Some(r.ms));
-        std::iter::once(whole).chain(totals.iter().take(4).map(|t| stage(t.0))).collect()
-    }
-
     /// Runs of frames that are not ok, with their reasons.
     fn events(&self) -> String {
         let same = |a: &Row, b: &Row| a.status == b.status && a.reasons == b.reasons;
@@ -323,6 +286,13 @@ impl<'a> TrackReport<'a> {
         }
         html
     }
+}
+
+/// Mean of the values of what is seen.
+fn seen_mean(visible: &[bool], values: &[f64]) -> Option<f64> {
+    let seen = || visible.iter().zip(values).filter(|v| *v.0).map(|v| *v.1);
+    let count = seen().count();
+    (count > 0).then(|| seen().sum::<f64>() / count as f64)
 }
 
 /// As the page has it.
@@ -363,7 +333,9 @@ mod tests {
                 if k == 7 { vec![Reason::NoSurface { why: "<dark>".into() }] } else { Vec::new() };
             let tracked =
                 Tracked { status, reasons, surface: None, stages: vec![("prepare", 0.001)] };
-            report.add(k, &frame, &tracked, 5.0).unwrap();
+            let (answer_ms, frame, tracked) = (Some(9.0), &frame, &tracked);
+            let entry = RunEntry { number: k, frame, tracked, ms: 5.0, answer_ms, expected: None };
+            report.add(&entry).unwrap();
             assert!(k > 0 || path.is_file(), "a run can be watched from its first frame");
         }
         assert_eq!(report.stride, 4);

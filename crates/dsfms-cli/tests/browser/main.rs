@@ -6,9 +6,12 @@ mod cdp;
 mod clip;
 #[path = "../common/mod.rs"]
 mod common;
+mod live;
 mod organ;
 mod stage;
 mod template;
+#[path = "../clip/mod.rs"]
+mod video;
 
 use cdp::Browser;
 use common::Case;

@@ -22,8 +22,9 @@ pub struct Repaired {
 }
 
 /// Merge vertices at the same place (bit for bit), remove faces without area, faces with the corners of
-/// an earlier one, and the smallest faces at edges that more than two share; then turn faces until all
-/// neighbours of a piece run the same way: that of most of its faces. A surface of one side (Möbius'
+/// an earlier one, and at edges that more than two share all but the largest face and the largest that goes on
+/// from it (of parts that touch, such as those of an anatomical atlas, each goes on where it ran before); turn
+/// faces until all neighbours of a piece run the same way: that of most of its faces. A surface of one side (Möbius'
 /// band) stays as it is, and [`super::Topology::new`] refuses it. Corners beyond the vertices are left out
 /// with their face.
 pub fn repair(positions: &[Point3], faces: &[[u32; 3]]) -> Repaired {
@@ -39,8 +40,12 @@ pub fn repair(positions: &[Point3], faces: &[[u32; 3]]) -> Repaired {
     out.tell(beyond, "name vertices that do not exist, and were removed");
     out.remove_flat();
     out.remove_repeated();
+    // What the parts between such edges are, each for itself, says which faces go on there.
+    out.orient();
     out.remove_fins();
     out.orient();
+    let turned = out.face_of.iter().filter(|f| f.1).count();
+    out.tell(turned, "ran against their neighbours, and were turned");
     out
 }
 
@@ -121,28 +126,30 @@ impl Repaired {
         edges
     }
 
-    /// Of more than two faces at an edge, the smallest go.
+    /// Of more than two faces at an edge, two stay: the largest, and the largest of those that run against it there,
+    /// as neighbours do, or of all where none does.
     fn remove_fins(&mut self) {
         let mut keep = vec![true; self.faces.len()];
-        for users in self.edges().into_values().filter(|users| users.len() > 2) {
+        for (edge, users) in self.edges().into_iter().filter(|e| e.1.len() > 2) {
             let size = |f: usize| {
                 let [a, b, c] = self.corners(f);
                 area(a, b, c)
             };
             let mut users: Vec<usize> = users.into_iter().filter(|&f| keep[f]).collect();
             users.sort_by(|&f, &g| size(g).total_cmp(&size(f)).then(f.cmp(&g)));
-            users.iter().skip(2).for_each(|&f| keep[f] = false);
+            let Some((first, others)) = users.split_first() else { continue };
+            let goes_on =
+                |g: &&usize| runs(self.faces[**g], edge) != runs(self.faces[*first], edge);
+            let second = others.iter().find(goes_on).or(others.first());
+            others.iter().filter(|g| Some(*g) != second).for_each(|&g| keep[g] = false);
         }
         let gone = self.retain(&keep);
-        self.tell(gone, "at edges that more than two share were removed (the smallest of each)");
+        self.tell(gone, "at edges that more than two share were removed");
     }
 
     /// Turn the faces of every piece as most of them are.
     fn orient(&mut self) {
         let edges = self.edges();
-        let runs = |face: [u32; 3], [a, b]: [u32; 2]| {
-            (0..3).any(|k| face[k] == a && face[(k + 1) % 3] == b)
-        };
         // Neighbours, and whether one of the two has to be turned.
         let mut beside: Vec<Vec<(usize, bool)>> = vec![Vec::new(); self.faces.len()];
         for (edge, users) in &edges {
@@ -153,7 +160,6 @@ impl Repaired {
             }
         }
         let mut turned: Vec<Option<bool>> = vec![None; self.faces.len()];
-        let mut count = 0;
         for start in 0..self.faces.len() {
             if turned[start].is_some() {
                 continue;
@@ -172,15 +178,18 @@ impl Repaired {
             }
             let flips = piece.iter().filter(|(_, flip)| *flip).count();
             let others = 2 * flips > piece.len();
-            for (f, flip) in piece.into_iter().filter(|(_, flip)| *flip != others) {
+            for (f, _) in piece.into_iter().filter(|(_, flip)| *flip != others) {
                 let [a, b, c] = self.faces[f];
                 self.faces[f] = [a, c, b];
-                self.face_of[f].1 = flip != others;
-                count += 1;
+                self.face_of[f].1 ^= true;
             }
         }
-        self.tell(count, "ran against their neighbours, and were turned");
     }
+}
+
+/// Whether a face runs along an edge from its first end to its second.
+fn runs(face: [u32; 3], [a, b]: [u32; 2]) -> bool {
+    (0..3).any(|k| face[k] == a && face[(k + 1) % 3] == b)
 }
 
 #[cfg(test)]
@@ -197,6 +206,23 @@ mod tests {
             (sphere.positions.clone(), sphere.topology.faces.clone())
         );
         assert!(found.report.is_empty());
+    }
+
+    /// Three faces at an edge, as where parts of an atlas touch: to the largest belongs the one that goes on from it,
+    /// not the larger one that runs along the edge in the same direction.
+    #[test]
+    fn at_an_edge_of_three_the_neighbour_stays() {
+        let at = |x: f64, y: f64, z: f64| Point3::new(x, y, z);
+        let positions =
+            [at(0., 0., 0.), at(1., 0., 0.), at(0.5, 3., 0.), at(0.5, 0., 2.), at(0.5, -1., 0.)];
+        let faces = [[0, 1, 2], [0, 1, 3], [1, 0, 4]];
+        let found = repair(&positions, &faces);
+        assert_eq!(found.faces, [[0, 1, 2], [1, 0, 4]]);
+        assert_eq!(found.face_of, [(0, false), (2, false)]);
+        // Where none goes on, the two largest stay, and one is turned.
+        let found = repair(&positions, &[[0, 1, 2], [0, 1, 3], [0, 1, 4]]);
+        assert_eq!(found.face_of.iter().map(|f| f.0).collect::<Vec<_>>(), [0, 1]);
+        assert!(Topology::new(5, found.faces).is_ok());
     }
 
     #[test]

@@ -11,6 +11,7 @@ mod baseline;
 mod busy_wait;
 mod candidate;
 mod covered;
+mod expected;
 mod exposed;
 mod follow;
 mod judged;

@@ -245,7 +245,11 @@ impl Tracker<'_> {
     }
 
     /// The frame as shading is read from it; `None` for the method without.
-    fn photograph<'b>(&'b self, view: &'b View, shape: &[Point3]) -> Option<Photograph<'b>> {
+    pub(super) fn photograph<'b>(
+        &'b self,
+        view: &'b View,
+        shape: &[Point3],
+    ) -> Option<Photograph<'b>> {
         let camera = &self.working.photo;
         let edge = edge_px(camera, self.template.mesh.mean_edge_length(), shape);
         (self.method == Method::Joint).then(|| Photograph {

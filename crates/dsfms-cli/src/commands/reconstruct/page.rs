@@ -67,5 +67,6 @@ pub fn failed_frame(
     };
     frame.surfaces.push(None);
     frame.status.push(report.status);
+    frame.reasons.push(report.reasons.clone());
     Ok(frame)
 }

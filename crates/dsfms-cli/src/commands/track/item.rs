@@ -3,7 +3,7 @@
 use crate::outputs::FrameMasks;
 use dsfms::track::Prepared;
 use dsfms::video::frame_name;
-use std::time::SystemTime;
+use std::time::{Instant, SystemTime};
 
 /// One frame that is taken.
 pub struct Item {
@@ -11,6 +11,8 @@ pub struct Item {
     pub number: usize,
     /// When it was made, as far as the source tells, else when it came.
     pub time: SystemTime,
+    /// When it came.
+    pub came: Instant,
     /// Frames of the input, where that is known.
     pub total: Option<usize>,
     /// What is wrong with its mask, or could be.
@@ -22,7 +24,8 @@ impl Item {
     /// A frame that could not be read.
     pub fn unread(number: usize, why: String) -> Self {
         let content = Content::Unreadable(frame_name(number), why);
-        Self { number, time: SystemTime::now(), total: None, warnings: Vec::new(), content }
+        let (time, came) = (SystemTime::now(), Instant::now());
+        Self { number, time, came, total: None, warnings: Vec::new(), content }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::TrackArgs;
 use super::again::Plan;
+use super::input::is_address;
 use super::item::{Content, Item, Ready};
 use super::link::Link;
 use super::live::{Told, tell};
@@ -14,7 +15,7 @@ use crate::formats::{Formats, Shape};
 use crate::interrupt;
 use crate::outputs::{FrameMasks, write_png, write_text};
 use crate::progress::Reporter;
-use crate::report::track::TrackReport;
+use crate::report::track::{RunEntry, TrackReport};
 use crate::structures::Structures;
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
@@ -23,10 +24,10 @@ use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::pipeline::Progress;
 use dsfms::template::Template;
 use dsfms::track::shapes::ShapeFile;
-use dsfms::track::{TrackStatus, Tracked, Tracker};
+use dsfms::track::{Prepared, TrackStatus, Tracked, Tracker};
 use image::RgbImage;
 use std::path::PathBuf;
-use std::time::SystemTime;
+use std::time::{Instant, SystemTime};
 
 /// What the frames share.
 pub struct Job<'a> {
@@ -57,11 +58,28 @@ pub struct Job<'a> {
     pub run: RunFile,
 }
 
+/// A frame that was taken.
+enum TakenFrame {
+    Whole(Box<Prepared>),
+    /// Black, in the place of one that could not be read.
+    Unread(Frame),
+}
+
+impl TakenFrame {
+    fn frame(&self) -> &Frame {
+        match self {
+            Self::Whole(prepared) => &prepared.frame,
+            Self::Unread(frame) => frame,
+        }
+    }
+}
+
 /// A frame's way through the tracker.
 struct Done<'t> {
     number: usize,
-    /// When it came.
+    /// When it was made, or came.
     time: SystemTime,
+    came: Instant,
     tracked: &'t Tracked,
     masks: &'t FrameMasks,
     dropped: usize,
@@ -92,37 +110,38 @@ impl<'a> Job<'a> {
 
     /// The next frame of the input.
     fn take(&mut self, item: Item, dropped: usize) -> anyhow::Result<()> {
-        let Item { number, time, total, warnings, content } = item;
+        let Item { number, time, came, total, warnings, content } = item;
         self.reporter.step("frames", number + 1, total.unwrap_or(number + 1));
         warnings.iter().for_each(|w| self.reporter.warn(w));
         self.dropped += dropped;
-        let start = std::time::Instant::now();
+        let start = Instant::now();
         let mut taken = Taken { number, unread: None, reserved: None };
-        let (frame, tracked, masks) = match content {
+        let (taken_frame, tracked, masks) = match content {
             Content::Frame(ready) => {
                 let Ready { prepared, masks, reservation } = *ready;
                 taken.reserved.clone_from(&reservation);
                 let mut tracked = self.tracker.solve(&prepared);
                 reservation.into_iter().for_each(|why| tracked.reserve(why));
-                (prepared.frame, tracked, masks)
+                (TakenFrame::Whole(Box::new(prepared)), tracked, masks)
             }
             Content::Unreadable(name, reason) => {
                 self.reporter.warn(&format!("{name} is lost: {reason}"));
                 taken.unread = Some(reason.clone());
                 let size = self.camera.size;
                 let frame = Frame { name, size, rgb: vec![[0; 3]; size[0] * size[1]] };
-                (frame, Tracked::unread(reason), FrameMasks::default())
+                (TakenFrame::Unread(frame), Tracked::unread(reason), FrameMasks::default())
             }
         };
         let ms = 1e3 * start.elapsed().as_secs_f64();
         self.run.frames.push(taken);
         let tracked = &tracked;
-        self.keep(&frame, &Done { number, time, tracked, masks: &masks, dropped, ms })
+        self.keep(&taken_frame, &Done { number, time, came, tracked, masks: &masks, dropped, ms })
     }
 
     /// Everything that one frame leaves.
-    fn keep(&mut self, frame: &Frame, done: &Done) -> anyhow::Result<()> {
-        let &Done { number, time, tracked, masks, dropped, ms } = done;
+    fn keep(&mut self, taken_frame: &TakenFrame, done: &Done) -> anyhow::Result<()> {
+        let &Done { number, time, tracked, masks, dropped, ms, .. } = done;
+        let frame = taken_frame.frame();
         self.counts[tracked.status as usize] += 1;
         self.summary += &outputs::row(number, &frame.name, tracked, dropped, ms);
         if let (TrackStatus::Ok, Some(surface)) = (tracked.status, &tracked.surface) {
@@ -142,9 +161,7 @@ impl<'a> Job<'a> {
         // Of a shape that is only kept nothing is known to be seen.
         let visible = surface.map_or(&[][..], |s| s.visible.as_slice());
         self.shapes.push(shape, visible, tracked.status as u8)?;
-        if let Some(report) = &mut self.report {
-            report.add(number, frame, tracked, ms)?;
-        }
+        self.show(taken_frame, done)?;
         if let Some(shape) = shape {
             let shape = Shape {
                 vertices: shape,
@@ -163,6 +180,38 @@ impl<'a> Job<'a> {
             self.overlays.push(path);
         }
         Ok(())
+    }
+
+    /// Whether frames come when they are made, and wait for nobody.
+    fn arrives(&self) -> bool {
+        let args = self.args;
+        self.live
+            || args.realtime
+            || args.device.is_some()
+            || args.input.iter().any(|i| is_address(i))
+    }
+
+    /// The frame on the page.
+    fn show(&mut self, taken_frame: &TakenFrame, done: &Done) -> anyhow::Result<()> {
+        let &Done { number, came, tracked, ms, .. } = done;
+        let answer_ms = self.arrives().then(|| 1e3 * came.elapsed().as_secs_f64());
+        let Some(report) = &mut self.report else { return Ok(()) };
+        let expected = match (taken_frame, &tracked.surface) {
+            // Who watches sees it; it takes its time.
+            (TakenFrame::Whole(prepared), Some(surface)) if self.args.view => {
+                self.tracker.expected_errors(prepared, surface)
+            }
+            _ => None,
+        };
+        let expected = expected.as_ref().map(|e| e.errors.as_slice());
+        report.add(&RunEntry {
+            number,
+            frame: taken_frame.frame(),
+            tracked,
+            ms,
+            answer_ms,
+            expected,
+        })
     }
 
     /// The hidden structures where the surface carries them.

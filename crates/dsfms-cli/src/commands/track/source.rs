@@ -293,15 +293,16 @@ impl Reader<'_> {
         reservation: Option<String>,
     ) -> bool {
         let Some(number) = self.taken() else { return true };
-        let (name, time) = (frame.name.clone(), self.now());
+        let (name, time, came) = (frame.name.clone(), self.now(), Instant::now());
         if let Some(recorder) = &self.source.recorder {
             recorder.add(number, time, &frame);
         }
-        let item = self.item(number, time, frame, path, total, reservation);
+        let item = self.item(number, (time, came), frame, path, total, reservation);
         // Of another size, or without its mask: this frame is lost, and no other.
         let lost = |error: anyhow::Error| Item {
             number,
             time,
+            came,
             total,
             warnings: Vec::new(),
             content: Content::Unreadable(name, describe(&error)),
@@ -312,7 +313,7 @@ impl Reader<'_> {
     fn item(
         &mut self,
         number: usize,
-        time: SystemTime,
+        (time, came): (SystemTime, Instant),
         frame: Frame,
         path: Option<&Path>,
         total: Option<usize>,
@@ -338,7 +339,7 @@ impl Reader<'_> {
         let prepared = self.preparation.prepare(frame, regions)?;
         let ready = Ready { prepared, masks: FrameMasks { instrument, organ }, reservation };
         let content = Content::Frame(Box::new(ready));
-        Ok(Item { number, time, total, warnings, content })
+        Ok(Item { number, time, came, total, warnings, content })
     }
 }
 
@@ -362,8 +363,8 @@ impl FrameTaker for Reader<'_> {
     fn lose(&mut self, name: String, reason: String) -> bool {
         let Some(number) = self.taken() else { return true };
         let content = Content::Unreadable(name, reason);
-        let (time, warnings) = (self.now(), Vec::new());
-        self.queue.push(Ok(Item { number, time, total: None, warnings, content }))
+        let (time, came, warnings) = (self.now(), Instant::now(), Vec::new());
+        self.queue.push(Ok(Item { number, time, came, total: None, warnings, content }))
     }
 }
 

@@ -111,7 +111,8 @@ pub fn page(report: &Report) -> anyhow::Result<Page> {
         sections += &frame_section(report, i, frame)?;
     }
     let title = "A deforming organ from one laparoscope".into();
-    Ok(Page { title, summary: overview(report), sections, data: data(report)? })
+    let (summary, curves) = (overview(report), String::new());
+    Ok(Page { title, summary, sections, curves, data: data(report)? })
 }
 
 /// Everything in mm, the truth beside the methods.
