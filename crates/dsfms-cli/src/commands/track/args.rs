@@ -6,6 +6,7 @@ use super::link::LinkArgs;
 use crate::exit::Usage;
 use crate::formats::Format;
 use crate::inputs;
+use crate::volume::VolumeArgs;
 use clap::{Args, ValueEnum};
 use dsfms::pipeline::Method;
 use std::path::{Path, PathBuf};
@@ -97,6 +98,8 @@ pub struct TrackArgs {
     /// on the pictures of --overlay, in OUT/structures with --ply.
     #[arg(help_heading = "Input", long, value_name = "MESH", num_args = 1..)]
     pub structures: Vec<PathBuf>,
+    #[command(flatten)]
+    pub volume: VolumeArgs,
     /// What the surface keeps of its rest shape; without it that of the options file, or conformal.
     #[arg(help_heading = "Method", long, value_enum)]
     pub prior: Option<PriorName>,
@@ -181,6 +184,7 @@ impl TrackArgs {
         (self.ply, self.overlay, self.view, self.no_report) = (false, false, false, true);
         self.formats.clear();
         self.structures.clear();
+        self.volume.volume = None;
         self.realtime = false;
     }
 }
@@ -224,6 +228,9 @@ pub fn check(args: &TrackArgs, live: bool) -> anyhow::Result<()> {
     let wrong = |text: &str| Err(Usage(text.into()).into());
     for (masks, option) in args.masks() {
         inputs::must_exist(masks, option)?;
+    }
+    if args.realtime && args.volume.volume.is_some() {
+        return wrong("--volume takes seconds a frame, and cannot keep up; leave --realtime out");
     }
     match (live, args.input_format) {
         (true, InputFormat::Raw) if args.size.is_none() => {
