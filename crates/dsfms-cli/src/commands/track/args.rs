@@ -19,6 +19,9 @@ Examples:
   dsfms track organ.template frames/ --camera camera.json --method dsfm -o out
   # A mesh (of a CT) that was laid on one frame by hand, and no exploration
   dsfms track liver.ply frames/ --poses pose.json --camera camera.json -o out
+  # The CT that the template's mesh was made from, at every 50th frame
+  dsfms track liver.template clip.mp4 --camera camera.json --stride 50 \\
+      --volume ct.nii.gz --volume-out both -o out
   # A live source: raw RGB frames in, one line of JSON a frame out
   capture | dsfms track organ.template - --size 1280x720 --camera camera.json \\
       -o out
@@ -40,7 +43,8 @@ that `dsfms view OUT` shows a running video; of longer ones every frame for
 `dsfms view` in view/frame_NNN.json (about 50 KB each); with --ply
 frame_NNN.ply; with --formats frame_NNN.vtp, .obj, .stl, and frames.glb, an
 animation; with --overlay overlay/frame_NNN.png and, where ffmpeg is installed,
-overlay.mp4. NNN is the place in the sequence.
+overlay.mp4; with --volume volume/frame_NNN_warped.nii.gz or
+volume/frame_NNN_displacement.nii.gz, or both. NNN is the place in the sequence.
 
 Frames on standard input also give a line of JSON each on standard output:
 frame, status, reasons, dropped, ms and, with a surface, pose
