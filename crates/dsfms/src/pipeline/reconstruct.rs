@@ -11,8 +11,8 @@ use crate::refine::{Joined, Photograph, RefineOptions, Refined, join, refine, re
 use crate::register::scene::visibility;
 use crate::register::solve::{EXPLAINED, limit_px};
 use crate::register::{
-    Body, Deformable, Match, Posed, RegisterOptions, Registered, Scene, find, pose, register,
-    register_printed,
+    Body, Deformable, Match, Posed, RegisterMemory, RegisterOptions, Registered, Scene, find, pose,
+    register, register_in, register_printed,
 };
 use crate::sfs::{SfsInput, SfsOptions, shape_from_shading};
 use crate::template::Template;
@@ -130,8 +130,15 @@ impl FrameSolve<'_> {
         let Self { sight, body, options } = self;
         let on_body = body.matches(matches);
         let coarse = log.time("register (eq. 3)", || {
-            let register = if options.literal { register_printed } else { register };
-            register(body.scene(), &on_body, posed, &options.register)
+            let (scene, options, literal) = (body.scene(), &options.register, options.literal);
+            match method {
+                _ if literal => register_printed(scene, &on_body, posed, options),
+                Method::Dsfm => register(scene, &on_body, posed, options),
+                _ => {
+                    let memory = &mut RegisterMemory::default();
+                    register_in(memory, scene, &on_body, posed, options)
+                }
+            }
         });
         log.attach(&coarse.summary);
         take_coarse(result, body, matches, &coarse);

@@ -75,11 +75,18 @@ pub fn register(
     posed: &Posed,
     options: &RegisterOptions,
 ) -> Registered {
-    register_in(&mut RegisterMemory::default(), scene, matches, posed, options)
+    let memory = &mut RegisterMemory::default();
+    let found = register_in(memory, scene, matches, posed, options);
+    let bends = expected_displacement(scene, posed, options) > hold(scene, options);
+    match bends && covered(scene, matches) {
+        true => best_of_starts(memory, scene, matches, posed, found, options),
+        false => found,
+    }
 }
 
-/// Solve eq. 3 from the rigid pose with what an earlier frame of the same template has left; a
-/// memory of another template is made again.
+/// Solve eq. 3 from the one rigid pose, with what an earlier frame of the same template has left; a memory of another template is
+/// made again. The start of eq. 4 and of the joint solve, whose images judge depth better than the strain between matches
+/// does (`docs/results/scenes.md`).
 pub fn register_in(
     memory: &mut RegisterMemory,
     scene: &Scene,
@@ -88,11 +95,7 @@ pub fn register_in(
     options: &RegisterOptions,
 ) -> Registered {
     let displacement = expected_displacement(scene, posed, options);
-    let found = in_rounds(memory, scene, matches, displacement, &losses(options), options);
-    match displacement > hold(scene, options) && covered(scene, matches) {
-        true => best_of_starts(memory, scene, matches, posed, found, options),
-        false => found,
-    }
+    in_rounds(memory, scene, matches, displacement, &losses(options), options)
 }
 
 /// The rounds of [`register`] from one rigid pose.

@@ -37,7 +37,7 @@ impl MeshAxes {
     }
 
     /// From the world of the volume.
-    fn from_world(self) -> Affine3<f64> {
+    fn of_world(self) -> Affine3<f64> {
         let signs = match self {
             Self::Ras => Vector3::repeat(1.0),
             Self::Lps => Vector3::new(-1.0, -1.0, 1.0),
@@ -128,7 +128,7 @@ impl VoxelBody {
             return Err(VoxelError::Open { edges });
         }
         let carrier = Carrier::new(template, &CarrierOptions::default())?;
-        let inverse = |axes: MeshAxes| (axes.from_world() * grid.world_from_voxel()).inverse();
+        let inverse = |axes: MeshAxes| (axes.of_world() * grid.world_from_voxel()).inverse();
         let in_voxels = |axes: MeshAxes| -> Vec<Point3> {
             organ.mesh.positions.iter().map(|p| inverse(axes) * p).collect()
         };
@@ -141,11 +141,11 @@ impl VoxelBody {
             return Err(VoxelError::Beside { turned, others });
         }
         let lattice = VoxelLattice::around(grid, &surface);
-        let mesh_from_voxel = axes.from_world() * grid.world_from_voxel();
+        let mesh_from_voxel = axes.of_world() * grid.world_from_voxel();
         let nodes: Vec<Point3> =
             (0..lattice.count()).map(|n| mesh_from_voxel * lattice.node(n)).collect();
         Ok(Self {
-            mesh_from_world: axes.from_world(),
+            mesh_from_world: axes.of_world(),
             template_from_mesh: organ.template_from_mesh,
             carrier,
             nodes: organ.place(&nodes)?,

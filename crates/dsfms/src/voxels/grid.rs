@@ -270,7 +270,10 @@ mod tests {
             kind.get(&bytes, 1)
         };
         let found: Vec<f64> = kinds.iter().map(|&kind| back(kind, -1e12)).collect();
-        assert_eq!(found, [0.0, -128.0, 0.0, -32768.0, 0.0, -2147483648.0, -1e12f32.into(), -1e12]);
+        assert_eq!(
+            found,
+            [0.0, -128.0, 0.0, -32768.0, 0.0, -2147483648.0, f64::from(-1e12f32), -1e12]
+        );
         let found: Vec<f64> = kinds.iter().map(|&kind| back(kind, 99.5)).collect();
         assert_eq!(found, [100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 99.5, 99.5]);
     }

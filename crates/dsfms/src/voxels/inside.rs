@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn widening_by_hand() {
-        let mut set = vec![false; 7 * 2 * 1];
+        let mut set = vec![false; 14];
         set[3] = true;
         let wide = widened([7, 2, 1], &set, 2);
         let row = [false, true, true, true, true, true, false];

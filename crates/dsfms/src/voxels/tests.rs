@@ -101,11 +101,12 @@ fn the_field_is_the_motion_of_structures_and_the_volume_its_inverse() {
     let source = volume(&grid);
     let found = warped(&motion, &source);
     let mut compared = 0;
-    for i in 0..grid.count() {
+    for (i, &inside) in body.inside.iter().enumerate() {
         let world = grid.world_from_voxel() * voxel(i, nx, ny);
         let lps = Point3::new(-world.x, -world.y, world.z);
-        let u = Vector3::new(field[0][i].into(), field[1][i].into(), field[2][i].into());
-        if body.inside[i] {
+        let along = |c: usize| f64::from(field[c][i]);
+        let u = Vector3::new(along(0), along(1), along(2));
+        if inside {
             // Steps of one voxel here: nothing is interpolated.
             let expected = carried.rigid().inverse() * carried.at(&lps) - lps;
             assert!((u - expected).norm() < 1e-5, "{u} {expected}");
@@ -115,7 +116,7 @@ fn the_field_is_the_motion_of_structures_and_the_volume_its_inverse() {
         // Where a voxel goes, the warped volume has its value.
         let to = motion.at(&voxel(i, nx, ny));
         let corners = grid.corners(&to);
-        if body.inside[i] && corners.iter().all(|c| found.value(c.0) != -7.0) {
+        if inside && corners.iter().all(|c| found.value(c.0) != -7.0) {
             let value: f64 = corners.iter().map(|c| c.1 * found.value(c.0)).sum();
             assert!((value - linear(&world)).abs() < 0.3, "{value} {}", linear(&world));
             compared += 1;
