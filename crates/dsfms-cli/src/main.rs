@@ -39,7 +39,6 @@ mod reasons;
 mod report;
 mod sheet;
 mod structures;
-mod volume;
 
 use clap::FromArgMatches;
 use std::process::ExitCode;

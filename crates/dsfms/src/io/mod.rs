@@ -19,7 +19,6 @@ pub mod masks;
 pub mod matches;
 pub mod mesh;
 pub mod names;
-pub mod nifti;
 pub(crate) mod npz;
 pub mod obj;
 mod off;
