@@ -25,7 +25,8 @@ pub use options::{Prior, PriorWeights, RegisterOptions};
 pub use pose::{Posed, pose, pose_near};
 pub use printed::register_printed;
 pub use scene::Scene;
-pub use solve::{Registered, register, register_in, register_near};
+pub use solve::{Registered, register_in, register_near};
+pub use starts::register;
 pub use volume::Volume;
 
 /// A correspondence between a template point and a pixel of the deformed frame.

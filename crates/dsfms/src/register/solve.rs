@@ -2,7 +2,6 @@
 
 use super::coarse::{RegisterMemory, coarser, on_coarser};
 use super::objective::{MotionProblem, hold};
-use super::starts::{best_of_starts, covered};
 use super::{Match, Posed, RegisterOptions, Scene};
 use crate::camera::Camera;
 use crate::energy::{Unknowns, Workspace};
@@ -40,50 +39,6 @@ const COARSE_TOLERANCE: f64 = 1e-4;
 /// Steps under one loss at most: a bound on time.
 pub(super) const STEPS: usize = 15;
 
-/// Solve eq. 3 from the rigid pose.
-///
-/// Where neighbouring matches share a motion that the pose does not explain and that the depth hold
-/// would not allow, the surface bends as a whole and no part of it gives the pose: the solve is then
-/// repeated from the rest shape posed again, with smoothing and depth hold loosened to the motion
-/// found, until that no longer grows; and from other rigid starts, of which the one that leaves least of matches and
-/// strain is taken.
-///
-/// ```
-/// use dsfms::register::{RegisterOptions, Scene, pose, register};
-/// use dsfms::synth::Case;
-///
-/// let (case, options) = (Case::example(1), RegisterOptions::default());
-/// let rest = &case.template.mesh;
-/// let posed = pose(&case.camera, rest, &case.matches, &options, 0)?;
-/// let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
-/// let scene = Scene::new(&case.camera, rest, rigid);
-/// let found = register(&scene, &case.matches, &posed, &options);
-/// assert!(found.residual_px < 3.0);
-/// # Ok::<_, dsfms::register::RegisterError>(())
-/// ```
-#[doc(alias(
-    "eq. 3",
-    "NRSfM",
-    "shape from template",
-    "SfT",
-    "deformable registration",
-    "non-rigid registration"
-))]
-pub fn register(
-    scene: &Scene,
-    matches: &[Match],
-    posed: &Posed,
-    options: &RegisterOptions,
-) -> Registered {
-    let memory = &mut RegisterMemory::default();
-    let found = register_in(memory, scene, matches, posed, options);
-    let bends = expected_displacement(scene, posed, options) > hold(scene, options);
-    match bends && covered(scene, matches) {
-        true => best_of_starts(memory, scene, matches, posed, found, options),
-        false => found,
-    }
-}
-
 /// Solve eq. 3 from the one rigid pose, with what an earlier frame of the same template has left; a memory of another template is
 /// made again. The start of eq. 4 and of the joint solve, whose images judge depth better than the strain between matches
 /// does (`docs/results/scenes.md`).
@@ -98,7 +53,7 @@ pub fn register_in(
     in_rounds(memory, scene, matches, displacement, &losses(options), options)
 }
 
-/// The rounds of [`register`] from one rigid pose.
+/// The rounds of eq. 3 from one rigid pose.
 pub(super) fn in_rounds(
     memory: &mut RegisterMemory,
     scene: &Scene,
@@ -126,7 +81,7 @@ pub(super) fn in_rounds(
 }
 
 /// Tolerance for the depth of the matches in a frame whose shape is nearly known, length units: that
-/// of [`register`], whose rounds the known shape replaces.
+/// of [`super::register`], whose rounds the known shape replaces.
 pub fn depth_tolerance(
     scene: &Scene,
     matches: &[Match],

@@ -6,9 +6,9 @@
 //! over what is seen; with few matches there is one start.
 
 use super::coarse::RegisterMemory;
-use super::objective::MotionProblem;
+use super::objective::{MotionProblem, hold};
 use super::pose::rest_point;
-use super::solve::{expected_displacement, in_rounds, losses_from};
+use super::solve::{expected_displacement, in_rounds, losses_from, register_in};
 use super::{Match, Posed, RegisterOptions, Registered, Scene};
 use crate::geometry::{Isometry, Point2, Point3, Vector3};
 use crate::sfm::resection::refine_pose;
@@ -30,7 +30,7 @@ const COVERED: f64 = 0.6;
 const ALL_COUNT: f64 = 2.0;
 
 /// Whether matches lie like a net over what is seen, so that the strain between them tells depth.
-pub(super) fn covered(scene: &Scene, matches: &[Match]) -> bool {
+fn covered(scene: &Scene, matches: &[Match]) -> bool {
     let points: Vec<Point3> = matches.iter().map(|m| rest_point(scene.rest, m)).collect();
     let near = (NEAR * scene.radius()).powi(2);
     let is_near = |at: &Point3| points.iter().any(|p| (p - at).norm_squared() <= near);
@@ -44,6 +44,50 @@ pub(super) fn covered(scene: &Scene, matches: &[Match]) -> bool {
     covered >= COVERED * all
 }
 
+/// Solve eq. 3 from the rigid pose.
+///
+/// Where neighbouring matches share a motion that the pose does not explain and that the depth hold
+/// would not allow, the surface bends as a whole and no part of it gives the pose: the solve is then
+/// repeated from the rest shape posed again, with smoothing and depth hold loosened to the motion
+/// found, until that no longer grows; and from other rigid starts, of which the one that leaves least of matches and
+/// strain is taken.
+///
+/// ```
+/// use dsfms::register::{RegisterOptions, Scene, pose, register};
+/// use dsfms::synth::Case;
+///
+/// let (case, options) = (Case::example(1), RegisterOptions::default());
+/// let rest = &case.template.mesh;
+/// let posed = pose(&case.camera, rest, &case.matches, &options, 0)?;
+/// let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
+/// let scene = Scene::new(&case.camera, rest, rigid);
+/// let found = register(&scene, &case.matches, &posed, &options);
+/// assert!(found.residual_px < 3.0);
+/// # Ok::<_, dsfms::register::RegisterError>(())
+/// ```
+#[doc(alias(
+    "eq. 3",
+    "NRSfM",
+    "shape from template",
+    "SfT",
+    "deformable registration",
+    "non-rigid registration"
+))]
+pub fn register(
+    scene: &Scene,
+    matches: &[Match],
+    posed: &Posed,
+    options: &RegisterOptions,
+) -> Registered {
+    let memory = &mut RegisterMemory::default();
+    let found = register_in(memory, scene, matches, posed, options);
+    let bends = expected_displacement(scene, posed, options) > hold(scene, options);
+    match bends && covered(scene, matches) {
+        true => best_of_starts(memory, scene, matches, posed, found, options),
+        false => found,
+    }
+}
+
 /// Matches on the rest shape: their points and pixels.
 struct Sighted<'a> {
     scene: &'a Scene<'a>,
@@ -52,7 +96,7 @@ struct Sighted<'a> {
 }
 
 /// Of eq. 3 solved from `found` and from every other start the one that leaves least of matches and strain.
-pub(super) fn best_of_starts(
+fn best_of_starts(
     memory: &mut RegisterMemory,
     scene: &Scene,
     matches: &[Match],
