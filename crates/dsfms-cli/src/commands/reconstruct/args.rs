@@ -1,6 +1,7 @@
 //! The arguments of `dsfms reconstruct`.
 
 use crate::formats::Format;
+use crate::volume::VolumeArgs;
 use clap::{Args, ValueEnum};
 use dsfms::pipeline::Method;
 use dsfms::register::Prior;
@@ -16,6 +17,9 @@ Examples:
   # Motion only (eq. 3), where albedo or light are not to be trusted
   dsfms reconstruct organ.template frame_004.png --camera camera.json \\
       --method dsfm -o out
+  # The CT that the template's mesh was made from, deformed with the organ
+  dsfms reconstruct liver.template deformed/ --camera camera.json -o out \\
+      --volume ct.nii.gz --volume-out both
   # Matches alone, without images (tracks of another program)
   dsfms reconstruct organ.template --matches tracks/ --camera camera.json \\
       --method dsfm -o out
@@ -81,6 +85,8 @@ pub struct ReconstructArgs {
     /// with the deformation: OUT/structures and OUT/frame_NNN_structures.png.
     #[arg(help_heading = "Input", long, value_name = "MESH", num_args = 1..)]
     pub structures: Vec<PathBuf>,
+    #[command(flatten)]
+    pub volume: VolumeArgs,
     /// Further files of every frame, for other programs.
     #[arg(
         help_heading = "Output",
