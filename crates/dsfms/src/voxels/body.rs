@@ -4,7 +4,6 @@ use super::VoxelError;
 use super::grid::VoxelGrid;
 use super::inside::{inside, widened};
 use super::lattice::VoxelLattice;
-use super::motion::VoxelMotion;
 use crate::geometry::{Point3, Similarity, Vector3};
 use crate::mesh::Mesh;
 use crate::structures::{Carrier, CarrierOptions, StructureError};
@@ -168,13 +167,5 @@ impl VoxelBody {
         let within = |p: &&Point3| (0..3).all(|c| (-0.5..=size[c] as f64 - 0.5).contains(&p[c]));
         let [surface, _] = &self.surface;
         surface.iter().filter(within).count() as f64 / surface.len() as f64
-    }
-
-    /// The motion of one frame; `deformed`: the template's vertices in camera axes.
-    ///
-    /// # Errors
-    /// [`VoxelError::Structure`] where they are not the template's, or lie on a line.
-    pub fn motion(&self, deformed: &[Point3]) -> Result<VoxelMotion<'_>, VoxelError> {
-        VoxelMotion::new(self, deformed)
     }
 }

@@ -3,8 +3,8 @@
 use super::grid::{VoxelGrid, cell};
 use crate::geometry::{Point3, Vector3};
 
-/// Steps along the longest side, where voxels are finer.
-const STEPS: f64 = 80.0;
+/// At most so many steps along the longest side.
+const STEPS: f64 = 96.0;
 /// How far it reaches beyond the organ, of the organ's longest side: so far may the organ move.
 const MARGIN: f64 = 0.25;
 /// And at least so many voxels.
@@ -34,7 +34,7 @@ impl VoxelLattice {
         let low = (low - margin).map(f64::floor);
         let extent = (high + margin) - low;
         let longest = extent.component_mul(&spacing).max();
-        let step = spacing.map(|s| (longest / STEPS / s).floor().max(1.0));
+        let step = spacing.map(|s| (longest / STEPS / s).ceil());
         let size = [0, 1, 2].map(|c| (extent[c] / step[c]).ceil() as usize + 1);
         Self { low, step, size }
     }
@@ -75,7 +75,7 @@ mod tests {
         let grid = VoxelGrid::new([300, 300, 60], Affine3::from_matrix_unchecked(map)).unwrap();
         let points = [Point3::new(20.5, 30.0, 5.0), Point3::new(270.0, 260.0, 55.0)];
         let lattice = VoxelLattice::around(&grid, &points);
-        // 125 mm, with margins 188: steps of 2.3 mm are 4 voxels, 4 voxels, 1 voxel.
+        // 125 mm, with margins 188: steps of 1.96 mm are 4 voxels, 4 voxels, 1 voxel.
         assert_eq!(lattice.step, Vector3::new(4.0, 4.0, 1.0));
         assert!(lattice.size.iter().all(|n| (40..=120).contains(n)), "{:?}", lattice.size);
         let linear = |p: &Point3| Vector3::new(p.x - 2.0 * p.y, p.z, 0.25 * p.x + 1.0);

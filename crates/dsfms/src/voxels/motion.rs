@@ -45,8 +45,18 @@ pub struct VoxelMotion<'a> {
 const MOST_STEPS: usize = 60;
 const FOUND: f64 = 1e-3;
 
+impl VoxelBody {
+    /// The motion of one frame; `deformed`: the template's vertices in camera axes.
+    ///
+    /// # Errors
+    /// [`VoxelError::Structure`] where they are not the template's, or lie on a line.
+    pub fn motion(&self, deformed: &[Point3]) -> Result<VoxelMotion<'_>, VoxelError> {
+        VoxelMotion::new(self, deformed)
+    }
+}
+
 impl<'a> VoxelMotion<'a> {
-    pub(super) fn new(body: &'a VoxelBody, deformed: &[Point3]) -> Result<Self, VoxelError> {
+    fn new(body: &'a VoxelBody, deformed: &[Point3]) -> Result<Self, VoxelError> {
         let carried = body.carrier.carry(deformed)?;
         let rigid = carried.rigid();
         let template_from_voxel = body.template_from_mesh.to_homogeneous()

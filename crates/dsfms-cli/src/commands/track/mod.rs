@@ -96,9 +96,7 @@ fn follow(
     let vertices = template.mesh.positions.len();
     let shapes = ShapeFile::create(&args.output.join("vertices.npz"), vertices)?;
     let report = report(args, &template, &camera, method)?;
-    if args.view {
-        watch(args, live)?;
-    }
+    watch(args, live)?;
     let mut job = Job {
         args,
         report,
@@ -180,8 +178,11 @@ fn options(args: &TrackArgs, global: &Global) -> anyhow::Result<TrackOptions> {
     Ok(options)
 }
 
-/// Serve the page of the run while it runs, and say where.
+/// Serve the page of the run while it runs, and say where, if that is asked for.
 fn watch(args: &TrackArgs, live: bool) -> anyhow::Result<()> {
+    if !args.view {
+        return Ok(());
+    }
     let url = view::serve_running(&args.output, args.view_port)?;
     let text = format!("watch it at {url}\n");
     match live {

@@ -48,9 +48,9 @@ pub(super) const KINDS: [(i16, VoxelKind); 8] = [
 
 /// A header in little-endian order.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Header(pub [u8; LENGTH]);
+pub(super) struct NiftiHeader(pub [u8; LENGTH]);
 
-impl Header {
+impl NiftiHeader {
     /// Of a volume that no file held.
     pub(super) fn of(volume: &VoxelVolume) -> Self {
         let (grid, kind) = (volume.grid(), volume.kind());

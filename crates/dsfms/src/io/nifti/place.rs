@@ -1,6 +1,6 @@
 //! Where a volume lies: `sform`, else `qform`.
 
-use super::header::{Header, PIXDIM, Q_OFFSET, QFORM, QUATERNION, ROWS, SFORM, UNITS};
+use super::header::{NiftiHeader, PIXDIM, Q_OFFSET, QFORM, QUATERNION, ROWS, SFORM, UNITS};
 use crate::geometry::Vector3;
 use nalgebra::{Affine3, Matrix3, Matrix4, Quaternion, UnitQuaternion};
 
@@ -8,7 +8,7 @@ use nalgebra::{Affine3, Matrix3, Matrix4, Quaternion, UnitQuaternion};
 const ROUNDED: f64 = 1e-3;
 
 /// From voxels to mm, RAS; what is wrong otherwise.
-pub(super) fn world_from_voxel(header: &Header) -> Result<Affine3<f64>, String> {
+pub(super) fn world_from_voxel(header: &NiftiHeader) -> Result<Affine3<f64>, String> {
     let unit = match header.0[UNITS] & 7 {
         0 | 2 => 1.0,
         1 => 1e3,
@@ -41,14 +41,14 @@ pub(super) fn world_from_voxel(header: &Header) -> Result<Affine3<f64>, String> 
     Ok(Affine3::from_matrix_unchecked(scaled))
 }
 
-fn by_rows(header: &Header) -> Matrix4<f64> {
+fn by_rows(header: &NiftiHeader) -> Matrix4<f64> {
     let rows: [[f64; 4]; 3] = [0, 1, 2].map(|r| header.floats(ROWS + 16 * r));
     Matrix4::from_fn(|r, c| if r < 3 { rows[r][c] } else { f64::from(u8::from(c == 3)) })
 }
 
 /// Rotation by a unit quaternion whose real part is not stored, sides of a voxel, and a last axis that may be
 /// mirrored.
-fn by_quaternion(header: &Header) -> Result<Matrix4<f64>, String> {
+fn by_quaternion(header: &NiftiHeader) -> Result<Matrix4<f64>, String> {
     let [b, c, d] = header.floats(QUATERNION);
     let rest = 1.0 - (b * b + c * c + d * d);
     if rest < -ROUNDED {

@@ -1,7 +1,7 @@
 //! Reading.
 
 use super::header::{
-    BITPIX, DATA, DATATYPE, DIM, Header, INTENT, INTENT_LABEL, KINDS, LENGTH, MAGIC, SLOPE,
+    BITPIX, DATA, DATATYPE, DIM, INTENT, INTENT_LABEL, KINDS, LENGTH, MAGIC, NiftiHeader, SLOPE,
     VOX_OFFSET,
 };
 use super::place::world_from_voxel;
@@ -17,13 +17,13 @@ use std::path::Path;
 pub struct NiftiFile {
     /// The voxels as they are stored, and where they lie.
     pub volume: VoxelVolume,
-    pub(super) header: Header,
+    pub(super) header: NiftiHeader,
 }
 
 impl NiftiFile {
     /// Of a volume that no file held: in mm, its place as `sform`, in single precision.
     pub fn new(volume: VoxelVolume) -> Self {
-        Self { header: Header::of(&volume), volume }
+        Self { header: NiftiHeader::of(&volume), volume }
     }
 
     /// Whether the file says that its values are labels.
@@ -111,8 +111,8 @@ fn damaged(error: &io::Error) -> String {
 }
 
 /// The header in little-endian order, and whether the file is big-endian.
-fn header(bytes: &[u8]) -> Result<(Header, bool), String> {
-    let mut header = Header(std::array::from_fn(|i| bytes[i]));
+fn header(bytes: &[u8]) -> Result<(NiftiHeader, bool), String> {
+    let mut header = NiftiHeader(std::array::from_fn(|i| bytes[i]));
     let stated = [0, 1, 2, 3].map(|i| bytes[i]);
     let (little, large) = (i32::from_le_bytes(stated), i32::from_be_bytes(stated));
     let big = large == LENGTH as i32;
@@ -143,7 +143,7 @@ fn header(bytes: &[u8]) -> Result<(Header, bool), String> {
     }
 }
 
-fn size(header: &Header) -> Result<[usize; 3], String> {
+fn size(header: &NiftiHeader) -> Result<[usize; 3], String> {
     let axes = header.short(DIM);
     if !(3..=7).contains(&axes) {
         return Err(format!(
@@ -171,7 +171,7 @@ fn size(header: &Header) -> Result<[usize; 3], String> {
     Ok(size)
 }
 
-fn kind(header: &Header) -> Result<VoxelKind, String> {
+fn kind(header: &NiftiHeader) -> Result<VoxelKind, String> {
     let code = header.short(DATATYPE);
     let kind = KINDS.iter().find(|k| k.0 == code).map(|k| k.1).ok_or_else(|| {
         format!(
@@ -197,7 +197,7 @@ fn wrong_grid(error: &VoxelError) -> String {
 }
 
 /// On to the data.
-fn skip(stream: &mut impl Read, header: &Header) -> Result<(), String> {
+fn skip(stream: &mut impl Read, header: &NiftiHeader) -> Result<(), String> {
     let offset = header.float(VOX_OFFSET);
     // 0 is written by programs that mean the least.
     let offset = if offset == 0.0 { DATA as f64 } else { offset };

@@ -1,4 +1,4 @@
-use super::header::{DATATYPE, DIM, Header, LENGTH, ROWS};
+use super::header::{DATATYPE, DIM, LENGTH, NiftiHeader, ROWS};
 use super::*;
 use crate::geometry::{Point3, Vector3};
 use crate::voxels::{VoxelKind, VoxelVolume};
@@ -7,8 +7,8 @@ use std::io::Write;
 use std::path::Path;
 
 /// A header as another program writes it, with an sform of 2, 3 and 4 mm.
-fn head(size: [i16; 3], code: i16, bits: i16) -> Header {
-    let mut header = Header([0; LENGTH]);
+fn head(size: [i16; 3], code: i16, bits: i16) -> NiftiHeader {
+    let mut header = NiftiHeader([0; LENGTH]);
     header.set(0, &348i32.to_le_bytes());
     [3, size[0], size[1], size[2], 1, 1, 1, 1]
         .iter()
@@ -26,7 +26,7 @@ fn head(size: [i16; 3], code: i16, bits: i16) -> Header {
     header
 }
 
-fn file(header: &Header, data: &[u8]) -> Vec<u8> {
+fn file(header: &NiftiHeader, data: &[u8]) -> Vec<u8> {
     [&header.0[..], &[0; 4], data].concat()
 }
 
@@ -41,7 +41,7 @@ fn packed(bytes: &[u8]) -> Vec<u8> {
 }
 
 /// 2 x 1 x 2 voxels of 16 bits.
-fn small() -> (Header, Vec<u8>) {
+fn small() -> (NiftiHeader, Vec<u8>) {
     let data = [-1000i16, 7, 300, 40].iter().flat_map(|v| v.to_le_bytes()).collect();
     (head([2, 1, 2], 4, 16), data)
 }
@@ -119,7 +119,7 @@ fn a_qform_turns_and_mirrors() {
 #[test]
 fn what_is_wrong_is_named_with_its_field() {
     let (header, data) = small();
-    let with = |change: &dyn Fn(&mut Header)| {
+    let with = |change: &dyn Fn(&mut NiftiHeader)| {
         let mut header = header.clone();
         change(&mut header);
         file(&header, &data)
@@ -134,15 +134,15 @@ fn what_is_wrong_is_named_with_its_field() {
     refused(&with(&|h| h.set_short(DIM, 2)), &["dim[0]", "found 2"]);
     refused(&with(&|h| h.set_short(DIM + 4, 0)), &["dim[2]", "found 0"]);
     refused(&with(&|h| h.set_short(DIM + 6, -3)), &["dim[3]", "found -3"]);
-    let series = |h: &mut Header| {
+    let series = |h: &mut NiftiHeader| {
         h.set_short(DIM, 4);
         h.set_short(DIM + 8, 20);
     };
     refused(&with(&series), &["dim[4]", "found 20"]);
-    let huge = |h: &mut Header| (1..4).for_each(|c| h.set_short(DIM + 2 * c, 32767));
+    let huge = |h: &mut NiftiHeader| (1..4).for_each(|c| h.set_short(DIM + 2 * c, 32767));
     refused(&with(&huge), &["dim", "2^29"]);
-    let large = |h: &mut Header| (1..4).for_each(|c| h.set_short(DIM + 2 * c, 800));
-    let heavy = |h: &mut Header| {
+    let large = |h: &mut NiftiHeader| (1..4).for_each(|c| h.set_short(DIM + 2 * c, 800));
+    let heavy = |h: &mut NiftiHeader| {
         large(h);
         h.set_short(DATATYPE, 16);
         h.set_short(72, 32);
@@ -194,7 +194,7 @@ fn a_volume_comes_back_and_a_field_is_as_itk_has_it() {
     let mut bytes = Vec::new();
     let opened = std::fs::File::open(&path).unwrap();
     std::io::Read::read_to_end(&mut flate2::read::GzDecoder::new(opened), &mut bytes).unwrap();
-    let field = Header(std::array::from_fn(|i| bytes[i]));
+    let field = NiftiHeader(std::array::from_fn(|i| bytes[i]));
     let dims: Vec<i16> = (0..8).map(|i| field.short(DIM + 2 * i)).collect();
     assert_eq!(dims, [5, 2, 1, 2, 1, 3, 1, 1]);
     assert_eq!((field.short(68), field.short(70), field.short(72)), (1007, 16, 32));

@@ -1,8 +1,8 @@
 //! Writing, packed, slice by slice.
 
 use super::header::{
-    BITPIX, CAL_MAX, CAL_MIN, DATA, DATATYPE, DESCRIPTION, DIM, FLOAT32, Header, INTENT,
-    INTENT_NAME, INTENT_VECTOR, INTERCEPT, LENGTH, SLOPE, VOX_OFFSET,
+    BITPIX, CAL_MAX, CAL_MIN, DATA, DATATYPE, DESCRIPTION, DIM, FLOAT32, INTENT, INTENT_NAME,
+    INTENT_VECTOR, INTERCEPT, LENGTH, NiftiHeader, SLOPE, VOX_OFFSET,
 };
 use super::read::NiftiFile;
 use crate::io::atomic::{WriteError, write_atomic};
@@ -60,7 +60,7 @@ pub fn write_displacement(
     })
 }
 
-fn describe(header: &mut Header, text: &str) {
+fn describe(header: &mut NiftiHeader, text: &str) {
     let mut bytes = [0; 80];
     bytes[..text.len()].copy_from_slice(text.as_bytes());
     header.set(DESCRIPTION, &bytes);
@@ -68,7 +68,7 @@ fn describe(header: &mut Header, text: &str) {
 
 fn write(
     path: &Path,
-    mut header: Header,
+    mut header: NiftiHeader,
     slices: usize,
     slice: impl Fn(usize) -> Vec<u8> + Sync,
 ) -> Result<(), WriteError> {
