@@ -50,7 +50,26 @@ pub fn register_in(
     options: &RegisterOptions,
 ) -> Registered {
     let displacement = expected_displacement(scene, posed, options);
-    in_rounds(memory, scene, matches, displacement, &losses(options), options)
+    let losses = losses(options);
+    if posed.at_rest {
+        return at_rest(memory, scene, matches, displacement, &losses, options);
+    }
+    in_rounds(memory, scene, matches, displacement, &losses, options)
+}
+
+/// Eq. 3 from a pose that is known.
+fn at_rest(
+    memory: &mut RegisterMemory,
+    scene: &Scene,
+    matches: &[Match],
+    displacement: f64,
+    losses: &[Loss],
+    options: &RegisterOptions,
+) -> Registered {
+    let problem = MotionProblem { scene, matches, displacement, options };
+    let (found, summary) = problem.solve(memory, scene.posed.clone(), losses, TOLERANCE);
+    let sigma = hold(scene, options).hypot(displacement);
+    Registered::of(scene, matches, found, sigma, summary, options)
 }
 
 /// The rounds of eq. 3 from one rigid pose.
