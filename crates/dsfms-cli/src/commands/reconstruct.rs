@@ -16,7 +16,7 @@ use crate::report::data::ShownFrame;
 use crate::report::template::{MOST_FRAMES, chosen};
 use crate::structures::{Placed, Structures};
 use crate::volume::CarriedVolume;
-pub use args::{MethodName, PriorName, ReconstructArgs, method_name};
+pub use args::{MethodName, MotionName, PriorName, ReconstructArgs, method_name};
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
 use dsfms::image::{Frame, Mask, ToneCurve, diagonal};
@@ -157,6 +157,9 @@ fn prepare<'a>(
     options.literal |= args.literal;
     if let Some(prior) = args.prior.map(Prior::from) {
         (options.register.prior.kind, options.joint.prior.kind) = (prior, prior);
+    }
+    if let Some(motion) = args.camera_motion {
+        options.register.camera_motion = motion.into();
     }
     let method = method(args, &template, reporter);
     let structures = Structures::read(&args.structures, &template, reporter)?;

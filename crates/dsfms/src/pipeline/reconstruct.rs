@@ -11,8 +11,8 @@ use crate::refine::{Joined, Photograph, RefineOptions, Refined, join, refine, re
 use crate::register::scene::visibility;
 use crate::register::solve::{EXPLAINED, limit_px};
 use crate::register::{
-    Body, Deformable, Match, Posed, RegisterError, RegisterMemory, RegisterOptions, Registered, Scene, find, pose,
-    posed_from, register, register_in, register_printed,
+    Body, Deformable, Match, Posed, RegisterError, RegisterMemory, RegisterOptions, Registered,
+    Scene, find, pose, posed_from, register, register_in, register_printed,
 };
 use crate::sfs::{SfsInput, SfsOptions, shape_from_shading};
 use crate::template::Template;
@@ -75,9 +75,7 @@ fn reconstruct_logged(
         Ok::<_, ReconstructError>(Sight::new(template, observation, method))
     })?;
     let matches = log.time("matching", || matches_of(&sight, method, options))?;
-    let posed = log.time("pose", || {
-        posed(template, observation, &matches, options)
-    })?;
+    let posed = log.time("pose", || posed(template, observation, &matches, options))?;
     let rigid = template.mesh.positions.iter().map(|p| posed.pose * p).collect();
     let scene = Scene::new(observation.camera, &template.mesh, rigid);
     let mut result = rigid_result(&scene, &matches, &posed, &options.register);

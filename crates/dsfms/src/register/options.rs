@@ -20,12 +20,12 @@ pub enum Prior {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CameraMotion {
-    /// Where a part of the matches does not move from a view of the exploration while others do, the camera stands
-    /// there; else it moves.
-    #[default]
-    Auto,
     /// Its pose is that of the matches.
+    #[default]
     Moving,
+    /// Where a quarter of the matches does not move from a view of the exploration while others do, the camera stands
+    /// there; else it moves.
+    Auto,
     /// It stands where it stood in one of the views of the exploration.
     AtRest,
 }
@@ -83,7 +83,7 @@ impl PriorWeights {
 pub struct RegisterOptions {
     /// What the surface keeps.
     pub prior: PriorWeights,
-    /// Where the camera is.
+    /// Where the camera is ([`posed_from`](super::posed_from)).
     pub camera_motion: CameraMotion,
     /// Noise of the matches, px.
     pub match_sigma_px: f64,

@@ -50,26 +50,7 @@ pub fn register_in(
     options: &RegisterOptions,
 ) -> Registered {
     let displacement = expected_displacement(scene, posed, options);
-    let losses = losses(options);
-    if posed.at_rest {
-        return at_rest(memory, scene, matches, displacement, &losses, options);
-    }
-    in_rounds(memory, scene, matches, displacement, &losses, options)
-}
-
-/// Eq. 3 from a pose that is known.
-fn at_rest(
-    memory: &mut RegisterMemory,
-    scene: &Scene,
-    matches: &[Match],
-    displacement: f64,
-    losses: &[Loss],
-    options: &RegisterOptions,
-) -> Registered {
-    let problem = MotionProblem { scene, matches, displacement, options };
-    let (found, summary) = problem.solve(memory, scene.posed.clone(), losses, TOLERANCE);
-    let sigma = hold(scene, options).hypot(displacement);
-    Registered::of(scene, matches, found, sigma, summary, options)
+    in_rounds(memory, scene, matches, displacement, &losses(options), options)
 }
 
 /// The rounds of eq. 3 from one rigid pose.
@@ -282,6 +263,10 @@ pub(super) fn expected_displacement(
     posed: &Posed,
     options: &RegisterOptions,
 ) -> f64 {
+    // Before a camera at rest it is what tissue moves across the line of sight, and says nothing of depth.
+    if posed.at_rest {
+        return 0.0;
+    }
     let [fx, fy] = scene.camera.focal;
     let depth = scene.posed.iter().map(|p| p.z).sum::<f64>() / scene.posed.len() as f64;
     options.depth_hold_motion * (posed.shared_motion_px * depth / (0.5 * (fx + fy)))

@@ -81,7 +81,7 @@ pub fn register(
 ) -> Registered {
     let memory = &mut RegisterMemory::default();
     let found = register_in(memory, scene, matches, posed, options);
-    let bends = !posed.at_rest && expected_displacement(scene, posed, options) > hold(scene, options);
+    let bends = expected_displacement(scene, posed, options) > hold(scene, options);
     match bends && covered(scene, matches) {
         true => best_of_starts(memory, scene, matches, posed, found, options),
         false => found,

@@ -1,6 +1,6 @@
 //! The arguments of `dsfms track`.
 
-use super::super::reconstruct::PriorName;
+use super::super::reconstruct::{MotionName, PriorName};
 use super::input::{InputFormat, is_address};
 use super::link::LinkArgs;
 use crate::exit::Usage;
@@ -107,6 +107,9 @@ pub struct TrackArgs {
     /// What the surface keeps of its rest shape; without it that of the options file, or conformal.
     #[arg(help_heading = "Method", long, value_enum)]
     pub prior: Option<PriorName>,
+    /// Where the camera is; without it that of the options file, or moving (see `dsfms reconstruct --help`).
+    #[arg(help_heading = "Method", long, value_enum)]
+    pub camera_motion: Option<MotionName>,
     /// Take every Nth frame.
     #[arg(help_heading = "Input", long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub stride: u32,

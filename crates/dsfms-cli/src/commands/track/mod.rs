@@ -175,6 +175,9 @@ fn options(args: &TrackArgs, global: &Global) -> anyhow::Result<TrackOptions> {
         let solves = &mut options.reconstruct;
         (solves.register.prior.kind, solves.joint.prior.kind) = (prior, prior);
     }
+    if let Some(motion) = args.camera_motion {
+        options.reconstruct.register.camera_motion = motion.into();
+    }
     Ok(options)
 }
 
