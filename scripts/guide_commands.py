@@ -34,6 +34,7 @@ LEFT_OUT = {
     "pip install": "the network",
     "dsfms replay": "the run of a device before it",
     "> ~/": "the home folder",
+    "--volume": "a CT of the organ",
     "experiment ext --count 100": "hours",
     "experiment table1": "an hour",
     "experiment ablation": "hours",

@@ -5,6 +5,7 @@ use dsfms::io::InputError;
 use dsfms::io::mesh::MeshFileError;
 use dsfms::pipeline::{ReconstructError, TemplateError};
 use dsfms::register::RegisterError;
+use dsfms::voxels::VoxelError;
 use std::error::Error;
 use std::process::ExitCode;
 
@@ -120,6 +121,15 @@ fn option(cause: &(dyn Error + 'static)) -> Option<&'static str> {
         cause.downcast_ref::<ExperimentError>()
     {
         return Some("-o gives another folder, --restart drops the old results");
+    }
+    match cause.downcast_ref::<VoxelError>() {
+        Some(VoxelError::Beside { others: 1.., .. }) => {
+            return Some("--volume-axes says which axes the mesh has");
+        }
+        Some(VoxelError::Open { .. }) => {
+            return Some("--volume-registration takes the folder of `dsfms register-ct`");
+        }
+        _ => {}
     }
     match cause.downcast_ref::<ReconstructError>()? {
         ReconstructError::NoDescriptors

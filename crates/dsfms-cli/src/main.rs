@@ -39,6 +39,7 @@ mod reasons;
 mod report;
 mod sheet;
 mod structures;
+mod volume;
 
 use clap::FromArgMatches;
 use std::process::ExitCode;

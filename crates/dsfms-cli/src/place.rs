@@ -28,7 +28,7 @@ const FILES: [&str; 10] = [
 const ENDINGS: [&str; 7] =
     [".ply", ".json", "_overlay.png", "_structures.png", ".vtp", ".obj", ".stl"];
 /// Folders of a file or more a frame.
-const FOLDERS: [&str; 3] = ["overlay", "structures", "view"];
+const FOLDERS: [&str; 4] = ["overlay", "structures", "view", "volume"];
 
 #[derive(Serialize)]
 struct Mark<'a> {

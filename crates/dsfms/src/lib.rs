@@ -107,6 +107,8 @@ pub mod track;
 #[doc(alias = "failure detection")]
 pub mod verdict;
 pub mod video;
+#[doc(alias("CT", "MRI", "NIfTI", "displacement field"))]
+pub mod voxels;
 
 pub use camera::CameraModel;
 pub use image::{Frame, Mask};

@@ -12,6 +12,7 @@ use dsfms::io::igtl::{Head, ImagePlacement, image as image_message, picture, rea
 use dsfms::io::masks::read_mask;
 use dsfms::io::matches::{read_matches, write_matches};
 use dsfms::io::mesh::{MeshUnit, read_mesh};
+use dsfms::io::nifti::{NiftiFile, read_nifti, write_warped};
 use dsfms::io::obj::{ObjExtras, write_obj};
 use dsfms::io::ply::{PlyExtras, Precision, write_ply};
 use dsfms::io::poses::{PoseList, read_poses};
@@ -22,6 +23,7 @@ use dsfms::light::{LightModel, PointLight, RingLight, Spot};
 use dsfms::synth::{Case, patch};
 use dsfms::template::{Features, Template};
 use dsfms::track::shapes::{ShapeFile, read_shapes};
+use dsfms::voxels::{VoxelGrid, VoxelKind, VoxelVolume};
 use dsfms::{LengthUnit, Match, Mesh, read_template, write_template};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -405,6 +407,44 @@ proptest! {
         prop_assert_eq!(&found.header.device, &device);
         let (size, rgb) = picture(&found.content).unwrap();
         prop_assert_eq!((size, rgb), (frame.size, frame.rgb));
+    }
+}
+
+/// A volume of any kind and place; its map holds numbers of single precision.
+fn volume() -> impl Strategy<Value = VoxelVolume> {
+    use VoxelKind::{F32, F64, I8, I16, I32, U8, U16, U32};
+    let kind = prop::sample::select(vec![U8, I8, U16, I16, U32, I32, F32, F64]);
+    let size = prop::array::uniform3(1usize..7);
+    let turn = prop::array::uniform3(-3.0..3.0f64);
+    let sides = prop::array::uniform3(0.1..9.0f64);
+    (kind, size, turn, sides, prop::array::uniform3(-900.0..900.0f64)).prop_flat_map(
+        |(kind, size, turn, sides, shift)| {
+            let turn = Isometry::new(Vector3::from(shift), Vector3::from(turn)).to_homogeneous();
+            let map = turn * dsfms::nalgebra::Matrix4::new_nonuniform_scaling(&sides.into());
+            let map = map.map(|v| f64::from(v as f32));
+            let map = dsfms::nalgebra::Affine3::from_matrix_unchecked(map);
+            let grid = VoxelGrid::new(size, map).unwrap();
+            let bytes = prop::collection::vec(any::<u8>(), grid.count() * kind.bytes());
+            bytes.prop_map(move |bytes| VoxelVolume::new(grid.clone(), kind, bytes).unwrap())
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(config(24))]
+
+    #[test]
+    fn volumes_come_back(volume in volume()) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.nii.gz");
+        let file = NiftiFile::new(volume);
+        let slice = file.volume.bytes().len() / file.volume.grid().size()[2];
+        write_warped(&path, &file, |k| file.volume.bytes()[k * slice..][..slice].to_vec()).unwrap();
+        let found = read_nifti(&path).unwrap();
+        prop_assert_eq!(&found.volume, &file.volume);
+        // And once more with the header that was read.
+        write_warped(&path, &found, |k| found.volume.bytes()[k * slice..][..slice].to_vec()).unwrap();
+        prop_assert_eq!(read_nifti(&path).unwrap(), found);
     }
 }
 

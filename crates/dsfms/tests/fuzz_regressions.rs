@@ -85,6 +85,7 @@ fn made(target: &str) -> Vec<(String, Vec<u8>)> {
         ),
         "vtk" | "vtp" => surface_of_vtk(target),
         "scene" => one("two.scene", scene_of_two()),
+        "nifti" => one("two.nii.gz", volume_of_two()),
         _ => Vec::new(),
     }
 }
@@ -93,6 +94,19 @@ fn made(target: &str) -> Vec<(String, Vec<u8>)> {
 fn clip() -> mp4::Video {
     let grey = |k: u8| vec![[60 + 40 * k; 3]; 48 * 32];
     mp4::video([48, 32], &[grey(0), grey(1), grey(2)])
+}
+
+/// A packed volume of 3 x 2 x 2 voxels of 16 bits.
+fn volume_of_two() -> Vec<u8> {
+    use dsfms::io::nifti::{NiftiFile, write_warped};
+    use dsfms::voxels::{VoxelGrid, VoxelKind, VoxelVolume};
+    let map = dsfms::nalgebra::Affine3::identity();
+    let grid = VoxelGrid::new([3, 2, 2], map).unwrap();
+    let file = NiftiFile::new(VoxelVolume::new(grid, VoxelKind::I16, (0..24).collect()).unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("two.nii.gz");
+    write_warped(&path, &file, |k| file.volume.bytes()[12 * k..12 * k + 12].to_vec()).unwrap();
+    std::fs::read(path).unwrap()
 }
 
 /// A scene of two small frames, without the head of its file.

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A module may use itself and what stands left of it.
-const ORDER: [&str; 29] = [
+const ORDER: [&str; 30] = [
     "options",
     "guard",
     "checkpoint",
@@ -27,6 +27,7 @@ const ORDER: [&str; 29] = [
     "expected_error",
     "verdict",
     "structures",
+    "voxels",
     "preoperative",
     "synth",
     "eval",

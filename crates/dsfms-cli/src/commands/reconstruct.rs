@@ -15,7 +15,8 @@ use crate::report::clip;
 use crate::report::data::ShownFrame;
 use crate::report::template::{MOST_FRAMES, chosen};
 use crate::structures::{Placed, Structures};
-pub use args::{MethodName, PriorName, ReconstructArgs, method_name};
+use crate::volume::CarriedVolume;
+pub use args::{MethodName, MotionName, PriorName, ReconstructArgs, method_name};
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
 use dsfms::image::{Frame, Mask, ToneCurve, diagonal};
@@ -56,6 +57,7 @@ struct Job<'a> {
     method: Method,
     options: ReconstructOptions,
     structures: Option<Structures>,
+    volume: Option<CarriedVolume>,
     reporter: &'a Reporter,
 }
 
@@ -125,7 +127,7 @@ pub fn run(
 /// Folders and files of the input, apart from which results lie.
 fn places(args: &ReconstructArgs) -> Vec<&Path> {
     let optional = [&args.matches, &args.instrument_masks, &args.organ_masks];
-    let optional = optional.into_iter().flatten();
+    let optional = optional.into_iter().flatten().chain(args.volume.places());
     args.images.iter().chain([&args.template]).chain(optional).map(PathBuf::as_path).collect()
 }
 
@@ -156,10 +158,25 @@ fn prepare<'a>(
     if let Some(prior) = args.prior.map(Prior::from) {
         (options.register.prior.kind, options.joint.prior.kind) = (prior, prior);
     }
+    if let Some(motion) = args.camera_motion {
+        options.register.camera_motion = motion.into();
+    }
     let method = method(args, &template, reporter);
     let structures = Structures::read(&args.structures, &template, reporter)?;
+    let volume = CarriedVolume::read(&args.volume, &template, reporter)?;
     let deformable = Deformable::of(&template.mesh);
-    Ok(Job { args, structures, template, deformable, camera, tone, method, options, reporter })
+    Ok(Job {
+        args,
+        structures,
+        volume,
+        template,
+        deformable,
+        camera,
+        tone,
+        method,
+        options,
+        reporter,
+    })
 }
 
 /// The method asked for, or the best that the template allows.
@@ -242,6 +259,7 @@ impl Job<'_> {
                     report.doubts.push(Reason::Input { why: reason.into() });
                 }
                 let places = self.carry_structures(name, &frame, &result)?;
+                self.carry_volume(name, &result)?;
                 if page.wants() {
                     shown = Some(self.shown(name, &frame, (&report, &result), &places)?);
                 }
@@ -300,6 +318,13 @@ impl Job<'_> {
         let picture = structures.overlay(frame, &self.camera, result, &places);
         outputs::write_png(&self.args.output.join(format!("{name}_structures.png")), &picture)?;
         Ok(places)
+    }
+
+    /// Files of the volume.
+    fn carry_volume(&self, name: &str, result: &Reconstruction) -> anyhow::Result<()> {
+        let Some(volume) = &self.volume else { return Ok(()) };
+        let surface = (result.vertices.as_slice(), self.template.unit);
+        volume.write(&self.args.output, name, surface, self.reporter)
     }
 
     fn attempt(&self, source: &Source) -> anyhow::Result<(Frame, Reconstruction, FrameMasks)> {

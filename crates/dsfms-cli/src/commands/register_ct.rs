@@ -11,12 +11,13 @@ use crate::exit::{Outcome, Usage};
 use crate::outputs::{check_folder, write_json, write_png};
 use crate::pictures::preoperative::{Shown, draw};
 use crate::progress::Reporter;
+use crate::volume::ORIGINAL;
 use carried::Carried;
 use clap::{Args, ValueEnum};
 use dsfms::geometry::Point3;
 use dsfms::io::folder::{check_folder_target, write_folder};
 use dsfms::io::landmarks::Axes;
-use dsfms::io::ply::{PlyExtras, write_ply};
+use dsfms::io::ply::{PlyExtras, Precision, write_ply};
 use dsfms::io::template::read_template;
 use dsfms::mesh::Mesh;
 use dsfms::pipeline::Progress;
@@ -54,7 +55,8 @@ Numbers are those of the mesh files. More than three pairs survive wrong ones.
 
 OUT holds ct.ply and structures/NAME.ply in the template's frame and unit (what
 --structures of reconstruct and track expects; `expected_error` is that
-of every point), registration.json (similarity, residuals, uncertainty,
+of every point), ct_original.ply (the mesh as it came, in mm, for
+--volume-registration), registration.json (similarity, residuals, uncertainty,
 verdict) and registration.png (from three sides, residuals in colour).
 
 Exit codes: 0 registered; 2 registered with doubts; 1 refused (too few or wrong
@@ -136,7 +138,8 @@ impl From<AxesName> for Axes {
 }
 
 /// What the folder holds; the first name tells that it is one.
-const CONTENT: [&str; 4] = ["registration.json", "ct.ply", "structures", "registration.png"];
+const CONTENT: [&str; 5] =
+    ["registration.json", "ct.ply", ORIGINAL, "structures", "registration.png"];
 /// How far mm of the template may be from mm.
 const METRIC: f64 = 0.05;
 
@@ -222,6 +225,9 @@ fn write(
         let extras = PlyExtras { comments: &comments, ..Default::default() };
         let topology = &loaded.ct.topology;
         write_ply(&folder.join("ct.ply"), topology, &found.vertices, template.unit, &extras)?;
+        let extras = PlyExtras { precision: Precision::Double, ..Default::default() };
+        let own = &loaded.ct.positions;
+        write_ply(&folder.join(ORIGINAL), topology, own, LengthUnit::Millimetre, &extras)?;
         for item in carried {
             let own: Vec<f64> = item.expected.iter().map(|e| e / scale).collect();
             let extras =

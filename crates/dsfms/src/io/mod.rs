@@ -19,6 +19,7 @@ pub mod masks;
 pub mod matches;
 pub mod mesh;
 pub mod names;
+pub mod nifti;
 pub(crate) mod npz;
 pub mod obj;
 mod off;

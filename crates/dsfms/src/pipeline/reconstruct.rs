@@ -11,8 +11,8 @@ use crate::refine::{Joined, Photograph, RefineOptions, Refined, join, refine, re
 use crate::register::scene::visibility;
 use crate::register::solve::{EXPLAINED, limit_px};
 use crate::register::{
-    Body, Deformable, Match, Posed, RegisterMemory, RegisterOptions, Registered, Scene, find, pose,
-    register, register_in, register_printed,
+    Body, Deformable, Match, Posed, RegisterError, RegisterMemory, RegisterOptions, Registered,
+    Scene, find, pose, posed_from, register, register_in, register_printed,
 };
 use crate::sfs::{SfsInput, SfsOptions, shape_from_shading};
 use crate::template::Template;
@@ -75,9 +75,7 @@ fn reconstruct_logged(
         Ok::<_, ReconstructError>(Sight::new(template, observation, method))
     })?;
     let matches = log.time("matching", || matches_of(&sight, method, options))?;
-    let posed = log.time("pose", || {
-        pose(observation.camera, &template.mesh, &matches, &options.register, options.seed)
-    })?;
+    let posed = log.time("pose", || posed(template, observation, &matches, options))?;
     let rigid = template.mesh.positions.iter().map(|p| posed.pose * p).collect();
     let scene = Scene::new(observation.camera, &template.mesh, rigid);
     let mut result = rigid_result(&scene, &matches, &posed, &options.register);
@@ -180,6 +178,21 @@ impl FrameSolve<'_> {
         let still = &body.scene().posed;
         joined.vertices = options.comparison(body, kept, photo).kept(still, joined.vertices);
         joined.settled(body)
+    }
+}
+
+/// The rigid pose of the frame.
+fn posed(
+    template: &Template,
+    observation: &Observation,
+    matches: &[Match],
+    options: &ReconstructOptions,
+) -> Result<Posed, RegisterError> {
+    let (camera, rest, register) = (observation.camera, &template.mesh, &options.register);
+    let found = pose(camera, rest, matches, register, options.seed)?;
+    match options.literal {
+        true => Ok(found),
+        false => posed_from(&template.poses(), camera, rest, matches, found, register),
     }
 }
 

@@ -4,6 +4,7 @@
 //! noise and by the **visible** area, so one set of weights serves any organ, mesh resolution and
 //! unit.
 
+mod at_rest;
 mod coarse;
 pub mod control;
 pub mod find;
@@ -18,10 +19,11 @@ mod terms;
 pub mod volume;
 
 use crate::geometry::Point2;
+pub use at_rest::posed_from;
 pub use coarse::RegisterMemory;
 pub use control::{Body, Deformable};
 pub use find::find;
-pub use options::{Prior, PriorWeights, RegisterOptions};
+pub use options::{CameraMotion, Prior, PriorWeights, RegisterOptions};
 pub use pose::{Posed, pose, pose_near};
 pub use printed::register_printed;
 pub use scene::Scene;
@@ -65,5 +67,18 @@ pub enum RegisterError {
         inliers: usize,
         /// All matches.
         found: usize,
+    },
+    /// The camera is said to be at rest, and stands in none of the views.
+    #[error(
+        "the camera is said to be at rest, but of the {views} views of the template none has more than {agree} of the {found} \
+         matches where the organ at rest is; let it move (camera_motion), or pose a frame of this camera"
+    )]
+    NoView {
+        /// Agreeing matches of the nearest view.
+        agree: usize,
+        /// All matches.
+        found: usize,
+        /// Views of the template.
+        views: usize,
     },
 }

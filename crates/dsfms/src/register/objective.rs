@@ -12,7 +12,7 @@
 //!
 //! `x₀` is the rest shape posed by the matches, `A` its visible area, `R = √(A/π)`, `A_f` and `Aᵥ` the areas of
 //! a face and of a vertex, `C = FᵀF` the metric of a face against rest, `d` the displacement that matches
-//! share and the pose does not explain (length). ρ is the Geman-McClure loss, annealed; H Huber's.
+//! share and the pose does not explain (length; 0 before a camera at rest). ρ is the Geman-McClure loss, annealed; H Huber's.
 //!
 //! A match that is off by its noise σ costs 1, so `λ = 1/s²` says that a strain `s` of all that is seen costs
 //! as much. λ₁ = λ₂ = `prior.conformal`, λₛ = `prior.stretch`, λ₃ = `prior.smoothing`, λₕ = `prior.hidden`,

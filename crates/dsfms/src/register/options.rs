@@ -16,6 +16,20 @@ pub enum Prior {
     Arap,
 }
 
+/// Where the camera is, beside what the matches say.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CameraMotion {
+    /// Its pose is that of the matches.
+    #[default]
+    Moving,
+    /// Where a quarter of the matches does not move from a view of the exploration while others do, the camera stands
+    /// there; else it moves.
+    Auto,
+    /// It stands where it stood in one of the views of the exploration.
+    AtRest,
+}
+
 /// What the surface keeps of its rest shape, and how firmly. A weight is `1/s²`: a strain `s` of all that is
 /// seen costs as much as one match that is off by its noise. Chosen on the synthetic series and the `choose`
 /// scenes (`docs/results/ablation`, `docs/results/scenes.md`).
@@ -69,6 +83,8 @@ impl PriorWeights {
 pub struct RegisterOptions {
     /// What the surface keeps.
     pub prior: PriorWeights,
+    /// Where the camera is ([`posed_from`](super::posed_from)).
+    pub camera_motion: CameraMotion,
     /// Noise of the matches, px.
     pub match_sigma_px: f64,
     /// Geman-McClure scale at the start and at the end of the annealing, px.
@@ -89,6 +105,7 @@ impl Default for RegisterOptions {
     fn default() -> Self {
         Self {
             prior: PriorWeights::default(),
+            camera_motion: CameraMotion::default(),
             match_sigma_px: 1.0,
             robust_px: [60.0, 4.0],
             depth_hold: 0.04,

@@ -25,6 +25,8 @@ pub struct Posed {
     /// of the offsets of a match and its nearest neighbour. Noise and wrong matches, which share
     /// nothing with their neighbours, do not count.
     pub shared_motion_px: f64,
+    /// The pose is known (see [`CameraMotion`](super::CameraMotion)), not fitted to the matches.
+    pub at_rest: bool,
 }
 
 impl Posed {
@@ -139,7 +141,7 @@ impl Posed {
         let offsets: Vec<(Point3, Vector2)> =
             (0..points.len()).filter_map(|i| Some((points[i], offset(i)?))).collect();
         let shared_motion_px = shared_motion(&offsets);
-        Self { pose, residuals_px, shared_motion_px }
+        Self { pose, residuals_px, shared_motion_px, at_rest: false }
     }
 }
 

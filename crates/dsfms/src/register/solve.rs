@@ -263,6 +263,10 @@ pub(super) fn expected_displacement(
     posed: &Posed,
     options: &RegisterOptions,
 ) -> f64 {
+    // Before a camera at rest it is what tissue moves across the line of sight, and says nothing of depth.
+    if posed.at_rest {
+        return 0.0;
+    }
     let [fx, fy] = scene.camera.focal;
     let depth = scene.posed.iter().map(|p| p.z).sum::<f64>() / scene.posed.len() as f64;
     options.depth_hold_motion * (posed.shared_motion_px * depth / (0.5 * (fx + fy)))

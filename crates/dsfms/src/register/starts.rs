@@ -23,7 +23,7 @@ const HIDDEN_BEND: f64 = 3.0;
 const NEAR: f64 = 0.15;
 
 /// Share of what is seen that is to be covered: tracks without those of a quarter of the surface cover 0.7 or more, 25 matches
-/// on what hardly moves less than half.
+/// on what hardly moves (choosing scenes) less than this.
 const COVERED: f64 = 0.6;
 
 /// Coarsest scale of the loss, in residuals that one match in ten exceeds: at the start no match is wrong.

@@ -143,6 +143,11 @@ impl CarriedStructures<'_> {
         self.deformation
     }
 
+    /// The rigid part: the motion of the template that comes nearest to the surface.
+    pub fn rigid(&self) -> Isometry {
+        self.rigid
+    }
+
     /// Where a point of the template frame goes.
     pub fn at(&self, p: &Point3) -> Point3 {
         let centres = &self.carrier.centres;

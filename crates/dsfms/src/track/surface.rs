@@ -12,7 +12,7 @@ use crate::pipeline::Method;
 use crate::refine::{Near, NearFrame, Photograph, VideoMemory, join, join_near};
 use crate::register::solve::{depth_tolerance, errors_px, explained};
 use crate::register::{
-    Body, Match, Posed, RegisterError, Registered, Scene, pose, pose_near, register_in,
+    Body, Match, Posed, RegisterError, Registered, Scene, pose, pose_near, posed_from, register_in,
     register_near,
 };
 
@@ -31,6 +31,7 @@ impl Tracker<'_> {
         let (rest, options) = (&self.template.mesh, &self.options.reconstruct);
         let posed = clock
             .time("pose", || pose(self.camera, rest, &matches, &options.register, options.seed));
+        let posed = posed.and_then(|posed| self.posed_from(&matches, posed));
         let posed = posed.map_err(|error| error.to_string())?;
         let memory = &mut self.memory.register;
         let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
@@ -81,6 +82,7 @@ impl Tracker<'_> {
             let moved = to(&few, shape, Isometry::identity())?.pose;
             let base = align_rigid_robust(&last.vertices, shape).unwrap_or_default();
             let posed = to(matches, rest, moved * base * last.pose)?;
+            let posed = tracker.posed_from(matches, posed)?;
             Ok(tracker.near(last, shape, moved, posed, false))
         })
     }
@@ -96,9 +98,16 @@ impl Tracker<'_> {
             let options = &tracker.options.reconstruct;
             let (rest, register) = (&tracker.template.mesh, &options.register);
             let posed = pose(tracker.camera, rest, matches, register, options.seed)?;
+            let posed = tracker.posed_from(matches, posed)?;
             let motion = posed.pose * last.pose.inverse();
             Ok(tracker.near(last, &last.vertices, motion, posed, true))
         })
+    }
+
+    /// The pose of the matches, or that of a view from which the camera is at rest.
+    fn posed_from(&self, matches: &[Match], found: Posed) -> Result<Posed, RegisterError> {
+        let (rest, options) = (&self.template.mesh, &self.options.reconstruct.register);
+        posed_from(&self.template.poses(), self.camera, rest, matches, found, options)
     }
 
     /// The surface solved from where `start` puts the last one.
@@ -131,7 +140,7 @@ impl Tracker<'_> {
         let rest = &self.template.mesh.positions;
         // A near light tells the distance of everything, so the shape knows the pose better than the
         // matches do; under a distant one only they hold it.
-        let base = if self.light.light.tells_distance() {
+        let base = if self.light.light.tells_distance() && !posed.at_rest {
             let seen = |shape: &[Point3]| -> Vec<Point3> {
                 shape.iter().zip(&visible).filter(|s| *s.1).map(|s| *s.0).collect()
             };

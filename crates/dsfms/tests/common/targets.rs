@@ -15,6 +15,7 @@ use dsfms::io::images::decode_bytes;
 use dsfms::io::masks::read_mask;
 use dsfms::io::matches::read_matches;
 use dsfms::io::mesh::parse_mesh;
+use dsfms::io::nifti::read_nifti_from;
 use dsfms::io::poses::{PoseList, read_poses};
 use dsfms::io::vertex_truth::read_vertex_truth;
 use dsfms::pipeline::{OrganScene, ReconstructOptions, TemplateOptions, strokes_from};
@@ -29,7 +30,7 @@ use std::path::{Path, PathBuf};
 pub type Target = fn(&[u8]) -> bool;
 
 /// Name (and folder of the corpus), extensions, reader.
-pub const TARGETS: [(&str, &[&str], Target); 21] = [
+pub const TARGETS: [(&str, &[&str], Target); 22] = [
     ("ply", &["ply"], |b| mesh(b, "a.ply")),
     ("obj", &["obj"], |b| mesh(b, "a.obj")),
     ("stl", &["stl"], |b| mesh(b, "a.stl")),
@@ -51,6 +52,7 @@ pub const TARGETS: [(&str, &[&str], Target); 21] = [
     ("igtl", &["igtl"], igtl),
     ("strokes", &["json"], strokes),
     ("scene", &["scene"], scene),
+    ("nifti", &["nii", "gz"], nifti),
 ];
 
 fn mesh(bytes: &[u8], name: &str) -> bool {
@@ -168,6 +170,17 @@ fn scene(bytes: &[u8]) -> bool {
 /// A stream of H.264 with start codes (Annex B), decoded as the pictures of an mp4; some picture came out.
 fn h264(bytes: &[u8]) -> bool {
     count_frames(&mp4::of_annex_b([48, 32], bytes)).is_ok_and(|[shown, _]| shown > 0)
+}
+
+/// A volume, packed or not.
+fn nifti(bytes: &[u8]) -> bool {
+    read_nifti_from(bytes, Path::new("a.nii")).is_ok_and(|file| {
+        let (grid, kind) = (file.volume.grid(), file.volume.kind());
+        assert_eq!(file.volume.bytes().len(), grid.count() * kind.bytes());
+        assert!(grid.world_from_voxel().matrix().iter().all(|v| v.is_finite()));
+        assert!(file.background().is_finite());
+        true
+    })
 }
 
 /// Files of a template that may be damaged.

@@ -1,11 +1,12 @@
 //! The arguments of `dsfms track`.
 
-use super::super::reconstruct::PriorName;
+use super::super::reconstruct::{MotionName, PriorName};
 use super::input::{InputFormat, is_address};
 use super::link::LinkArgs;
 use crate::exit::Usage;
 use crate::formats::Format;
 use crate::inputs;
+use crate::volume::VolumeArgs;
 use clap::{Args, ValueEnum};
 use dsfms::pipeline::Method;
 use std::path::{Path, PathBuf};
@@ -18,6 +19,9 @@ Examples:
   dsfms track organ.template frames/ --camera camera.json --method dsfm -o out
   # A mesh (of a CT) that was laid on one frame by hand, and no exploration
   dsfms track liver.ply frames/ --poses pose.json --camera camera.json -o out
+  # The CT that the template's mesh was made from, at every 50th frame
+  dsfms track liver.template clip.mp4 --camera camera.json --stride 50 \\
+      --volume ct.nii.gz --volume-out both -o out
   # A live source: raw RGB frames in, one line of JSON a frame out
   capture | dsfms track organ.template - --size 1280x720 --camera camera.json \\
       -o out
@@ -39,7 +43,8 @@ that `dsfms view OUT` shows a running video; of longer ones every frame for
 `dsfms view` in view/frame_NNN.json (about 50 KB each); with --ply
 frame_NNN.ply; with --formats frame_NNN.vtp, .obj, .stl, and frames.glb, an
 animation; with --overlay overlay/frame_NNN.png and, where ffmpeg is installed,
-overlay.mp4. NNN is the place in the sequence.
+overlay.mp4; with --volume volume/frame_NNN_warped.nii.gz or
+volume/frame_NNN_displacement.nii.gz, or both. NNN is the place in the sequence.
 
 Frames on standard input also give a line of JSON each on standard output:
 frame, status, reasons, dropped, ms and, with a surface, pose
@@ -97,9 +102,14 @@ pub struct TrackArgs {
     /// on the pictures of --overlay, in OUT/structures with --ply.
     #[arg(help_heading = "Input", long, value_name = "MESH", num_args = 1..)]
     pub structures: Vec<PathBuf>,
+    #[command(flatten)]
+    pub volume: VolumeArgs,
     /// What the surface keeps of its rest shape; without it that of the options file, or conformal.
     #[arg(help_heading = "Method", long, value_enum)]
     pub prior: Option<PriorName>,
+    /// Where the camera is; without it that of the options file, or moving (see `dsfms reconstruct --help`).
+    #[arg(help_heading = "Method", long, value_enum)]
+    pub camera_motion: Option<MotionName>,
     /// Take every Nth frame.
     #[arg(help_heading = "Input", long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub stride: u32,
@@ -181,6 +191,7 @@ impl TrackArgs {
         (self.ply, self.overlay, self.view, self.no_report) = (false, false, false, true);
         self.formats.clear();
         self.structures.clear();
+        self.volume.volume = None;
         self.realtime = false;
     }
 }
@@ -224,6 +235,9 @@ pub fn check(args: &TrackArgs, live: bool) -> anyhow::Result<()> {
     let wrong = |text: &str| Err(Usage(text.into()).into());
     for (masks, option) in args.masks() {
         inputs::must_exist(masks, option)?;
+    }
+    if args.realtime && args.volume.volume.is_some() {
+        return wrong("--volume takes seconds a frame, and cannot keep up; leave --realtime out");
     }
     match (live, args.input_format) {
         (true, InputFormat::Raw) if args.size.is_none() => {

@@ -17,6 +17,7 @@ use crate::outputs::{FrameMasks, write_png, write_text};
 use crate::progress::Reporter;
 use crate::report::track::{RunEntry, TrackReport};
 use crate::structures::Structures;
+use crate::volume::CarriedVolume;
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
 use dsfms::image::Frame;
@@ -51,6 +52,7 @@ pub struct Job<'a> {
     pub dropped: usize,
     pub counts: [usize; 3],
     pub structures: Option<Structures>,
+    pub volume: Option<CarriedVolume>,
     /// Programs that are told while it runs.
     pub link: Option<Link>,
     pub recording: Option<Recording>,
@@ -170,6 +172,11 @@ impl<'a> Job<'a> {
                 ..Default::default()
             };
             self.write_shape(number, tracked.status, &shape)?;
+        }
+        if let (Some(volume), Some(surface)) = (&self.volume, surface) {
+            let surface = (surface.vertices.as_slice(), self.template.unit);
+            let name = format!("frame_{number:03}");
+            volume.write(&self.args.output, &name, surface, self.reporter)?;
         }
         if self.args.overlay {
             let path = self.args.output.join(format!("overlay/frame_{number:03}.png"));

@@ -26,6 +26,7 @@ use crate::place;
 use crate::progress::Reporter;
 use crate::report::track::TrackReport;
 use crate::structures::Structures;
+use crate::volume::CarriedVolume;
 pub use again::Again;
 use again::Plan;
 use args::check;
@@ -81,6 +82,7 @@ fn follow(
     let method = Method::from(args.method);
     let tracker = Tracker::new(&template, &camera, &tone, method, run.options.clone())?;
     let structures = Structures::read(&args.structures, &template, reporter)?;
+    let volume = CarriedVolume::read(&args.volume, &template, reporter)?;
     let link = Link::open(&args.link, &template, &camera, reporter)?;
     let recorder = recording.as_ref().map(Recording::recorder);
     let mut source = source(args, live, stream, recorder);
@@ -94,9 +96,7 @@ fn follow(
     let vertices = template.mesh.positions.len();
     let shapes = ShapeFile::create(&args.output.join("vertices.npz"), vertices)?;
     let report = report(args, &template, &camera, method)?;
-    if args.view {
-        watch(args, live)?;
-    }
+    watch(args, live)?;
     let mut job = Job {
         args,
         report,
@@ -114,6 +114,7 @@ fn follow(
         dropped: 0,
         counts: [0; 3],
         structures,
+        volume,
         link,
         recording,
         run,
@@ -174,11 +175,17 @@ fn options(args: &TrackArgs, global: &Global) -> anyhow::Result<TrackOptions> {
         let solves = &mut options.reconstruct;
         (solves.register.prior.kind, solves.joint.prior.kind) = (prior, prior);
     }
+    if let Some(motion) = args.camera_motion {
+        options.reconstruct.register.camera_motion = motion.into();
+    }
     Ok(options)
 }
 
-/// Serve the page of the run while it runs, and say where.
+/// Serve the page of the run while it runs, and say where, if that is asked for.
 fn watch(args: &TrackArgs, live: bool) -> anyhow::Result<()> {
+    if !args.view {
+        return Ok(());
+    }
     let url = view::serve_running(&args.output, args.view_port)?;
     let text = format!("watch it at {url}\n");
     match live {
@@ -193,7 +200,8 @@ fn watch(args: &TrackArgs, live: bool) -> anyhow::Result<()> {
 fn places(args: &TrackArgs) -> Vec<&Path> {
     let masks = args.masks().map(|(path, _)| path);
     let files = args.input.iter().filter(|input| !input::is_address(input));
-    files.chain([&args.template]).chain(&args.poses).chain(masks).map(PathBuf::as_path).collect()
+    let others = [&args.template].into_iter().chain(&args.poses).chain(args.volume.places());
+    files.chain(others).chain(masks).map(PathBuf::as_path).collect()
 }
 
 /// Frames a second where nothing says so.

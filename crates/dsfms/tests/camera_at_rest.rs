@@ -1,0 +1,132 @@
+//! Tissue that stretches before a camera at rest.
+
+use dsfms::camera::CameraModel;
+use dsfms::geometry::{Isometry, Point3, Vector3};
+use dsfms::image::{Frame, ToneCurve};
+use dsfms::pipeline::{ReconstructError, template_from_posed_frames};
+use dsfms::register::{CameraMotion, Match, RegisterError};
+use dsfms::synth::{Case, Draw, Random, correspond, patch};
+use dsfms::template::{LengthUnit, TemplateView};
+use dsfms::track::TrackStatus;
+use dsfms::{
+    Exploration, Method, Observation, ReconstructOptions, Silent, Template, TemplateOptions,
+    TrackOptions, Tracker, reconstruct,
+};
+
+/// An organ seen once, whose surface then stretches by 3 % from `fixed` (x, mm) on and rises a little.
+struct Beat {
+    camera: CameraModel,
+    template: Template,
+    /// Vertices in camera axes.
+    truth: Vec<Point3>,
+    matches: Vec<Match>,
+}
+
+/// Where the camera stands.
+fn view() -> Isometry {
+    Isometry::new(Vector3::new(2.0, -1.0, 70.0), Vector3::new(0.15, -0.2, 0.05))
+}
+
+/// `moved`: what the camera does afterwards.
+fn beat(fixed: f64, moved: Isometry) -> Beat {
+    let camera = CameraModel::pinhole([640, 480], [600.0; 2], [319.5, 239.5]);
+    let mesh = patch(600, 3).mesh;
+    let at = |p: &Point3| {
+        let grown =
+            if p.x > fixed { Vector3::new(p.x - fixed, p.y, 0.0) * 0.03 } else { Vector3::zeros() };
+        let lift = 0.6 * (-((p.x - 10.0).powi(2) + p.y * p.y) / 150.0).exp();
+        moved * (view() * (p + grown - Vector3::z() * lift))
+    };
+    let truth: Vec<Point3> = mesh.positions.iter().map(at).collect();
+    let draw = Draw { count: 120, sigma_px: 0.5 };
+    let all = vec![true; truth.len()];
+    let matches = correspond(&camera, &mesh, &truth, &all, draw, &mut Random::new(1, 2));
+    let view = TemplateView {
+        name: "first".into(),
+        camera_from_template: view(),
+        gain: 1.0,
+        reprojection_px: 0.0,
+    };
+    let template = Template { mesh, albedo: None, views: vec![view], ..Case::example(1).template };
+    Beat { camera, template, truth, matches }
+}
+
+impl Beat {
+    /// Mean distance from the truth, mm.
+    fn error(&self, shape: &[Point3]) -> f64 {
+        let off: f64 = shape.iter().zip(&self.truth).map(|(a, b)| (a - b).norm()).sum();
+        off / self.truth.len() as f64
+    }
+
+    /// Mean error of eq. 3, and the share of vertices within the stated bound.
+    fn solved(&self, motion: CameraMotion) -> Result<(f64, f64), ReconstructError> {
+        let size = self.camera.size;
+        let frame = Frame { name: "grey".into(), size, rgb: vec![[90; 3]; size[0] * size[1]] };
+        let observation = Observation::new(&frame, &self.camera).matches(&self.matches);
+        let mut options = ReconstructOptions::default();
+        options.register.camera_motion = motion;
+        let found = reconstruct(&self.template, &observation, Method::Dsfm, &options)?;
+        let (stated, bound) = (found.expected_error.unwrap(), found.error_bound.unwrap());
+        let pairs = found.vertices.iter().zip(&self.truth).zip(&stated);
+        let within = pairs.filter(|((a, b), e)| (*a - *b).norm() <= bound * **e).count();
+        Ok((self.error(&found.vertices), within as f64 / stated.len() as f64))
+    }
+}
+
+#[test]
+fn a_stretch_before_a_camera_at_rest_is_no_change_of_distance() {
+    for fixed in [-40.0, -10.0, 0.0] {
+        let beat = beat(fixed, Isometry::identity());
+        let still: Vec<Point3> = beat.template.mesh.positions.iter().map(|p| view() * p).collect();
+        let nothing = beat.error(&still);
+        let (moving, _) = beat.solved(CameraMotion::Moving).unwrap();
+        let (rest, within) = beat.solved(CameraMotion::AtRest).unwrap();
+        println!(
+            "{fixed}: nothing {nothing:.2}, moving {moving:.2}, at rest {rest:.2} mm, {within:.2} within"
+        );
+        assert!(rest < 0.7 * nothing && rest < 0.3 * moving, "{nothing} {moving} {rest}");
+        assert!(within >= 0.8, "{within}");
+        // Where all moves, a single frame does not tell that the camera stands.
+        let (auto, _) = beat.solved(CameraMotion::Auto).unwrap();
+        assert_eq!(auto, if fixed < -25.0 { moving } else { rest });
+    }
+}
+
+#[test]
+fn a_camera_that_moved_is_not_taken_to_stand() {
+    let gone = Isometry::new(Vector3::new(3.0, 1.0, 4.0), Vector3::new(0.02, 0.05, 0.0));
+    let beat = beat(0.0, gone);
+    let moving = beat.solved(CameraMotion::Moving).unwrap();
+    assert_eq!(beat.solved(CameraMotion::Auto).unwrap(), moving);
+    let error = beat.solved(CameraMotion::AtRest).unwrap_err();
+    let ReconstructError::Register(RegisterError::NoView { views: 1, found: 120, .. }) = error
+    else {
+        panic!("{error}")
+    };
+}
+
+#[test]
+fn a_tracker_is_told_where_its_camera_stands() {
+    let case = Case::example(1);
+    let (frames, poses) = case.explore(2);
+    let poses: Vec<_> = poses.into_iter().map(Some).collect();
+    let exploration = Exploration::new(&frames, &case.camera);
+    let (mesh, unit) = (case.template.mesh.clone(), LengthUnit::Millimetre);
+    let options = TemplateOptions::default();
+    let template =
+        template_from_posed_frames(&exploration, mesh, unit, &poses, &options, &Silent).unwrap();
+    let tone = ToneCurve::Srgb;
+    let mut options = TrackOptions::default();
+    options.reconstruct.register.camera_motion = CameraMotion::AtRest;
+    let template = &template.template;
+    let mut tracker = Tracker::new(template, &case.camera, &tone, Method::Dsfm, options).unwrap();
+    // The case is seen from elsewhere than its exploration.
+    let tracked = tracker.next(&case.frame, None).unwrap();
+    assert_eq!(tracked.status, TrackStatus::Lost);
+    let why = format!("{:?}", tracked.reasons);
+    assert!(why.contains("said to be at rest"), "{why}");
+    // From a view of the exploration the surface is where that view has it.
+    let tracked = tracker.next(&frames[0], None).unwrap();
+    let surface = tracked.surface.unwrap();
+    assert_eq!(surface.pose, template.views[0].camera_from_template);
+}
