@@ -44,7 +44,8 @@ that `dsfms view OUT` shows a running video; of longer ones every frame for
 frame_NNN.ply; with --formats frame_NNN.vtp, .obj, .stl, and frames.glb, an
 animation; with --overlay overlay/frame_NNN.png and, where ffmpeg is installed,
 overlay.mp4; with --volume volume/frame_NNN_warped.nii.gz or
-volume/frame_NNN_displacement.nii.gz, or both. NNN is the place in the sequence.
+volume/frame_NNN_displacement.nii.gz, or both. NNN is the place in the
+sequence.
 
 Frames on standard input also give a line of JSON each on standard output:
 frame, status, reasons, dropped, ms and, with a surface, pose
