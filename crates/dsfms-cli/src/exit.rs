@@ -136,6 +136,9 @@ fn option(cause: &(dyn Error + 'static)) -> Option<&'static str> {
         | ReconstructError::Register(RegisterError::TooFewMatches { .. }) => {
             Some("--matches gives matches, see `dsfms help reconstruct`")
         }
+        ReconstructError::Register(RegisterError::NoView { .. }) => {
+            Some("--camera-motion says where the camera is")
+        }
         ReconstructError::NoAlbedo(_) => {
             Some("`dsfms template --mesh MESH --albedo FILE` gives a mesh its albedo")
         }

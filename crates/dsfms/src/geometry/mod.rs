@@ -15,6 +15,12 @@ pub use sets::DisjointSets;
 pub use statistics::{centre_and_spread, median};
 pub use triangle::{area, area_normal, barycentric, normal, point_at};
 
+/// Corners of the axis-aligned box around points; infinite around none.
+pub(crate) fn bounding_box(points: &[Point3]) -> [Point3; 2] {
+    let none = [f64::INFINITY, f64::NEG_INFINITY].map(|v| Point3::new(v, v, v));
+    points.iter().fold(none, |[low, high], p| [low.inf(p), high.sup(p)])
+}
+
 /// A point of 3-space; mm or template units, the frame named where it is used.
 pub type Point3 = nalgebra::Point3<f64>;
 /// A free vector of 3-space.

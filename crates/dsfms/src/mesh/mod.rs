@@ -16,7 +16,7 @@ pub mod strain;
 pub mod surface_points;
 pub mod topology;
 
-use crate::geometry::{Point3, area};
+use crate::geometry::{Point3, area, bounding_box};
 use std::sync::Arc;
 pub use topology::{Topology, TopologyError};
 
@@ -94,11 +94,7 @@ impl Mesh {
 
     /// Corners of the axis-aligned bounding box over all vertices.
     pub fn bounding_box(&self) -> [Point3; 2] {
-        let fold = |f: fn(f64, f64) -> f64, start| {
-            let start = Point3::new(start, start, start);
-            self.positions.iter().fold(start, |m, p| Point3::from(m.coords.zip_map(&p.coords, f)))
-        };
-        [fold(f64::min, f64::INFINITY), fold(f64::max, f64::NEG_INFINITY)]
+        bounding_box(&self.positions)
     }
 
     /// Some of the faces as a mesh of their own: vertices that they use, in the old order; second,

@@ -192,7 +192,7 @@ fn posed(
     let found = pose(camera, rest, matches, register, options.seed)?;
     match options.literal {
         true => Ok(found),
-        false => posed_from(&template.poses(), camera, rest, matches, found, register),
+        false => posed_from(&template.views, camera, rest, matches, found, register),
     }
 }
 

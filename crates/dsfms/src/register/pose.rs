@@ -35,6 +35,11 @@ impl Posed {
         median_of(&self.residuals_px)
     }
 
+    /// Matches that the pose explains within a distance, px.
+    pub(super) fn within(&self, px: f64) -> usize {
+        self.residuals_px.iter().filter(|&&r| r < px).count()
+    }
+
     /// Reprojection error that one match in ten exceeds, px; of those before the camera.
     pub(super) fn nine_of_ten_px(&self) -> f64 {
         let finite = self.residuals_px.iter().copied().filter(|r| r.is_finite());
@@ -97,7 +102,7 @@ pub fn pose_near(
     left.sort_unstable_by(f64::total_cmp);
     let from = (2.0 * left[left.len() * 9 / 10]).min(coarse).max(fine);
     let posed = settled(camera, points, pixels, start, [from, fine]);
-    let inliers = posed.residuals_px.iter().filter(|&&r| r < 0.5 * coarse).count();
+    let inliers = posed.within(0.5 * coarse);
     if inliers < NEEDED || 3 * inliers < found {
         return Err(RegisterError::NoPose { inliers, found });
     }

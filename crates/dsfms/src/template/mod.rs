@@ -114,11 +114,6 @@ impl Template {
         (!logs.is_empty()).then_some(Exposure { log_gain: 0.0, spread })
     }
 
-    /// Of the registered exploration frames, `camera_from_template`.
-    pub fn poses(&self) -> Vec<Isometry> {
-        self.views.iter().map(|view| view.camera_from_template).collect()
-    }
-
     /// The light of a frame and the tissue it falls on.
     pub fn lighting(&self) -> Coated {
         Coated { light: self.light.clone().unwrap_or_default(), coat: self.coat }

@@ -107,7 +107,7 @@ impl Tracker<'_> {
     /// The pose of the matches, or that of a view from which the camera is at rest.
     fn posed_from(&self, matches: &[Match], found: Posed) -> Result<Posed, RegisterError> {
         let (rest, options) = (&self.template.mesh, &self.options.reconstruct.register);
-        posed_from(&self.template.poses(), self.camera, rest, matches, found, options)
+        posed_from(&self.template.views, self.camera, rest, matches, found, options)
     }
 
     /// The surface solved from where `start` puts the last one.

@@ -1,7 +1,7 @@
 //! A coarse lattice over the surroundings of the organ.
 
 use super::grid::{VoxelGrid, cell};
-use crate::geometry::{Point3, Vector3};
+use crate::geometry::{Point3, Vector3, bounding_box};
 
 /// At most so many steps along the longest side.
 const STEPS: f64 = 96.0;
@@ -25,10 +25,7 @@ impl VoxelLattice {
     /// Around points in voxels.
     pub(super) fn around(grid: &VoxelGrid, points: &[Point3]) -> Self {
         let spacing = Vector3::from(grid.spacing());
-        let (mut low, mut high) = (points[0], points[0]);
-        for p in points {
-            (low, high) = (low.inf(p), high.sup(p));
-        }
+        let [low, high] = bounding_box(points);
         let longest = (high - low).component_mul(&spacing).max();
         let margin = spacing.map(|s| (MARGIN * longest / s).max(LEAST).ceil());
         let low = (low - margin).map(f64::floor);

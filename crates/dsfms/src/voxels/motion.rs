@@ -3,7 +3,7 @@
 use super::VoxelError;
 use super::body::VoxelBody;
 use super::grid::VoxelVolume;
-use crate::geometry::{Isometry, Point3, Vector3};
+use crate::geometry::{Isometry, Point3, Vector3, bounding_box};
 use nalgebra::Matrix4;
 use rayon::prelude::*;
 
@@ -70,12 +70,10 @@ impl<'a> VoxelMotion<'a> {
         let displaced: Vec<Point3> = placed.par_iter().map(moved).collect();
         let linear = body.grid.linear();
         let surface_mm = surface.iter().zip(&displaced).map(|(p, q)| (linear * (q - p)).norm());
-        let bounds =
-            displaced.iter().fold([displaced[0]; 2], |[low, high], p| [low.inf(p), high.sup(p)]);
         Ok(Self {
             surface_mm: surface_mm.collect(),
             lost: displaced.iter().filter(|p| !body.lattice.holds(p)).count(),
-            bounds,
+            bounds: bounding_box(&displaced),
             displacement: (0..body.lattice.count())
                 .into_par_iter()
                 .map(|n| moved(&body.nodes[n]) - body.lattice.node(n))
