@@ -14,6 +14,9 @@ use crate::template::TemplateView;
 /// Share of the matches that do not move in the image, from which on the camera is taken to stand: a camera that
 /// moves moves all of them, and nearly always by more than their noise.
 const STILL: f64 = 0.25;
+/// Share of those that do not move which lie within half the distance, at least. About the point that a moving
+/// camera leaves in place motion grows with distance, and a quarter would; of matches of 0.7 px noise 0.75 do.
+const STILL_WITHIN_HALF: f64 = 0.5;
 
 /// The rigid pose that matches gave, or that of the view of the exploration from which the camera is at rest, as
 /// [`RegisterOptions::camera_motion`] says. Not in the paper.
@@ -45,7 +48,10 @@ pub fn posed_from(
         CameraMotion::Moving => false,
         // Some share a motion that no rigid pose explains, and many do not move.
         CameraMotion::Auto => {
-            found.shared_motion_px > 0.0 && within(0.5 * fine) as f64 >= STILL * all as f64
+            let [near, nearer] = [0.5, 0.25].map(|share| within(share * fine) as f64);
+            found.shared_motion_px > 0.0
+                && near >= STILL * all as f64
+                && nearer >= STILL_WITHIN_HALF * near
         }
         CameraMotion::AtRest if 3 * agree >= all => true,
         CameraMotion::AtRest => {

@@ -21,10 +21,10 @@ pub enum Prior {
 #[serde(rename_all = "snake_case")]
 pub enum CameraMotion {
     /// Its pose is that of the matches.
-    #[default]
     Moving,
     /// Where a quarter of the matches does not move from a view of the exploration while others do, the camera stands
     /// there; else it moves.
+    #[default]
     Auto,
     /// It stands where it stood in one of the views of the exploration.
     AtRest,

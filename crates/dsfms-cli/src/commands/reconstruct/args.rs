@@ -74,9 +74,9 @@ pub struct ReconstructArgs {
     /// the options file, or conformal.
     #[arg(help_heading = "Method", long, value_enum, conflicts_with = "literal")]
     pub prior: Option<PriorName>,
-    /// Where the camera is; without it that of the options file, or moving. at-rest for a scope that stands
+    /// Where the camera is; without it that of the options file, or auto. at-rest for a scope that stands
     /// where it stood in a view of the template while tissue stretches: seen alone, 3 % of stretch look
-    /// like a distance that is 3 % less.
+    /// like a distance that is 3 % less, and where all tissue moves auto does not see that it stands.
     #[arg(help_heading = "Method", long, value_enum, conflicts_with = "literal")]
     pub camera_motion: Option<MotionName>,
     /// Solve eqs. 3 and 4 as printed in the paper instead of the repaired form.

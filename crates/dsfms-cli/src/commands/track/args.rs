@@ -108,7 +108,7 @@ pub struct TrackArgs {
     /// What the surface keeps of its rest shape; without it that of the options file, or conformal.
     #[arg(help_heading = "Method", long, value_enum)]
     pub prior: Option<PriorName>,
-    /// Where the camera is; without it that of the options file, or moving (see `dsfms reconstruct --help`).
+    /// Where the camera is; without it that of the options file, or auto (see `dsfms reconstruct --help`).
     #[arg(help_heading = "Method", long, value_enum)]
     pub camera_motion: Option<MotionName>,
     /// Take every Nth frame.
