@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # What an archive of scripts/make_release.sh must be: whole, started by any CPU, the same bits by both programs.
 #   scripts/check_release.sh ARCHIVE.tar.gz
-# With qemu-user (Debian: apt install qemu-user) the program for any CPU also runs on one without AVX.
+# With qemu-user (Debian: apt install qemu-user) the program for any CPU also runs on one without AVX. That one has no fused
+# multiply-add, which the factorisation of the solvers (faer) takes where it is: there the last digits may differ.
 set -euo pipefail
 archive=$(readlink -f "$1")
 work=$(mktemp -d)
@@ -73,10 +74,23 @@ small() { # FOLDER PROGRAM...
 if command -v qemu-x86_64 > /dev/null; then
   DSFMS_PORTABLE=1 small small "$dsfms"
   small old qemu-x86_64 -cpu Nehalem "$dsfms"
-  for file in ext10/case_0000/frame_000.png ext10/case_0000/truth/frame_000.ply organ.template/template.ply out/frame_000.ply; do
+  for file in ext10/case_0000/frame_000.png ext10/case_0000/truth/frame_000.ply organ.template/template.ply; do
     cmp "small/$file" "old/$file" || { echo "a CPU without AVX gives other bits" >&2; exit 1; }
   done
-  echo "a CPU without AVX (Nehalem by qemu): the same bits"
+  python3 - small/out/frame_000.ply old/out/frame_000.ply << 'END'
+import re, struct, sys
+rows = []
+for path in sys.argv[1:]:
+    head, body = open(path, "rb").read().split(b"end_header\n", 1)
+    sizes = {b"float": "f", b"uchar": "B", b"int": "i"}
+    properties = re.findall(rb"property (\w+) \w+\n", head.split(b"element face")[0])
+    row = struct.Struct("<" + "".join(sizes[name] for name in properties))
+    count = int(re.search(rb"element vertex (\d+)", head)[1])
+    rows.append([row.unpack_from(body, k * row.size) for k in range(count)])
+worst = max(abs(a - b) for p, q in zip(*rows, strict=True) for a, b in zip(p, q, strict=True))
+print(f"a CPU without AVX (Nehalem by qemu): surface and expected error within {worst:.1g} mm")
+sys.exit(worst > 1e-4)
+END
 else
   echo "no qemu-x86_64: a CPU without AVX is NOT tested"
 fi
