@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Make the pictures of docs/guide/images from what `dsfms demo` wrote. Needs Pillow.
+"""Make the pictures of docs/guide/images by the commands of its pages, on what `dsfms demo` wrote. Needs Pillow.
 
     dsfms demo -o DEMO
     scripts/guide_pictures.py target/release/dsfms DEMO
@@ -34,12 +34,14 @@ def main():
         run("template", "scene/exploration", "--camera", "scene/camera.json", "--camera-step", "frame_002", "frame_011",
             "93.29mm", "-o", work / "own.template")
         shrunk(work / "own.template/pictures/organ.png", "organ.jpg", 900)
-        run("export", "organ.template", "--pictures", work / "pictures")
+        run("export", work / "own.template", "--pictures", work / "pictures")
         shrunk(work / "pictures/albedo.png", "albedo.jpg", 600)
-        shrunk(demo / "joint/frame_004_overlay.png", "overlay.jpg")
+        run("reconstruct", work / "own.template", "scene/deformed", "--camera", "scene/camera.json", "--instrument-masks",
+            "scene/instrument_masks", "-o", work / "out")
+        shrunk(work / "out/frame_004_overlay.png", "overlay.jpg")
         run("figure", "dsfms", "joint", "--frame", 3, "--truth", "truth/frame_003.ply", "-o", work / "methods.png")
         shrunk(work / "methods.png", "methods.png", 1000, 96)
-        run("figure", "joint", "--frame", 4, "--turntable", 6, "-o", work / "turntable.png")
+        run("figure", work / "out", "--frame", 4, "--turntable", 6, "-o", work / "turntable.png")
         shrunk(work / "turntable.png", "turntable.png", 1200, 128)
         run("synth", "--video", "--frames", 12, "--size", "320x180", "--vertices", 300, "--seed", 3, "-o", work / "clip")
         run("track", work / "clip/organ.template", work / "clip/frames", "--camera", work / "clip/camera.json", "--overlay",

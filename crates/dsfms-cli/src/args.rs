@@ -12,15 +12,9 @@ pub struct Global {
     /// Worker threads, at most 1024; default one per core. Results do not depend on it.
     #[arg(help_heading = "Global options", long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Seed of every random draw.
-    #[arg(
-        help_heading = "Global options",
-        long,
-        global = true,
-        value_name = "N",
-        default_value_t = 0
-    )]
-    pub seed: u64,
+    /// Seed of every random draw; without it that of the options file, or 0.
+    #[arg(help_heading = "Global options", long, global = true, value_name = "N")]
+    pub seed: Option<u64>,
     /// How progress is told on standard error.
     #[arg(help_heading = "Global options", long, global = true, value_enum, value_name = "KIND", default_value_t = ProgressKind::Auto)]
     pub progress: ProgressKind,
@@ -33,6 +27,13 @@ pub struct Global {
     /// Tone curve of the images; overrides the camera file's.
     #[arg(help_heading = "Global options", long, global = true, value_enum)]
     pub tone: Option<Tone>,
+}
+
+impl Global {
+    /// The seed of a command without an options file.
+    pub fn seed(&self) -> u64 {
+        self.seed.unwrap_or_default()
+    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -89,7 +89,7 @@ fn advice(cause: &(dyn Error + 'static)) -> Option<&'static str> {
         }
         InputError::Image { .. } => Some("expected PNG, JPEG or TIFF; export the frame again"),
         InputError::Field { .. } | InputError::Camera { .. } => {
-            Some("README.md lists the fields of camera.json")
+            Some("README.md lists the fields of camera.json and of the other files")
         }
         _ => None,
     }

@@ -3,6 +3,7 @@
 use crate::args::Global;
 use anyhow::Context;
 use dsfms::camera::CameraModel;
+use dsfms::guard;
 use dsfms::image::{Frame, ToneCurve};
 use dsfms::io::InputError;
 use dsfms::io::images::{find_frames, read_size};
@@ -26,7 +27,7 @@ pub fn options<T, E>(path: &Path, parse: impl FnOnce(&str) -> Result<T, E>) -> a
 where
     E: std::error::Error + Send + Sync + 'static,
 {
-    let text = std::fs::read_to_string(path)
+    let text = guard::read_text(path)
         .with_context(|| format!("cannot read the options file {}", path.display()))?;
     parse(&text).with_context(|| format!("{} is not a valid options file", path.display()))
 }
@@ -198,7 +199,7 @@ mod tests {
             template_from_mesh(mesh, LengthUnit::Millimetre, None, &options, &Silent);
         let progress = crate::progress::ProgressKind::Auto;
         let global =
-            Global { threads: None, seed: 0, progress, quiet: true, verbose: 0, tone: None };
+            Global { threads: None, seed: None, progress, quiet: true, verbose: 0, tone: None };
         assert!(frame_camera(None, &global, &mut template).is_err());
         frame_camera(Some(&path), &global, &mut template).unwrap();
         assert!(matches!(template.light, Some(LightModel::Point(_))));

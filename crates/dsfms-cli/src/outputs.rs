@@ -30,7 +30,7 @@ pub fn check_folder(folder: &Path) -> anyhow::Result<()> {
 }
 
 fn unwritable(folder: &Path) -> String {
-    format!("the output folder {} cannot be written; choose another with -o", folder.display())
+    format!("the output folder {} cannot be written; choose another", folder.display())
 }
 
 /// Make the folder of the results.

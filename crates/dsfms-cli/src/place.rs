@@ -3,7 +3,7 @@
 use crate::exit::Usage;
 use crate::outputs::{check_folder, prepare_folder, write_json};
 use anyhow::Context;
-use dsfms::io::images;
+use dsfms::image::names;
 use serde::Serialize;
 use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
@@ -57,7 +57,7 @@ pub fn check_apart(output: &Path, inputs: &[&Path]) -> anyhow::Result<()> {
     let out = real(output);
     for input in inputs {
         let within = input.is_dir() && out.starts_with(real(input));
-        let is_image = images::EXTENSIONS.iter().any(|e| input.extension() == Some(OsStr::new(e)));
+        let is_image = names::EXTENSIONS.iter().any(|e| input.extension() == Some(OsStr::new(e)));
         let beside =
             input.is_file() && real(input).parent() == Some(&out) && (is_image || is_ours(input));
         if within || beside {
@@ -71,6 +71,48 @@ pub fn check_apart(output: &Path, inputs: &[&Path]) -> anyhow::Result<()> {
         }
     }
     Ok(())
+}
+
+/// Refuse to write a file over one of the input.
+pub fn keep_inputs<'a>(
+    output: &Path,
+    inputs: impl IntoIterator<Item = &'a Path>,
+) -> anyhow::Result<()> {
+    match inputs.into_iter().any(|input| input.is_file() && same(input, output)) {
+        true => {
+            let text = format!(
+                "{} is an input, and would be overwritten; choose another name",
+                output.display()
+            );
+            Err(Usage(text).into())
+        }
+        false => Ok(()),
+    }
+}
+
+/// Refuse an output folder that holds a file or folder of the input: it is replaced as a whole.
+pub fn keep_outside(output: &Path, inputs: &[&Path]) -> anyhow::Result<()> {
+    match inputs.iter().find(|input| within(input, output)) {
+        Some(input) => {
+            let text = format!(
+                "the input {} lies in the output folder {}, and would be lost; choose another with -o",
+                input.display(),
+                output.display()
+            );
+            Err(Usage(text).into())
+        }
+        None => Ok(()),
+    }
+}
+
+/// Whether a path is a folder or lies in it.
+pub fn within(path: &Path, folder: &Path) -> bool {
+    real(path).starts_with(real(folder))
+}
+
+/// Whether two paths are of one place.
+pub fn same(a: &Path, b: &Path) -> bool {
+    real(a) == real(b)
 }
 
 /// Make the folder, remove the files of an older run, and mark it.
@@ -125,7 +167,7 @@ fn entries(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 /// A path without links, `.` and `..`, as far as it exists.
-fn real(path: &Path) -> PathBuf {
+pub fn real(path: &Path) -> PathBuf {
     let full = std::path::absolute(path).unwrap_or_else(|_| path.into());
     let mut real = PathBuf::new();
     for part in full.components() {

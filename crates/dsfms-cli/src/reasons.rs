@@ -24,9 +24,9 @@ fn hint(reason: &Reason) -> Option<&'static str> {
     match reason {
         Reason::RepeatedMatches { .. } => Some("give every match once"),
         Reason::PoseUncertain { .. } => Some("give matches all over the organ"),
-        Reason::RegionUnobserved(_) => {
-            Some("that part is held by its prior alone; give matches there or use --method joint")
-        }
+        Reason::RegionUnobserved(_) => Some(
+            "that part is held by its prior alone; matches there help, as does --method joint where shading sees it",
+        ),
         Reason::RegionContradicted(_) => {
             Some("it is covered, or deformed as the surface does not follow")
         }
@@ -49,6 +49,6 @@ mod tests {
     fn a_part_is_named_with_what_to_do() {
         let part = Part { share: 0.31, centre_px: [412.3, 200.0], radius_px: 55.2 };
         let text = sentence(&Reason::RegionUnobserved(part));
-        assert!(text.contains("31 %") && text.contains("give matches there"), "{text}");
+        assert!(text.contains("31 %") && text.contains("matches there help"), "{text}");
     }
 }

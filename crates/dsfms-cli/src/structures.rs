@@ -90,6 +90,18 @@ struct Structure {
     known: Option<Vec<f64>>,
 }
 
+/// The name of a structure, which is that of its file and of no other structure.
+pub fn own_name<'a>(
+    path: &Path,
+    mut others: impl Iterator<Item = &'a str>,
+) -> Result<String, Usage> {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    match others.any(|other| other == name) {
+        true => Err(Usage(format!("two structures are called {name}; rename one of the files"))),
+        false => Ok(name),
+    }
+}
+
 impl Structures {
     /// Read the files, in the template's frame and unit; `None` without any.
     pub fn read(
@@ -123,7 +135,7 @@ impl Structures {
                     path.display()
                 ));
             }
-            let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let name = own_name(path, items.iter().map(|item: &Structure| item.name.as_str()))?;
             items.push(Structure { name, mesh, depths, known });
         }
         Ok(Some(Self { items, carrier, rest, half_extent }))
@@ -149,7 +161,7 @@ impl Structures {
         Ok(self.items.iter().map(of).collect())
     }
 
-    /// `OUT/NAME_<structure>.ply`.
+    /// `OUT/NAME_<structure>.ply`, with the expected error of every point where it is known.
     pub fn write(
         &self,
         folder: &Path,
@@ -157,11 +169,11 @@ impl Structures {
         template: &Template,
         places: &[Placed],
     ) -> anyhow::Result<()> {
-        for (item, Placed { points, .. }) in self.items.iter().zip(places) {
+        for (item, Placed { points, errors }) in self.items.iter().zip(places) {
             // Not frame_*.ply of its own, which would be taken for a reconstructed surface.
             let path = folder.join(format!("structures/{name}_{}.ply", item.name));
-            let topology = &item.mesh.topology;
-            write_ply(&path, topology, points, template.unit, &PlyExtras::default())?;
+            let extras = PlyExtras { expected_error: errors.as_deref(), ..Default::default() };
+            write_ply(&path, &item.mesh.topology, points, template.unit, &extras)?;
         }
         Ok(())
     }

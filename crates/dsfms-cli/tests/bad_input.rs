@@ -45,6 +45,21 @@ fn wrong_usage_is_64() {
     refused(&mut case.dsfms(&both), USAGE, &["--poses"]);
 }
 
+/// A template from a mesh has no view in which the camera could stand.
+#[test]
+fn a_camera_said_to_be_at_rest_needs_a_view_that_fits() {
+    let case = prepared();
+    let motion = |name| {
+        let mut command = rigid(&case, &["frames"]);
+        command.args(["--camera-motion", name]);
+        command
+    };
+    refused(&mut motion("at-rest"), NOTHING, &["organ_003", "0 views", "--camera-motion"]);
+    motion("auto").assert().success();
+    let asleep = ["'asleep'", "at-rest", "moving"];
+    refused(&mut motion("asleep"), USAGE, &asleep);
+}
+
 #[test]
 fn missing_or_empty_folder() {
     let case = prepared();

@@ -168,3 +168,106 @@ fn other_commands() {
     ];
     all_refused(&case, mistakes);
 }
+
+/// A case with what a careless command line would destroy or take for something else.
+fn careless() -> Case {
+    let case = prepared();
+    let write = |name: &str, text: &str| fs::write(case.path(name), text).unwrap();
+    let copy = |from: &str, to: &str| fs::copy(case.path(from), case.path(to)).unwrap();
+    for folder in ["two", "second", "clear"] {
+        fs::create_dir(case.path(folder)).unwrap();
+    }
+    copy("frames/organ_003.png", "two/organ_003.png");
+    copy("frames/organ_003.png", "two/organ_004.png");
+    copy("organ.ply", "second/organ.ply");
+    let pose = r#"{"image": "organ_003.png", "R": [[1,0,0],[0,1,0],[0,0,1]], "t": [0, 0, "#;
+    write("twice.json", &format!("[{pose}75]}}, {pose}80]}}]"));
+    write("none.json", r#"{"pairs": []}"#);
+    write("blur.toml", "[refine]\nblur = 1e300");
+    let transparent = image::RgbaImage::from_pixel(160, 120, image::Rgba([0, 0, 0, 40]));
+    transparent.save(case.path("clear/instrument_003.png")).unwrap();
+    case
+}
+
+#[test]
+fn nothing_of_the_user_is_overwritten_or_ignored() {
+    let mistakes: &[Mistake] = &[
+        (
+            "calibrate frames --board 4x3 --square 3mm -o frames/organ_003.png",
+            USAGE,
+            &["camera.json"],
+        ),
+        ("calibrate two two --board 4x3 --square 3mm -o c.json", USAGE, &["organ_003", "twice"]),
+        ("evaluate organ.ply organ.ply --json organ.ply", USAGE, &["organ.ply", "overwritten"]),
+        (
+            "reconstruct organ.template frames --camera camera.json --structures organ.ply second/organ.ply -o out",
+            USAGE,
+            &["two structures are called organ"],
+        ),
+        (
+            "reconstruct organ.template frames --camera camera.json --options blur.toml -o out",
+            NOTHING,
+            &["refine.blur", "0.25"],
+        ),
+        (
+            "template --mesh organ.template/template.ply -o organ.template",
+            USAGE,
+            &["would be lost"],
+        ),
+        ("template --mesh organ.ply --masks masks -o t", USAGE, &["--masks belongs to frames"]),
+        ("template --mesh organ.ply --vertices 500 -o t", USAGE, &["--vertices"]),
+        (
+            "template frames --camera camera.json --mesh organ.ply --poses twice.json -o t",
+            NOTHING,
+            &["twice.json", "two different poses of organ_003.png"],
+        ),
+        ("export organ.template --mesh organ.template/template.ply", USAGE, &["template itself"]),
+        ("export organ.template --mesh albedo.obj", USAGE, &["albedo.png"]),
+        (
+            "export organ.template --mesh new.ply --pictures notes.txt",
+            USAGE,
+            &["notes.txt", "folder"],
+        ),
+        ("register-ct organ.template organ.ply --landmarks none.json -o ct", NOTHING, &["no pair"]),
+        (
+            "track organ.template frames --camera camera.json --igtl-image overlay -o out",
+            USAGE,
+            &["--igtl"],
+        ),
+    ];
+    all_refused(&careless(), mistakes);
+}
+
+#[test]
+fn one_file_of_matches_for_several_frames_draws_a_warning() {
+    let case = careless();
+    let line = "reconstruct organ.template two --camera camera.json --matches matches.csv --method dsfm -o out";
+    let done = case.dsfms(&line.split(' ').collect::<Vec<_>>()).output().unwrap();
+    let said = String::from_utf8_lossy(&done.stderr);
+    assert!(said.contains("all of 2 frames"), "{said}");
+}
+
+#[test]
+fn a_mask_in_the_transparency_is_no_mask() {
+    let case = careless();
+    let line =
+        "reconstruct organ.template frames --camera camera.json --matches matches.csv -o out";
+    let arguments: Vec<&str> = line.split(' ').chain(["--instrument-masks", "clear"]).collect();
+    let done = case.dsfms(&arguments).output().unwrap();
+    let said = String::from_utf8_lossy(&done.stderr);
+    assert_eq!(done.status.code(), Some(NOTHING), "{said}");
+    assert!(said.contains("transparent"), "{said}");
+}
+
+#[test]
+fn cases_of_two_series_are_not_mixed() {
+    let case = Case::new();
+    let synth = |seed: &str, extension: &str| {
+        let line =
+            ["synth", "--vertices", "60", "--count", "1", "-o", "s", "--seed", seed, "--ext"];
+        case.dsfms(&[&line[..], &[extension]].concat()).output().unwrap().status.code()
+    };
+    assert_eq!(synth("1", "5"), Some(0));
+    assert_eq!(synth("1", "10"), Some(0));
+    assert_eq!(synth("2", "5"), Some(USAGE));
+}

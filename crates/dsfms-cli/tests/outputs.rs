@@ -134,4 +134,7 @@ fn pipes_and_devices_are_no_input() {
     std::os::unix::fs::symlink("pipe.png", case.path("pipe.json")).unwrap();
     let mut camera = case.reconstruct(&["frames", "--camera", "pipe.json", "-o", "out"]);
     refused(camera.timeout(Duration::from_secs(60)), NOTHING, &["not a regular file"]);
+    let mut options = rigid(&case, "frames", "out");
+    options.args(["--options", "pipe.json"]).timeout(Duration::from_secs(60));
+    refused(&mut options, NOTHING, &["not a regular file"]);
 }

@@ -2,7 +2,7 @@
 
 mod clip;
 
-use clip::{CLIP, FRAMES, Text, track};
+use clip::{CLIP, FRAMES, SIZE, Text, track};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
@@ -53,6 +53,35 @@ fn a_recorded_run_gives_the_same_bits_again_and_a_changed_one_is_told() {
     std::fs::rename(record, &moved).unwrap();
     assert!(told(&replay(&out, &[])).contains("--frames"));
     assert_eq!(replay(&out, &["--frames", moved.to_str().unwrap()]).status.code(), Some(0));
+}
+
+/// A recording names its frames by their place, masks are named as the files were.
+#[test]
+fn masks_of_a_recorded_run_are_found_again_and_a_seed_of_the_options_counts() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    for name in ["shots", "valid"] {
+        std::fs::create_dir(path(name)).unwrap();
+    }
+    for k in 0..2 {
+        let name = format!("shot_{}.png", 20 + k);
+        let shot = CLIP.path().join(format!("clip/frames/frame_{k:03}.png"));
+        std::fs::copy(shot, path("shots") + "/" + &name).unwrap();
+        let [width, height] = SIZE.map(|side| side as u32);
+        let valid = |x, _| image::Luma([255 * u8::from(x > 20 * k)]);
+        let mask = image::GrayImage::from_fn(width, height, valid);
+        mask.save(path("valid") + "/" + &name).unwrap();
+    }
+    std::fs::write(path("options.toml"), "[reconstruct]\nseed = 7").unwrap();
+    let out = folder.path().join("out");
+    let (valid, record, options) = (path("valid"), path("record"), path("options.toml"));
+    let arguments = ["--masks", &valid, "--record", &record, "--options", &options];
+    let said = track(&out, &path("shots"), &arguments).said();
+    let again = replay(&out, &[]);
+    assert_eq!(again.status.code(), Some(0), "{said}\n{}", told(&again));
+    let run = std::fs::read_to_string(out.join("run.json")).unwrap();
+    let run: serde_json::Value = serde_json::from_str(&run).unwrap();
+    assert_eq!(run["options"]["reconstruct"]["seed"], 7);
 }
 
 #[test]

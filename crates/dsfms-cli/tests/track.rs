@@ -7,7 +7,7 @@ mod organ;
 
 use assert_cmd::Command;
 use dsfms::geometry::Point3;
-use dsfms::io::mesh::read_mesh;
+use dsfms::io::mesh::{MeshFile, read_mesh};
 use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::template::LengthUnit;
 use organ::closed;
@@ -300,7 +300,14 @@ fn hidden_structures_are_carried_and_drawn_with_what_is_known_of_their_place() {
     assert!(changed(&without) > 50 && changed(&with) > changed(&without) + 50);
     let carried =
         read_mesh(&folder.path().join("with/structures/frame_000_told.ply")).unwrap().mesh;
-    let surface = read_mesh(&folder.path().join("with/frame_000.ply")).unwrap().mesh;
+    let surface = read_mesh(&folder.path().join("without/frame_000.ply")).unwrap();
+    // The surface says how far it may be off, and its structure farther.
+    let largest =
+        |mesh: &MeshFile| mesh.attributes["expected_error"].iter().copied().fold(0.0, f64::max);
+    assert!(largest(&surface) > 0.0 && surface.attributes.contains_key("observed"));
+    let hidden = read_mesh(&folder.path().join("without/structures/frame_000_lump.ply")).unwrap();
+    assert!(largest(&hidden) > 0.0);
+    let surface = surface.mesh;
     let [low, high] = surface.bounding_box();
     let inside =
         |p: &Point3| (0..3).all(|k| p[k] > low[k] - 0.2 * size && p[k] < high[k] + 0.2 * size);

@@ -7,6 +7,7 @@ use crate::template::{Template, mesh, unit};
 use crate::work;
 use dsfms::geometry::Isometry;
 use dsfms::image::{Frame, Mask};
+use dsfms::io::InputError;
 use dsfms::io::masks::MaskKind;
 use dsfms::io::poses::{PoseList, match_poses, read_poses};
 use dsfms::mesh::Mesh;
@@ -50,8 +51,8 @@ use std::path::{Path, PathBuf};
 ///     Refine focal length, principal point and distortion too.
 /// options : str, optional
 ///     Weights and thresholds as TOML text, as the command line's ``--options``.
-/// seed : int
-///     Seed of every random draw.
+/// seed : int, optional
+///     Seed of every random draw; default that of `options`, or 0.
 /// progress : callable (stage: str, done: int, total: int), optional
 ///     Told how far the work is; what it raises stops the work.
 ///
@@ -71,7 +72,7 @@ use std::path::{Path, PathBuf};
 #[pyfunction]
 #[pyo3(signature = (frames, camera, *, masks=None, organ_masks=None, organ_click=None, vertices=None,
     poses=None, mesh=None, unit="mm", whole=false, refine_by_shading=true, self_calibrate=false, options=None,
-    seed=0, progress=None))]
+    seed=None, progress=None))]
 #[allow(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub fn build_template(
     py: Python<'_>,
@@ -88,7 +89,7 @@ pub fn build_template(
     refine_by_shading: bool,
     self_calibrate: bool,
     options: Option<&str>,
-    seed: u64,
+    seed: Option<u64>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Template> {
     let camera = camera_input(camera)?;
@@ -101,8 +102,9 @@ pub fn build_template(
     organ.whole |= whole;
     organ.click = organ_click.map(click).or(organ.click);
     options.organ = organ.into();
-    options.sfm.seed = seed;
-    options.dense.seed = seed;
+    if let Some(seed) = seed {
+        (options.sfm.seed, options.dense.seed) = (seed, seed);
+    }
     if self_calibrate {
         options.sfm.refine = RefineIntrinsics {
             focal: true,
@@ -118,8 +120,8 @@ pub fn build_template(
     let size = camera.file.camera.size;
     let images = Images::of(frames, "frames", size)?;
     let job = Job {
-        valid: Masks::of(masks, "masks", &images, size)?,
-        organ: Masks::of(organ_masks, "organ_masks", &images, size)?,
+        valid: Masks::of(masks, "masks", size)?,
+        organ: Masks::of(organ_masks, "organ_masks", size)?,
         poses: poses.map(Poses::of).transpose()?,
         mesh: mesh.map(|(v, f)| self::mesh(&v, &f, ["mesh[0]", "mesh[1]"])).transpose()?,
         unit: self::unit(unit)?,
@@ -204,6 +206,14 @@ pub fn sized(frame: &Frame, argument: &str, size: [usize; 2]) -> PyResult<()> {
     Err(wrong(argument, format!("the camera's size {}", shown(size)), shown(frame.size)))
 }
 
+/// Values in memory belong to the frames by their order.
+fn one_each(argument: &str, found: usize, frames: usize) -> PyResult<()> {
+    if found == frames {
+        return Ok(());
+    }
+    Err(wrong(argument, format!("one for each of {frames} frames"), found.to_string()))
+}
+
 /// Masks as given.
 enum Masks {
     Nothing,
@@ -212,12 +222,7 @@ enum Masks {
 }
 
 impl Masks {
-    fn of(
-        value: Option<&Bound<'_, PyAny>>,
-        argument: &str,
-        images: &Images,
-        size: [usize; 2],
-    ) -> PyResult<Self> {
+    fn of(value: Option<&Bound<'_, PyAny>>, argument: &str, size: [usize; 2]) -> PyResult<Self> {
         let Some(value) = value else { return Ok(Self::Nothing) };
         if let Ok(path) = value.extract::<PathBuf>() {
             return Ok(Self::Path(path));
@@ -227,14 +232,14 @@ impl Masks {
             let name = format!("{argument}[{i}]");
             (!item.is_none()).then(|| convert::mask(&item, &name, size)).transpose()
         };
-        let masks: Vec<Option<Mask>> =
-            value.try_iter()?.enumerate().map(one).collect::<PyResult<_>>()?;
-        match images {
-            Images::Memory(frames) if frames.len() != masks.len() => {
-                let expected = format!("one for each of {} frames", frames.len());
-                Err(wrong(argument, expected, masks.len().to_string()))
-            }
-            _ => Ok(Self::Memory(masks)),
+        Ok(Self::Memory(value.try_iter()?.enumerate().map(one).collect::<PyResult<_>>()?))
+    }
+
+    /// Masks in memory belong to the frames by their order.
+    fn check(&self, argument: &str, frames: usize) -> PyResult<()> {
+        match self {
+            Self::Memory(masks) => one_each(argument, masks.len(), frames),
+            _ => Ok(()),
         }
     }
 
@@ -248,9 +253,11 @@ impl Masks {
     ) -> PyResult<Option<Mask>> {
         match self {
             Self::Nothing => Ok(None),
-            Self::Path(source) => mask_of(frame, path, source, kind, progress)
-                .map(Some)
-                .map_err(IntoPython::into_python),
+            Self::Path(source) => match (mask_of(frame, path, source, kind, progress), kind) {
+                // The organ outlined in some of the frames tells it in the others.
+                (Err(InputError::NoPartner { .. }), MaskKind::Organ) => Ok(None),
+                (mask, _) => mask.map(Some).map_err(IntoPython::into_python),
+            },
             Self::Memory(masks) => Ok(masks.get(i).cloned().flatten()),
         }
     }
@@ -274,7 +281,13 @@ impl Poses {
         Ok(Self::Memory(value.try_iter()?.enumerate().map(one).collect::<PyResult<_>>()?))
     }
 
-    fn of_frames(self, frames: &[Frame]) -> PyResult<Vec<Option<Isometry>>> {
+    /// Poses of `frames`, which were the ones at these places of `all` frames.
+    fn of_frames(
+        self,
+        frames: &[Frame],
+        places: &[usize],
+        all: usize,
+    ) -> PyResult<Vec<Option<Isometry>>> {
         match self {
             Self::Path(path) => {
                 let poses =
@@ -282,10 +295,9 @@ impl Poses {
                 let names: Vec<&str> = frames.iter().map(|f| f.name.as_str()).collect();
                 Ok(match_poses(&poses, &names))
             }
-            Self::Memory(poses) if poses.len() == frames.len() => Ok(poses),
             Self::Memory(poses) => {
-                let expected = format!("one for each of {} frames", frames.len());
-                Err(wrong("poses", expected, poses.len().to_string()))
+                one_each("poses", poses.len(), all)?;
+                Ok(places.iter().map(|&i| poses[i]).collect())
             }
         }
     }
@@ -305,7 +317,10 @@ struct Job {
 impl Job {
     fn run(self, progress: &dyn Progress) -> PyResult<BuiltTemplate> {
         let list = self.images.sources(Purpose::Template, progress)?;
+        self.valid.check("masks", list.len())?;
+        self.organ.check("organ_masks", list.len())?;
         let (mut frames, mut valid, mut organ) = (Vec::new(), Vec::new(), Vec::new());
+        let mut places = Vec::new();
         let mut first_error = None;
         for (i, source) in list.iter().enumerate() {
             // As the command line: a frame that cannot be used is left out with a warning.
@@ -319,6 +334,7 @@ impl Job {
                     valid.push(self.valid.at(i, &frame, path, MaskKind::Valid, progress)?);
                     organ.push(self.organ.at(i, &frame, path, MaskKind::Organ, progress)?);
                     frames.push(frame);
+                    places.push(i);
                 }
                 Err(error) => {
                     progress.warn(&format!("{error}; the frame is left out"));
@@ -332,7 +348,7 @@ impl Job {
         }
         let exploration = self.camera.exploration(&frames).valid(&valid).organ(&organ);
         let options = &self.options;
-        let poses = self.poses.map(|p| p.of_frames(&frames)).transpose()?;
+        let poses = self.poses.map(|p| p.of_frames(&frames, &places, list.len())).transpose()?;
         let built = match (self.mesh, poses) {
             (Some(mesh), Some(poses)) => {
                 template_from_posed_frames(&exploration, mesh, self.unit, &poses, options, progress)

@@ -80,11 +80,16 @@ impl Sight {
     }
 }
 
-/// An image or its file.
-pub fn image(value: &Bound<'_, PyAny>, argument: &str, size: [usize; 2]) -> PyResult<Frame> {
+/// An image, which gets a name, or its file.
+pub fn image(
+    value: &Bound<'_, PyAny>,
+    argument: &str,
+    name: &str,
+    size: [usize; 2],
+) -> PyResult<Frame> {
     let frame = match value.extract::<PathBuf>() {
         Ok(path) => read_frame(&path).map_err(IntoPython::into_python)?,
-        Err(_) => convert::frame(value, argument, "frame_000".into())?,
+        Err(_) => convert::frame(value, argument, name.into())?,
     };
     sized(&frame, argument, size)?;
     Ok(frame)
@@ -110,8 +115,8 @@ pub fn image(value: &Bound<'_, PyAny>, argument: &str, size: [usize; 2]) -> PyRe
 ///     True (above 127) where the organ is the first surface hit.
 /// options : str, optional
 ///     Weights and thresholds as TOML text, as the command line's ``--options``.
-/// seed : int
-///     Seed of every random draw.
+/// seed : int, optional
+///     Seed of every random draw; default that of `options`, or 0.
 ///
 /// Returns
 /// -------
@@ -126,7 +131,7 @@ pub fn image(value: &Bound<'_, PyAny>, argument: &str, size: [usize; 2]) -> PyRe
 ///     The frame gives no surface: black, too few matches, no albedo for the method.
 #[pyfunction]
 #[pyo3(signature = (template, image, camera=None, *, method=None, matches=None, instrument_mask=None,
-    organ_mask=None, options=None, seed=0))]
+    organ_mask=None, options=None, seed=None))]
 #[allow(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub fn reconstruct(
     py: Python<'_>,
@@ -138,17 +143,17 @@ pub fn reconstruct(
     instrument_mask: Option<&Bound<'_, PyAny>>,
     organ_mask: Option<&Bound<'_, PyAny>>,
     options: Option<&str>,
-    seed: u64,
+    seed: Option<u64>,
 ) -> PyResult<Surface> {
     let method = method.map(method_of).transpose()?;
     let method = method.unwrap_or_else(|| Method::best_for(&template.get().inner));
     let sight = Sight::new(py, template.get(), camera)?;
-    let frame = self::image(image, "image", sight.camera.size)?;
+    let frame = self::image(image, "image", "frame_000", sight.camera.size)?;
     let size = frame.size;
     let base =
         options.map(|text| errors::options(ReconstructOptions::from_toml(text))).transpose()?;
     let mut options = base.unwrap_or_default();
-    options.seed = seed;
+    options.seed = seed.unwrap_or(options.seed);
     let faces = sight.template.mesh.topology.faces.len();
     let matches = matches
         .map(|value| match value.extract::<PathBuf>() {

@@ -33,8 +33,8 @@ type Push = (Frame, Option<Mask>, Sender<PyResult<Tracked>>);
 ///     Coarser and about twice as fast.
 /// options : str, optional
 ///     Weights and thresholds as TOML text, as the command line's ``--options``.
-/// seed : int
-///     Seed of every random draw.
+/// seed : int, optional
+///     Seed of every random draw; default that of `options`, or 0.
 ///
 /// Raises
 /// ------
@@ -57,7 +57,7 @@ pub struct Tracker {
 #[pymethods]
 impl Tracker {
     #[new]
-    #[pyo3(signature = (template, camera=None, *, method="joint", realtime=false, options=None, seed=0))]
+    #[pyo3(signature = (template, camera=None, *, method="joint", realtime=false, options=None, seed=None))]
     fn new(
         py: Python<'_>,
         template: &Bound<'_, Template>,
@@ -65,7 +65,7 @@ impl Tracker {
         method: &str,
         realtime: bool,
         options: Option<&str>,
-        seed: u64,
+        seed: Option<u64>,
     ) -> PyResult<Self> {
         let method = method_of(method)?;
         let sight = Sight::new(py, template.get(), camera)?;
@@ -74,7 +74,7 @@ impl Tracker {
             Some(text) => errors::options(base.with_toml(text))?,
             None => base,
         };
-        options.reconstruct.seed = seed;
+        options.reconstruct.seed = seed.unwrap_or(options.reconstruct.seed);
         let (size, shown) = (sight.camera.size, sight.shown.clone_ref(py));
         let (push, frames) = channel::<Push>();
         let (ready, made) = sync_channel(1);
@@ -112,13 +112,10 @@ impl Tracker {
         frame: &Bound<'_, PyAny>,
         instrument_mask: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Surface> {
-        let mut frame = image(frame, "frame", self.size)?;
+        let frame = image(frame, "frame", &format!("frame_{:03}", self.count()), self.size)?;
         let mask = instrument_mask
             .map(|value| convert::mask(value, "instrument_mask", self.size))
             .transpose()?;
-        if frame.name == "frame_000" {
-            frame.name = format!("frame_{:03}", self.count());
-        }
         self.solve(py, frame, mask, None)
     }
 

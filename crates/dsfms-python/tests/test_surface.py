@@ -91,6 +91,55 @@ def test_memory_and_files_agree(
     assert all(done <= total for _, done, total in seen)
 
 
+def test_poses_and_masks_stay_with_their_frames(
+    scene: Path, camera: dsfms.Camera, template: dsfms.Template, tmp_path: Path
+) -> None:
+    names = list(template.poses)[:4]
+    paths = [scene / "exploration" / f"{name}.png" for name in names]
+    poses = [template.poses[name] for name in names]
+    # A file that cannot be read, with a pose of its own among the others.
+    broken = tmp_path / "frame_900.png"
+    broken.write_bytes(paths[0].read_bytes()[:300])
+    paths.insert(1, broken)
+    poses.insert(1, np.eye(4))
+    mesh = (template.vertices, template.faces)
+    built = dsfms.build_template(paths, camera, mesh=mesh, poses=poses, options=COARSE)
+    for name in names:
+        assert np.allclose(built.poses[name], template.poses[name], atol=1e-9)
+    with pytest.raises(ValueError, match="poses: expected one for each of 5 frames, found 4"):
+        dsfms.build_template(paths, camera, mesh=mesh, poses=poses[:4], options=COARSE)
+    with pytest.raises(ValueError, match="organ_masks: expected one for each of 5 frames, found 1"):
+        whole = np.full((camera.size[1], camera.size[0]), 255, np.uint8)
+        dsfms.build_template(paths, camera, organ_masks=[whole], options=COARSE)
+
+
+def test_organ_masks_of_some_frames_are_enough(
+    scene: Path, camera: dsfms.Camera, tmp_path: Path
+) -> None:
+    for path in sorted((scene / "exploration_masks").iterdir())[:3]:
+        shutil.copy(path, tmp_path / path.name)
+    seen: list[str] = []
+    with pytest.raises(StopIteration):
+
+        def stop(stage: str, done: int, total: int) -> None:
+            seen.append(stage)
+            raise StopIteration(stage)
+
+        dsfms.build_template(scene / "exploration", camera, organ_masks=tmp_path, progress=stop)
+    assert seen
+
+
+def test_a_seed_of_the_options_counts(template: dsfms.Template, scene: Path, camera: dsfms.Camera) -> None:
+    image = first(scene / "deformed")
+
+    def vertices(**more: object) -> NDArray[np.float64]:
+        return dsfms.reconstruct(template, image, camera, method="dsfm", **more).vertices  # type: ignore[arg-type]
+
+    seven = vertices(seed=7)
+    assert np.array_equal(vertices(options="seed = 7"), seven)
+    assert not np.array_equal(vertices(), seven)
+
+
 def test_wrong_frames_are_named(camera: dsfms.Camera, scene: Path) -> None:
     with pytest.raises(ValueError, match=r"frames\[0\]: expected the camera's size"):
         dsfms.build_template([np.zeros((10, 10, 3), np.uint8)], camera)

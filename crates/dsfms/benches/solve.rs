@@ -102,7 +102,7 @@ fn bench_shading(
         let warm = |_| join_near(&mut memory.borrow_mut(), &frame, near, &options, &video);
         warm(0);
         let (time, warmed) = median_time(n, warm);
-        line(n, "joint warm", time, [warmed.steps, 0], rms(case, &warmed.vertices));
+        line(n, "joint warm", time, [warmed.summary.iterations, 0], rms(case, &warmed.vertices));
     }
 }
 

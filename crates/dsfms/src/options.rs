@@ -33,6 +33,24 @@ pub(crate) fn positive(values: &[f64]) -> bool {
     values.iter().all(|v| *v > 0.0 && v.is_finite())
 }
 
+/// Whether a blur is a part of the image's diagonal from 0: of more than a quarter nothing is left.
+pub(crate) fn blurs(values: &[f64]) -> bool {
+    values.iter().all(|v| (0.0..=0.25).contains(v))
+}
+
+/// Whether no field is "not a number": no comparison with it holds, so that a limit would be none.
+pub(crate) fn numbers<T: Serialize>(options: &T) -> bool {
+    fn number(value: &toml::Value) -> bool {
+        match value {
+            toml::Value::Float(x) => !x.is_nan(),
+            toml::Value::Array(values) => values.iter().all(number),
+            toml::Value::Table(table) => table.values().all(number),
+            _ => true,
+        }
+    }
+    toml::Value::try_from(options).is_ok_and(|value| number(&value))
+}
+
 /// A field of an options file that stood elsewhere in earlier versions.
 pub(crate) enum Moved {
     /// From where, to where.

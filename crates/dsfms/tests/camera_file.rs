@@ -50,6 +50,24 @@ fn the_example_of_the_readme_is_read_as_it_says() {
     assert_eq!(read_camera(&path).unwrap(), described());
 }
 
+/// The first camera file that a newcomer opens.
+#[test]
+fn the_camera_of_the_demo_is_written_as_the_readme_says() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../dsfms-cli/data/demo/camera.json");
+    let given: Value = serde_json::from_str(&std::fs::read_to_string(&root).unwrap()).unwrap();
+    let again = written(&read_camera(&root).unwrap());
+    // Coefficients of 0 are left out.
+    let numbers = given.as_object().unwrap().iter().filter(|f| !f.1.is_object());
+    for (field, value) in numbers {
+        assert_eq!(again[field], *value, "{field}");
+    }
+    for field in ["kind", "positions"] {
+        assert_eq!(again["light"][field], given["light"][field]);
+    }
+    let spot = |file: &Value, end: &str| file["light"]["spot"][end].as_f64();
+    assert!(["inner_deg", "outer_deg"].iter().all(|e| spot(&given, e) == spot(&again, e)));
+}
+
 #[test]
 fn spots_are_written_as_numbers() {
     let spot = |spot| {

@@ -1,9 +1,9 @@
 //! Options from a user: bounds, what belongs to whom, and the names that reports print.
 
-use dsfms::image::Frame;
+use dsfms::image::{Frame, Mask};
 use dsfms::pipeline::{
-    Method, Observation, ReconstructError, ReconstructOptions, Reconstruction, TemplateOptions,
-    reconstruct,
+    Exploration, Method, Observation, ReconstructError, ReconstructOptions, Reconstruction, Silent,
+    TemplateOptions, reconstruct, template_from_frames,
 };
 use dsfms::register::{Prior, PriorWeights};
 use dsfms::synth::{Case, Cell, Protocol};
@@ -48,13 +48,45 @@ fn options_out_of_bounds_are_refused_by_name() {
     let tone = &case.template.tone;
     let tracker = Tracker::new(&case.template, &case.camera, tone, Method::Joint, tracked);
     assert!(matches!(tracker.err(), Some(TrackError::Options(_))));
-    assert!(TrackOptions::from_toml("search_every = 0").is_err());
+    for text in ["search_every = 0", "[video]\nleast_blur_px = 0"] {
+        assert!(TrackOptions::from_toml(text).is_err(), "{text}");
+    }
+    // No comparison with it holds: the limit would be none.
+    let error = ReconstructOptions::from_toml("[verdict]\ncontradicted = nan").unwrap_err();
+    assert!(error.to_string().contains("verdict must be numbers"), "{error}");
+    assert!(ReconstructOptions::from_toml("[verdict]\ncontradicted = inf").is_ok());
+    assert!(TemplateOptions::from_toml("[albedo]\nmax_texels = 4294967296").is_err());
     let error = TemplateOptions::from_toml("vertices = 5").unwrap_err().to_string();
     assert!(error.contains("vertices must be 100 to 50,000"), "{error}");
     let error = TemplateOptions::from_toml("[sfm]\nratio = 2.0").unwrap_err().to_string();
     assert!(error.contains("ratio"), "{error}");
     assert!(TemplateOptions::default().validate().is_ok());
     assert!(TrackOptions::realtime().validate().is_ok());
+}
+
+#[test]
+fn masks_and_matches_of_something_else_are_refused() {
+    let case = case();
+    let (small, options) = (Mask::filled([10, 10], true), ReconstructOptions::default());
+    let seen = Observation::new(&case.frame, &case.camera).matches(&case.matches);
+    let refused = |seen: &Observation| {
+        reconstruct(&case.template, seen, Method::Dsfm, &options).unwrap_err().to_string()
+    };
+    for seen in [seen.instrument(&small), seen.organ(&small)] {
+        let error = refused(&seen);
+        assert!(error.contains("mask is [10, 10] px"), "{error}");
+    }
+    let mut matches = case.matches.clone();
+    matches[3].face = 1_000_000;
+    let error = refused(&seen.matches(&matches));
+    assert!(error.contains("match 3 names face 1000000"), "{error}");
+    // The same of an exploration.
+    let frames = vec![case.frame.clone(); 2];
+    let organ = [None, Some(small)];
+    let exploration = Exploration::new(&frames, &case.camera).organ(&organ);
+    let built = template_from_frames(&exploration, &TemplateOptions::default(), &Silent);
+    let error = built.unwrap_err().to_string();
+    assert!(error.contains("[10, 10] px"), "{error}");
 }
 
 /// The weights as `dsfms options reconstruct` printed them when several tables had a copy of them.

@@ -1,7 +1,7 @@
 //! A template whose making was stopped goes on behind its last finished stage, with the same bits.
 
-use dsfms::checkpoint::{Keep, Store};
-use dsfms::pipeline::template_from_frames_kept;
+use dsfms::checkpoint::{Store, WriteValue};
+use dsfms::pipeline::template_from_frames;
 use dsfms::synth::Case;
 use dsfms::{Exploration, Silent, Template, TemplateOptions};
 use std::collections::BTreeMap;
@@ -20,8 +20,10 @@ impl Store for Memory {
         let kept = self.kept.lock().unwrap();
         kept.get(stage).filter(|(k, _)| *k == key).map(|(_, bytes)| bytes.clone())
     }
-    fn save(&self, stage: &str, key: u64, bytes: &[u8]) {
-        self.kept.lock().unwrap().insert(stage.into(), (key, bytes.to_vec()));
+    fn save(&self, stage: &str, key: u64, value: WriteValue) {
+        let mut bytes = Vec::new();
+        value(&mut bytes).unwrap();
+        self.kept.lock().unwrap().insert(stage.into(), (key, bytes));
     }
     fn used(&self, stage: &str, _frames: usize) {
         self.used.lock().unwrap().push(stage.into());
@@ -36,12 +38,13 @@ const STAGES: [&str; 4] = ["features", "matches", "poses", "depth"];
 /// On few pixels: what is shown is that stages are kept, not how well they work.
 fn build(case: &Case, store: &Memory) -> Template {
     let (frames, _) = case.explore(8);
-    let exploration = Exploration::new(&frames, &case.camera).light(case.template.light.as_ref());
+    let exploration =
+        Exploration::new(&frames, &case.camera).light(case.template.light.as_ref()).keep(store);
     let mut options = TemplateOptions { vertices: 150, ..Default::default() };
     options.dense.max_pixels = 20_000;
     options.albedo.max_resolution = 4;
     options.light.spots = 300;
-    template_from_frames_kept(&exploration, &options, &Silent, Keep::new(store)).unwrap().template
+    template_from_frames(&exploration, &options, &Silent).unwrap().template
 }
 
 fn files(template: &Template) -> Vec<(String, Vec<u8>)> {

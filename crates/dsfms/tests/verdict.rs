@@ -1,14 +1,16 @@
 //! Nothing wrong is shown as good: degenerate matches, covered frames, another camera.
 
 use dsfms::camera::{Camera, CameraModel};
-use dsfms::geometry::{Point2, point_at};
+use dsfms::geometry::{Isometry, Point2, point_at};
 use dsfms::image::Frame;
 use dsfms::light::LightModel;
 use dsfms::pipeline::{
-    Method, Observation, ReconstructError, ReconstructOptions, Reconstruction, reconstruct,
+    Exploration, Method, Observation, ReconstructError, ReconstructOptions, Reconstruction, Silent,
+    TemplateOptions, reconstruct, template_from_posed_frames,
 };
 use dsfms::register::Match;
 use dsfms::synth::{Case, CaseOptions, Draw};
+use dsfms::template::LengthUnit;
 use dsfms::verdict::{Level, Reason, Region};
 
 fn case(count: usize) -> Case {
@@ -171,4 +173,24 @@ fn another_camera_is_refused_where_the_matches_contradict_it() {
         matches!(r, Reason::CameraContradicted { .. } | Reason::CameraUnconfirmed { .. })
     };
     assert!(reasons.iter().any(named), "{reasons:?}");
+}
+
+/// Nothing but the look of the frames tells that a given mesh does not lie where given poses say.
+#[test]
+fn frames_do_not_look_like_a_template_of_wrong_poses() {
+    let case = Case::example(1);
+    let (frames, poses) = case.explore(4);
+    let exploration = Exploration::new(&frames, &case.camera).light(case.template.light.as_ref());
+    let options = TemplateOptions::default();
+    let unlike = |change: &dyn Fn(Isometry) -> Isometry| {
+        let poses: Vec<_> = poses.iter().map(|pose| Some(change(*pose))).collect();
+        let (mesh, unit) = (case.template.mesh.clone(), LengthUnit::Millimetre);
+        let built = template_from_posed_frames(&exploration, mesh, unit, &poses, &options, &Silent);
+        built.unwrap().template.usual.unwrap().unlike()
+    };
+    assert_eq!(unlike(&|pose| pose), None);
+    assert!(unlike(&|pose| Isometry::translation(10.0, 0.0, 0.0) * pose).is_some());
+    let transposed =
+        |pose: Isometry| Isometry::from_parts(pose.translation, pose.rotation.inverse());
+    assert!(unlike(&transposed).is_some());
 }

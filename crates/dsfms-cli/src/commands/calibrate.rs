@@ -1,18 +1,21 @@
 //! `dsfms calibrate`: pictures of a chessboard to a camera file.
 
 use crate::args::Global;
-use crate::exit::Outcome;
-use crate::inputs;
+use crate::exit::{Outcome, Usage};
+use crate::inputs::{self, Source};
 use crate::outputs::{check_folder, prepare_folder, write_json, write_png};
 use crate::pictures::calibration as pictures;
+use crate::place;
 use crate::progress::Reporter;
 use anyhow::Context;
 use clap::Args;
 use dsfms::calibrate::{Board, CalibrateOptions, Calibration, calibrate};
 use dsfms::image::Frame;
+use dsfms::image::names::EXTENSIONS;
 use dsfms::io::camera::{CameraFile, write_camera};
 use dsfms::pipeline::Progress;
 use serde_json::json;
+use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -89,7 +92,12 @@ pub fn length_mm(text: &str) -> Result<f64, String> {
 pub fn run(args: &CalibrateArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
     let folder = args.output.with_extension("calibration");
     check_folder(&folder)?;
-    let frames = frames(&args.images, reporter)?;
+    let image = args.output.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    if EXTENSIONS.contains(&image.as_str()) {
+        let output = args.output.display();
+        return Err(Usage(format!("-o {output}: expected a camera file, as camera.json")).into());
+    }
+    let frames = frames(args, reporter)?;
     let board = Board { corners: args.board, square: args.square };
     let options = CalibrateOptions {
         third_radial: args.third_radial,
@@ -113,8 +121,15 @@ pub fn run(args: &CalibrateArgs, global: &Global, reporter: &Reporter) -> anyhow
     Ok(if found.rejected.is_empty() { Outcome::Ok } else { Outcome::Degraded })
 }
 
-fn frames(images: &[PathBuf], reporter: &Reporter) -> anyhow::Result<Vec<Frame>> {
-    let sources = inputs::sources(images, inputs::Purpose::Template, reporter)?;
+fn frames(args: &CalibrateArgs, reporter: &Reporter) -> anyhow::Result<Vec<Frame>> {
+    let sources = inputs::sources(&args.images, inputs::Purpose::Template, reporter)?;
+    let paths: Vec<&Path> = sources.iter().filter_map(Source::path).collect();
+    place::keep_inputs(&args.output, paths.iter().copied())?;
+    // The same picture twice tells nothing more, and makes the uncertainty too small.
+    let mut known = BTreeSet::new();
+    if let Some(path) = paths.iter().find(|path| !known.insert(place::real(path))) {
+        return Err(Usage(format!("{} is given twice", path.display())).into());
+    }
     let mut frames = Vec::new();
     for source in &sources {
         match source.frame() {

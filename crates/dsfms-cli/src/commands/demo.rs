@@ -97,8 +97,8 @@ fn build(
 ) -> anyhow::Result<BuiltTemplate> {
     let mut options =
         TemplateOptions { vertices: args.vertices, scale: steps(scene), ..Default::default() };
-    options.sfm.seed = global.seed;
-    options.dense.seed = global.seed;
+    options.sfm.seed = global.seed();
+    options.dense.seed = global.seed();
     let exploration = scene.camera.exploration(&scene.exploration).organ(&scene.exploration_organ);
     let built = template_from_frames(&exploration, &options, reporter)?;
     for (name, why) in &built.rejected {
@@ -115,7 +115,7 @@ fn reconstruct_all(
     global: &Global,
     reporter: &Reporter,
 ) -> anyhow::Result<Vec<FrameResult>> {
-    let options = ReconstructOptions { seed: global.seed, ..Default::default() };
+    let options = ReconstructOptions { seed: global.seed(), ..Default::default() };
     let mut frames: Vec<FrameResult> = scene
         .deformed
         .iter()

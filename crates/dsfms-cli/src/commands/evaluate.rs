@@ -4,6 +4,7 @@ mod told;
 
 use crate::exit::{Outcome, Usage};
 use crate::outputs::{prepare_for, write_json};
+use crate::place;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use dsfms::camera::CameraModel;
@@ -87,6 +88,11 @@ impl From<Align> for Alignment {
 /// Run the command.
 pub fn run(args: &EvaluateArgs) -> anyhow::Result<Outcome> {
     let pairs = pairs(&args.found, &args.truth)?;
+    if let Some(path) = &args.json {
+        let files = pairs.iter().flat_map(|(_, found, truth)| [Some(found), truth.as_ref()]);
+        let given = [args.rest.as_ref(), args.camera.as_ref()];
+        place::keep_inputs(path, files.chain(given).flatten().map(PathBuf::as_path))?;
+    }
     let given = Given {
         rest: args.rest.as_deref().map(read_mesh).transpose()?,
         camera: args.camera.as_deref().map(read_camera).transpose()?.map(|file| file.camera),
@@ -115,6 +121,16 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<Outcome> {
         (false, 0) => Outcome::Ok,
         (false, _) => Outcome::Degraded,
     })
+}
+
+/// The unit of a mesh beside another one: where it states none, mm as everywhere, or that of a template of unknown
+/// scale.
+fn unit_of(stated: Option<MeshUnit>, other: Option<MeshUnit>) -> Option<MeshUnit> {
+    let taken = |other| match other {
+        MeshUnit::TemplateUnit => MeshUnit::TemplateUnit,
+        _ => MeshUnit::Millimetre,
+    };
+    stated.or(other.map(taken))
 }
 
 /// Name, reconstructed file, true file.
@@ -200,8 +216,16 @@ impl Given {
         truth: &MeshFile,
         truth_path: &Path,
     ) -> anyhow::Result<(MeshFile, Option<MeshUnit>)> {
-        let Some(unit) = truth.unit.or(found.unit) else { return Ok((found, None)) };
-        let stated = found.unit.unwrap_or(unit);
+        let Some(unit) = unit_of(truth.unit, found.unit) else { return Ok((found, None)) };
+        let stated = unit_of(found.unit, Some(unit)).unwrap_or(unit);
+        let usual = [stated, unit] == [MeshUnit::Millimetre; 2];
+        for (path, said, taken) in [(path, found.unit, stated), (truth_path, truth.unit, unit)] {
+            if said.is_none() && !usual {
+                let (path, taken) = (path.display(), taken.label());
+                eprintln!("warning: {path}: states no unit, and is taken to be in {taken}");
+            }
+        }
+        let found = MeshFile { unit: Some(stated), ..found };
         if stated.factor_to(unit).is_none() && self.alignment == Alignment::Similarity {
             return Ok((MeshFile { unit: Some(unit), ..found }, Some(unit)));
         }
@@ -226,12 +250,13 @@ impl Given {
         unit: Option<MeshUnit>,
     ) -> anyhow::Result<Option<Vec<f64>>> {
         let Some(rest) = self.rest.clone() else { return Ok(None) };
-        let rest = match unit {
-            Some(unit) => rest
-                .in_unit(unit)
-                .map_err(|mismatch| Usage(format!("--rest and the true mesh: {mismatch}")))?,
-            None => rest,
-        };
+        let rest =
+            match unit {
+                Some(unit) => MeshFile { unit: unit_of(rest.unit, Some(unit)), ..rest }
+                    .in_unit(unit)
+                    .map_err(|mismatch| Usage(format!("--rest and the true mesh: {mismatch}")))?,
+                None => rest,
+            };
         Ok(displacement_from_rest(&rest.mesh.positions, &truth.mesh.positions))
     }
 }

@@ -5,6 +5,7 @@ use crate::exit::{Outcome, Usage};
 use crate::formats::write_material;
 use crate::outputs::{prepare_folder, prepare_for};
 use crate::pictures::template::write_pictures;
+use crate::place;
 use crate::progress::Reporter;
 use anyhow::Context;
 use clap::Args;
@@ -69,7 +70,19 @@ pub fn run(args: &ExportArgs, global: &Global, reporter: &Reporter) -> anyhow::R
         let problem = format!("--mesh {}: expected .ply, .obj, .vtp, .stl or .glb", path.display());
         return Err(Usage(problem).into());
     }
+    args.mesh.iter().try_for_each(|path| check_beside(path))?;
     let template = read_template(&args.template)?;
+    let out = [&args.colmap, &args.pictures, &args.surroundings].into_iter().flatten();
+    if let Some(path) = out.chain(&args.mesh).find(|path| place::within(path, &args.template)) {
+        let problem =
+            format!("{} lies in the template itself; choose another place", path.display());
+        return Err(Usage(problem).into());
+    }
+    if let Some(folder) = args.pictures.as_ref().filter(|folder| folder.is_file()) {
+        let problem =
+            format!("--pictures {}: expected a folder, and this is a file", folder.display());
+        return Err(Usage(problem).into());
+    }
     let mut lines = Vec::new();
     if let Some(folder) = &args.colmap {
         lines.push(colmap(&template, folder, args)?);
@@ -94,6 +107,19 @@ pub fn run(args: &ExportArgs, global: &Global, reporter: &Reporter) -> anyhow::R
     Ok(Outcome::Ok)
 }
 
+/// An OBJ has its material and its albedo beside it, which are not to replace files of others.
+fn check_beside(path: &Path) -> anyhow::Result<()> {
+    let beside = ["mtl", "png"].map(|extension| path.with_extension(extension));
+    match beside.iter().find(|file| file.exists() && !path.exists()) {
+        Some(file) if matches!(kind(path), Some(Kind::Obj)) => {
+            let [path, file] = [path, file].map(|p| p.display());
+            let problem = format!("--mesh {path} would overwrite {file}; choose another name");
+            Err(Usage(problem).into())
+        }
+        _ => Ok(()),
+    }
+}
+
 fn surroundings(template: &Template, path: &Path) -> anyhow::Result<()> {
     let Some(around) = &template.surroundings else {
         let problem = "the template holds no surroundings: it has them where it was built from frames that show \
@@ -116,6 +142,13 @@ fn colmap(template: &Template, folder: &Path, args: &ExportArgs) -> anyhow::Resu
             "the template has no exploration frames, so there is no COLMAP model of it".into(),
         )
         .into());
+    }
+    // Other programs would read the one of them that they prefer.
+    let other = folder.join(if args.binary { "images.txt" } else { "images.bin" });
+    if other.exists() {
+        let problem =
+            format!("--colmap: {} is of another model; choose another folder", other.display());
+        return Err(Usage(problem).into());
     }
     prepare_folder(folder)?;
     write_model(folder, &model, if args.binary { Format::Binary } else { Format::Text })?;

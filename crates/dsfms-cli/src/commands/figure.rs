@@ -270,5 +270,7 @@ fn millimetres(text: &str) -> Result<f64, String> {
 
 fn positive(text: &str) -> Result<f64, String> {
     let valid = |v: &f64| v.is_finite() && *v > 0.0;
-    text.parse().ok().filter(valid).ok_or_else(|| "expected a length above zero".to_owned())
+    let number = text.strip_suffix("mm").unwrap_or(text).trim();
+    let wrong = || "expected a number above zero, in the unit of the surfaces".to_owned();
+    number.parse().ok().filter(valid).ok_or_else(wrong)
 }

@@ -124,6 +124,16 @@ pub fn run(
     Ok(conclude(&rows, reporter))
 }
 
+/// A file of matches is of one frame, and right for others only where nothing moved.
+fn one_frame_each(args: &ReconstructArgs, frames: usize, reporter: &Reporter) {
+    if let Some(path) = args.matches.as_ref().filter(|path| path.is_file() && frames > 1) {
+        let path = path.display();
+        reporter.warn(&format!(
+            "--matches {path} is taken for all of {frames} frames; a folder holds a CSV for each, of the frame's name or number"
+        ));
+    }
+}
+
 /// Folders and files of the input, apart from which results lie.
 fn places(args: &ReconstructArgs) -> Vec<&Path> {
     let optional = [&args.matches, &args.instrument_masks, &args.organ_masks];
@@ -153,7 +163,7 @@ fn prepare<'a>(
         Some(path) => inputs::options(path, ReconstructOptions::from_toml)?,
         None => ReconstructOptions::default(),
     };
-    options.seed = global.seed;
+    options.seed = global.seed.unwrap_or(options.seed);
     options.literal |= args.literal;
     if let Some(prior) = args.prior.map(Prior::from) {
         (options.register.prior.kind, options.joint.prior.kind) = (prior, prior);
@@ -204,6 +214,7 @@ impl Job<'_> {
         let instrument = args.instrument_masks.as_deref();
         inputs::check_masks(&sources, instrument, MaskKind::Instrument)?;
         inputs::check_masks(&sources, args.organ_masks.as_deref(), MaskKind::Organ)?;
+        one_frame_each(args, sources.len(), reporter);
         Ok(sources)
     }
 

@@ -10,6 +10,7 @@ use crate::args::Global;
 use crate::exit::{Outcome, Usage};
 use crate::outputs::{check_folder, write_json, write_png};
 use crate::pictures::preoperative::{Shown, draw};
+use crate::place;
 use crate::progress::Reporter;
 use crate::volume::ORIGINAL;
 use carried::Carried;
@@ -145,6 +146,8 @@ const METRIC: f64 = 0.05;
 
 /// Run the command.
 pub fn run(args: &RegisterCtArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
+    let inputs = [&args.template, &args.ct].into_iter().chain(&args.structures);
+    place::keep_outside(&args.output, &inputs.map(PathBuf::as_path).collect::<Vec<_>>())?;
     check_folder_target(&args.output, &CONTENT)?;
     check_folder(&args.output)?;
     let template = read_template(&args.template)?;
@@ -156,7 +159,7 @@ pub fn run(args: &RegisterCtArgs, global: &Global, reporter: &Reporter) -> anyho
         deform: !args.rigid,
         max_deformation: args.max_deformation,
         max_target_error: args.max_error,
-        seed: global.seed,
+        seed: global.seed(),
         ..Default::default()
     };
     let step = |stage: &str, done: usize, total: usize| reporter.step(stage, done, total);

@@ -4,6 +4,7 @@ use super::track::{Again, RunFile, TrackArgs, digest, number_of, target, track_a
 use crate::args::{Global, VERSION};
 use crate::exit::{Outcome, Usage};
 use crate::interrupt;
+use crate::place;
 use crate::progress::Reporter;
 use anyhow::Context;
 use clap::Args;
@@ -64,6 +65,11 @@ pub fn run(args: &ReplayArgs, read: &ReadLine, reporter: &Reporter) -> anyhow::R
         (moved(&args.frames)?, moved(&args.template)?, moved(&args.camera)?);
     let temporary = tempfile::tempdir()?;
     track.output = moved(&args.keep)?.unwrap_or_else(|| temporary.path().join("out"));
+    if place::same(&track.output, &first) {
+        let text =
+            "-o is the run that is replayed, which would be overwritten; choose another folder";
+        return Err(Usage(text.into()).into());
+    }
     track.template = template.unwrap_or_else(|| run.folder.join(&track.template));
     track.camera = camera.or_else(|| track.camera.take().map(|path| run.folder.join(path)));
     track.poses = track.poses.take().map(|path| run.folder.join(path));
@@ -111,7 +117,8 @@ fn source(track: &mut TrackArgs, given: Option<PathBuf>, run: &RunFile) -> anyho
     let within = |path: &PathBuf| run.folder.join(path);
     let recording = given.or_else(|| track.record.as_ref().map(within));
     // Masks go by the names of the files.
-    let masked = track.instrument_masks.is_some() || track.organ_masks.is_some();
+    let masked =
+        [&track.instrument_masks, &track.organ_masks, &track.masks].iter().any(|m| m.is_some());
     let files = track.takes_files();
     match recording {
         Some(folder) if !(files && masked && folder.join("times.csv").is_file()) => {

@@ -16,6 +16,7 @@ use clap::{ArgGroup, Args};
 use dsfms::calibrate::Board;
 use dsfms::experiment::SeriesOrgan;
 use dsfms::geometry::Point2;
+use dsfms::guard;
 use dsfms::image::{ColorImage, ToneCurve};
 use dsfms::io::camera::{CameraFile, write_camera};
 use dsfms::io::matches::write_matches;
@@ -55,7 +56,8 @@ Written for every case: frame_000.png, camera.json (with the light),
 matches.csv, rest.obj (mm, with UV) and albedo.png, truth/frame_000.ply (camera
 axes, the order of rest.obj) with truth/frame_000_vertices.npz, vertices.csv
 (vertex,zone,visible,displacement; the zone is what moved by more than a tenth
-of the largest displacement) and case.json.
+of the largest displacement) and case.json. series.json says of which series
+the cases are; more of the same may be added.
 
 With --video: frames/frame_NNN.png, exploration/ (24 frames at rest),
 camera.json, rest.ply (mm), organ.template (mesh and poses given; light, albedo
@@ -133,7 +135,7 @@ pub fn run(args: &SynthArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
             board: Board { corners, square: args.square },
             size: args.size,
             pictures: args.frames.unwrap_or(15),
-            seed: global.seed,
+            seed: global.seed(),
         };
         return chessboard::make(&options, &args.output, global, reporter);
     }
@@ -142,7 +144,10 @@ pub fn run(args: &SynthArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     if args.video {
         return clip(args, &organ, global, reporter);
     }
-    let protocol = args.series.protocol(global.seed);
+    let protocol = args.series.protocol(global.seed());
+    // More cases and other extensions of the same series may be added.
+    let of = serde_json::json!({ "organ": organ.name(), "protocol": protocol });
+    claim(&args.output.join("series.json"), &of, "cases of another series")?;
     let cells = args.ext.iter().flat_map(|&extension| {
         args.series.noise.iter().map(move |&noise| Cell { extension, noise })
     });
@@ -190,8 +195,8 @@ fn claim(path: &Path, parameters: &serde_json::Value, other: &str) -> anyhow::Re
     if !path.exists() {
         return write_json(path, parameters);
     }
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("{}: cannot be read", path.display()))?;
+    let text =
+        guard::read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     if serde_json::from_str::<serde_json::Value>(&text).is_ok_and(|old| old == *parameters) {
         return Ok(());
     }
@@ -212,7 +217,7 @@ fn clip(
     if args.size.iter().any(|s| *s < 64) {
         return Err(Usage("--size: a clip needs at least 64x64".into()).into());
     }
-    let (frames, size, seed) = (args.frames.unwrap_or(500), args.size, global.seed);
+    let (frames, size, seed) = (args.frames.unwrap_or(500), args.size, global.seed());
     let arguments = video::VideoArgs {
         organ,
         vertices: args.series.vertices_or(1000),

@@ -20,22 +20,20 @@ use crate::place;
 use crate::progress::Reporter;
 use crate::report::template::template_page;
 pub use args::TemplateArgs;
-use dsfms::checkpoint::Keep;
 use dsfms::geometry::Isometry;
 use dsfms::io::mesh::MeshFile;
 use dsfms::io::poses::{PoseList, match_poses, read_poses};
 use dsfms::io::template::{check_target, write_template};
 use dsfms::pipeline::{
     BuiltTemplate, FoundOrgan, OrganScene, Progress, SparsePrecision, TemplateOptions,
-    template_from_frames_kept, template_from_mesh, template_from_posed_frames,
-    template_from_poses_kept,
+    template_from_frames, template_from_mesh, template_from_posed_frames, template_from_poses,
 };
 use dsfms::sfm::RefineIntrinsics;
 use dsfms::template::light_fit::Vignetting;
 use dsfms::template::statistics::{MOST_UNMEASURED, unmeasured};
 use dsfms::template::{LengthUnit, Template};
 pub use found::LETTERS;
-use found::{models_text, organ_hint, precision_row, summary_text, unmeasured_text};
+use found::{models_text, organ_hint, precision_row, summary_text, unlike_text, unmeasured_text};
 use load::{Cameras, Loaded, load, load_also};
 use mesh::{Reading, open_mesh, read_albedo, unit};
 use resume::Resumable;
@@ -73,6 +71,9 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
     let inputs: Vec<&Path> =
         args.frames.iter().chain(optional).chain(&args.organ.also).map(PathBuf::as_path).collect();
     place::check_apart(&args.output, &inputs)?;
+    let files = [&args.camera, &args.mesh, &args.albedo, &args.scale_mesh].into_iter().flatten();
+    let files: Vec<&Path> = args.frames.iter().chain(files).map(PathBuf::as_path).collect();
+    place::keep_outside(&args.output, &files)?;
     let options = options(args, global)?;
     let pictures = args.output.join("pictures");
     let stages = Resumable::new(&args.output, reporter);
@@ -157,6 +158,11 @@ fn make(
 /// Combinations that clap cannot name well.
 fn check(args: &TemplateArgs) -> anyhow::Result<()> {
     let wrong = |text: &str| Err(Usage(text.into()).into());
+    if let (true, true, Some(option)) =
+        (args.frames.is_empty(), args.mesh.is_some(), args.of_frames())
+    {
+        return wrong(&format!("{option} belongs to frames; give the frames too, or leave it out"));
+    }
     match (args.frames.is_empty(), &args.mesh, &args.poses, &args.camera) {
         (true, _, Some(_), _) => wrong("--poses belongs to frames; give the frames too"),
         (true, None, ..) => {
@@ -206,8 +212,9 @@ fn options(args: &TemplateArgs, global: &Global) -> anyhow::Result<TemplateOptio
     if args.estimate_vignetting {
         options.light.vignetting = Vignetting::Estimated;
     }
-    options.sfm.seed = global.seed;
-    options.dense.seed = global.seed;
+    if let Some(seed) = global.seed {
+        (options.sfm.seed, options.dense.seed) = (seed, seed);
+    }
     options.dense.peel_hidden |= args.peel_hidden;
     if args.self_calibrate {
         options.sfm.refine = RefineIntrinsics {
@@ -248,16 +255,14 @@ fn from_frames(
     if let (Some(path), Some(poses)) = (&args.poses, &poses) {
         some_pose(path, poses, &names)?;
     }
-    let keep = Keep::new(stages);
+    let exploration = exploration.keep(stages);
     let built = match (given, poses) {
         (Some(mesh), Some(poses)) => {
             let unit = unit(&mesh);
             template_from_posed_frames(&exploration, mesh.mesh, unit, &poses, options, reporter)
         }
-        (None, Some(poses)) => {
-            template_from_poses_kept(&exploration, &poses, options, stages, keep)
-        }
-        _ => template_from_frames_kept(&exploration, options, stages, keep),
+        (None, Some(poses)) => template_from_poses(&exploration, &poses, options, stages),
+        _ => template_from_frames(&exploration, options, stages),
     };
     let built = built.inspect_err(|_| stages.failed())?;
     let seconds = start.elapsed().as_secs_f64();
@@ -272,19 +277,25 @@ fn from_frames(
         reporter.warn(&format!("frame {name} is left out: {why}"));
     }
     let unscaled = built.scale.is_none() && (!options.scale.is_empty() || metric.is_some());
-    let complete = whole(&built, reporter) && loaded.complete && !unscaled;
+    let complete = whole(&built, args.mesh.is_some(), reporter) && loaded.complete && !unscaled;
     Ok((built, loaded, complete))
 }
 
-/// Whether every frame is in a template, it is of the organ alone, and frames agree on nearly all of it; says where
-/// they do not.
-fn whole(built: &BuiltTemplate, reporter: &Reporter) -> bool {
+/// Whether every frame is in a template, and looks like it where its surface was given, it is of the organ alone, and
+/// frames agree on nearly all of it; says where they do not.
+fn whole(built: &BuiltTemplate, given: bool, reporter: &Reporter) -> bool {
     let holes = unmeasured(&built.template).filter(|&share| share > MOST_UNMEASURED);
     if let Some(share) = holes {
         reporter.warn(&unmeasured_text(share));
     }
+    // Poses and surface that were found agree with the frames by themselves.
+    let usual = built.template.usual.filter(|_| given);
+    let unlike = usual.and_then(|usual| usual.unlike());
+    if let Some(correlation) = unlike {
+        reporter.warn(&unlike_text(correlation));
+    }
     let parted = built.organ.as_ref().is_none_or(|organ| !organ.open());
-    built.rejected.is_empty() && parted && holes.is_none()
+    built.rejected.is_empty() && parted && holes.is_none() && unlike.is_none()
 }
 
 /// Poses of other frames are named with their file.

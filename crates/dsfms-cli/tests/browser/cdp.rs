@@ -133,19 +133,29 @@ impl Browser {
         self.evaluate(expression).unwrap_or_else(|error| panic!("{expression}: {error}"))
     }
 
-    /// The same, or the error that the browser answers.
+    /// The same, or the error that the browser answers, or that the page throws: a new page has no names yet.
     fn evaluate(&mut self, expression: &str) -> Result<Value, Value> {
         let parameters = json!({"expression": expression, "returnByValue": true,
             "awaitPromise": true});
         let result = self.request("Runtime.evaluate", parameters)?;
-        assert!(result["exceptionDetails"].is_null(), "{expression}: {result}");
-        Ok(result["result"]["value"].clone())
+        match &result["exceptionDetails"] {
+            Value::Null => Ok(result["result"]["value"].clone()),
+            exception => Err(exception.clone()),
+        }
     }
 
     /// Go to a page and wait until an expression in it is true.
     pub fn open(&mut self, url: &str, ready: &str) {
         self.call("Page.navigate", json!({"url": url}));
         self.wait(ready);
+    }
+
+    /// Load the page anew and wait until an expression in the new one is true.
+    pub fn reload(&mut self, ready: &str) {
+        // The old page answers until the new one is there.
+        self.eval("window.isOld = true");
+        self.call("Page.reload", json!({}));
+        self.wait(&format!("!window.isOld && !!({ready})"));
     }
 
     /// Press and release the mouse.
@@ -209,8 +219,9 @@ impl Browser {
             match self.evaluate(expression) {
                 Ok(Value::Bool(true)) => return,
                 Ok(_) => {}
-                // The page that was asked makes room for the next one, which is asked again.
+                // The page that was asked makes room for the next one, which has no names yet and is asked again.
                 Err(error) if error["message"].to_string().contains("navigated") => {}
+                Err(error) if error.to_string().contains("is not defined") => {}
                 Err(error) => panic!("{expression}: {error}"),
             }
             assert!(Instant::now() < end, "never true: {expression}");

@@ -114,10 +114,8 @@ fn strokes_over_a_frame_change_the_organ_in_all_frames_and_are_saved() {
     assert!((own.px[0].x - 8.0).abs() < 1.0 && (own.px[0].y - 10.0).abs() < 1.0, "{own:?}");
     assert!((own.px[own.px.len() - 1].x - 150.0).abs() < 1.0, "{own:?}");
     // What was saved is there again; undo takes one back; a stroke on nothing says so.
-    browser.eval("location.reload()");
-    browser.wait(
-        "!!(window.organ && document.body.dataset.ready && organ.state.strokes.length === 2)",
-    );
+    browser
+        .reload("window.organ && document.body.dataset.ready && organ.state.strokes.length === 2");
     assert!(holds(&mut browser, "frame_003", 80, 8));
     browser.key("z");
     browser.key("z");

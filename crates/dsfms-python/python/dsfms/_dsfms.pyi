@@ -115,7 +115,7 @@ def build_template(
     refine_by_shading: bool = True,
     self_calibrate: bool = False,
     options: str | None = None,
-    seed: int = 0,
+    seed: int | None = None,
     progress: Progress | None = None,
 ) -> Template: ...
 
@@ -178,7 +178,7 @@ def reconstruct(
     instrument_mask: ArrayLike | None = None,
     organ_mask: ArrayLike | None = None,
     options: str | None = None,
-    seed: int = 0,
+    seed: int | None = None,
 ) -> Surface: ...
 
 class Tracker:
@@ -190,7 +190,7 @@ class Tracker:
         method: Literal["dsfm", "joint"] = "joint",
         realtime: bool = False,
         options: str | None = None,
-        seed: int = 0,
+        seed: int | None = None,
     ) -> Tracker: ...
     @property
     def template(self) -> Template: ...

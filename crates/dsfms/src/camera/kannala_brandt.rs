@@ -125,6 +125,10 @@ mod tests {
         let above = lens.distort(&Vector2::new(1.00001e-4, 0.0)).unwrap();
         assert!((below.value / 0.99999 - above.value / 1.00001).norm() < 1e-12);
         assert!((below.jacobian - above.jacobian).norm() < 1e-7);
+        // θ_d/r = 1 + (k1 − 1/3) r² + …
+        let near = lens.distort(&Vector2::new(5e-5, 0.0)).unwrap();
+        let bend = (near.value.x / 5e-5 - 1.0) / (5e-5 * 5e-5);
+        assert!((bend - (0.05 - 1.0 / 3.0)).abs() < 1e-6, "{bend}");
     }
 
     #[test]

@@ -84,6 +84,17 @@ mod tests {
     }
 
     #[test]
+    fn bilinear_by_hand() {
+        let rgb = [[0, 40, 80], [100, 40, 80], [200, 0, 80], [60, 0, 180]].to_vec();
+        let frame = Frame { name: "f".into(), size: [2, 2], rgb };
+        assert_eq!(bilinear(&frame, &Point2::new(0.25, 0.0)), Some([25.0, 40.0, 80.0]));
+        assert_eq!(bilinear(&frame, &Point2::new(0.25, 0.75)), Some([130.0, 10.0, 98.75]));
+        assert_eq!(bilinear(&frame, &Point2::new(1.0, 1.0)), Some([60.0, 0.0, 180.0]));
+        assert_eq!(bilinear(&frame, &Point2::new(1.01, 1.0)), None);
+        assert_eq!(bilinear(&frame, &Point2::new(0.5, -0.01)), None);
+    }
+
+    #[test]
     fn a_zoomed_and_distorted_frame_is_what_the_other_camera_takes() {
         let lens = Lens::BrownConrady { k: [-0.1, 0.0, 0.0], p: [0.0; 2] };
         let (from, to) = (camera([90, 70], 150.0, lens), camera([60, 50], 60.0, Lens::Pinhole));

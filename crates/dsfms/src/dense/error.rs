@@ -1,5 +1,7 @@
 //! Why no surface came out.
 
+use crate::options::OptionError;
+
 /// Failures of multi-view stereo.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -10,16 +12,9 @@ pub enum DenseError {
         /// Frames given.
         found: usize,
     },
-    /// An option outside its bounds.
-    #[error("dense option `{field}` must be {bound}, found {value}")]
-    Option {
-        /// Name of the field.
-        field: &'static str,
-        /// What it must be.
-        bound: &'static str,
-        /// What it is.
-        value: f64,
-    },
+    /// An option out of its bounds.
+    #[error(transparent)]
+    Options(#[from] OptionError),
     /// Frame, camera and masks must have one size.
     #[error("frame `{frame}`: {what} is {found:?} px but the camera is {expected:?} px")]
     SizeMismatch {

@@ -1,6 +1,6 @@
 //! Options of multi-view stereo.
 
-use super::DenseError;
+use crate::options::{OptionError, check, positive};
 use serde::{Deserialize, Serialize};
 
 /// How depth is estimated and fused.
@@ -107,62 +107,34 @@ impl DenseOptions {
     ///
     /// # Errors
     /// The first option out of range, by name.
-    pub fn validate(&self) -> Result<(), DenseError> {
-        let checks: [(&'static str, &'static str, f64, bool); 14] = [
-            ("max_frames", "at least 2", self.max_frames as f64, self.max_frames >= 2),
-            ("max_pixels", "at least 1000", self.max_pixels as f64, self.max_pixels >= 1000),
+    pub fn validate(&self) -> Result<(), OptionError> {
+        let parallax =
+            self.max_parallax_deg > self.min_parallax_deg && self.max_parallax_deg < 90.0;
+        check(&[
+            ("dense.max_frames", self.max_frames >= 2, "at least 2"),
+            ("dense.max_pixels", self.max_pixels >= 1000, "at least 1000"),
+            ("dense.max_sources", (1..=16).contains(&self.max_sources), "from 1 to 16"),
+            ("dense.best_sources", self.best_sources >= 1, "at least 1"),
+            ("dense.min_parallax_deg", positive(&[self.min_parallax_deg]), "positive"),
+            ("dense.max_parallax_deg", parallax, "above min_parallax_deg and below 90"),
+            ("dense.min_correlation", (0.0..=1.0).contains(&self.min_correlation), "from 0 to 1"),
             (
-                "max_sources",
-                "from 1 to 16",
-                self.max_sources as f64,
-                (1..=16).contains(&self.max_sources),
-            ),
-            ("best_sources", "at least 1", self.best_sources as f64, self.best_sources >= 1),
-            ("min_parallax_deg", "positive", self.min_parallax_deg, self.min_parallax_deg > 0.0),
-            (
-                "max_parallax_deg",
-                "above min_parallax_deg and below 90",
-                self.max_parallax_deg,
-                self.max_parallax_deg > self.min_parallax_deg && self.max_parallax_deg < 90.0,
-            ),
-            (
-                "min_correlation",
-                "from 0 to 1",
-                self.min_correlation,
-                (0.0..=1.0).contains(&self.min_correlation),
-            ),
-            (
-                "max_relative_depth",
+                "dense.max_relative_depth, max_reprojection_px, image_noise",
+                positive(&[self.max_relative_depth, self.max_reprojection_px, self.image_noise]),
                 "positive",
-                self.max_relative_depth,
-                self.max_relative_depth > 0.0,
             ),
             (
-                "max_reprojection_px",
-                "positive",
-                self.max_reprojection_px,
-                self.max_reprojection_px > 0.0,
-            ),
-            ("image_noise", "positive", self.image_noise, self.image_noise > 0.0),
-            (
-                "target_vertices",
-                "at least 100",
-                self.target_vertices.unwrap_or(MOST_VERTICES) as f64,
+                "dense.target_vertices",
                 self.target_vertices.is_none_or(|n| n >= 100),
+                "at least 100",
             ),
+            ("dense.voxel", self.voxel.is_none_or(|voxel| positive(&[voxel])), "positive"),
             (
-                "voxel",
+                "dense.smoothness, min_support",
+                positive(&[self.smoothness, self.min_support]),
                 "positive",
-                self.voxel.unwrap_or(1.0),
-                self.voxel.unwrap_or(1.0) > 0.0 && self.voxel.unwrap_or(1.0).is_finite(),
             ),
-            ("smoothness", "positive", self.smoothness, self.smoothness > 0.0),
-            ("min_support", "positive", self.min_support, self.min_support > 0.0),
-        ];
-        match checks.into_iter().find(|c| !c.3) {
-            Some((field, bound, value, _)) => Err(DenseError::Option { field, bound, value }),
-            None => Ok(()),
-        }
+        ])
     }
 }
 
@@ -185,9 +157,6 @@ mod tests {
         let few = DenseOptions { target_vertices: Some(99), ..Default::default() };
         assert!(few.validate().is_err());
         let bad = DenseOptions { max_parallax_deg: f64::NAN, ..Default::default() };
-        assert!(matches!(
-            bad.validate(),
-            Err(DenseError::Option { field: "max_parallax_deg", .. })
-        ));
+        assert_eq!(bad.validate().unwrap_err().field, "dense.max_parallax_deg");
     }
 }

@@ -314,6 +314,18 @@ mod tests {
     use nalgebra::Rotation3;
 
     #[test]
+    fn a_gain_by_hand() {
+        let globals = [0.1, 9.0, 0.3, -0.2, 0.1, 0.05];
+        let smooth = Gain::smooth([4, 2, 5, 3], [0.8, 0.5, 0.3, 0.1]);
+        // 0.1 + 0.8 · 0.1 + 0.5 · 0.3 + 0.3 · 0.05 − 0.1 · 0.2.
+        for (gain, log) in [(Gain::GLOBAL, 0.1), (smooth, 0.325)] {
+            let own: Vec<f64> = gain.globals().iter().map(|&k| globals[k]).collect();
+            assert!((gain.log_of(&globals) - log).abs() < 1e-15);
+            assert!((gain.log(&own) - log).abs() < 1e-15);
+        }
+    }
+
+    #[test]
     fn derivative() {
         let mesh = bent_patch();
         let camera = CameraModel::pinhole([64, 48], [100.0, 110.0], [31.2, 23.3]);

@@ -10,6 +10,7 @@ pub mod filter;
 pub mod flow;
 pub mod mask;
 mod morphology;
+pub mod names;
 pub mod outline;
 pub mod picture;
 pub mod plane;

@@ -1,18 +1,21 @@
 //! A folder of the values of finished stages: one file a stage, written whole or not at all.
 
 use super::atomic::{WriteError, write_atomic};
-use crate::checkpoint::digest;
+use crate::checkpoint::WriteValue;
 use crate::guard;
+use flate2::Crc;
 use std::fs;
-use std::io;
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// First line of every file.
-const MAGIC: &str = "dsfms stage 1";
+const MAGIC: &str = "dsfms stage 2";
 /// Name of every file, behind that of its stage.
 const ENDING: &str = ".stage";
 /// A head is no longer.
 const MOST_HEAD: usize = 512;
+/// Checksum of the value, at the end of a file.
+const SUM: usize = 4;
 
 /// The folder. Nothing is made before the first value is saved.
 #[derive(Clone, Debug)]
@@ -47,7 +50,7 @@ impl StageFolder {
         self.path.join(format!("{stage}{ENDING}"))
     }
 
-    /// The head of a file: everything that must be the same for its value to be used, then the digest.
+    /// The head of a file: everything that must be the same for its value to be used.
     fn head(&self, stage: &str, key: u64) -> String {
         format!("{MAGIC}\n{stage}\n{}\n{key:016x}\n", self.build)
     }
@@ -61,10 +64,9 @@ impl StageFolder {
             Err(_) => return Kept::Damaged(path),
         };
         if let Some(rest) = bytes.strip_prefix(self.head(stage, key).as_bytes()) {
-            let whole = rest
-                .split_at_checked(17)
-                .filter(|(sum, value)| *sum == format!("{:016x}\n", digest(value)).as_bytes());
-            return whole.map_or(Kept::Damaged(path), |(_, value)| Kept::Value(value.to_vec()));
+            let whole =
+                rest.split_last_chunk::<SUM>().filter(|(value, sum)| **sum == sum_of(value));
+            return whole.map_or(Kept::Damaged(path), |(value, _)| Kept::Value(value.to_vec()));
         }
         // Of something else, or with a head that is none.
         match is_head(&bytes[..bytes.len().min(MOST_HEAD)]) {
@@ -77,14 +79,14 @@ impl StageFolder {
     ///
     /// # Errors
     /// Where the file cannot be written, or is larger than what would be read back.
-    pub fn save(&self, stage: &str, key: u64, value: &[u8]) -> Result<(), WriteError> {
-        let path = self.file(stage);
-        if value.len() as u64 + MOST_HEAD as u64 > guard::MOST_BYTES {
-            return Err(WriteError::new(&path, io::Error::from(io::ErrorKind::FileTooLarge)));
-        }
-        write_atomic(&path, |file| {
-            writeln!(file, "{}{:016x}", self.head(stage, key), digest(value))?;
-            file.write_all(value)
+    pub fn save(&self, stage: &str, key: u64, value: WriteValue) -> Result<(), WriteError> {
+        write_atomic(&self.file(stage), |file| {
+            file.write_all(self.head(stage, key).as_bytes())?;
+            let left = guard::MOST_BYTES - (MOST_HEAD + SUM) as u64;
+            let mut summed = BufWriter::new(Summed { file, sum: Crc::new(), left });
+            value(&mut summed)?;
+            let Summed { file, sum, .. } = summed.into_inner()?;
+            file.write_all(&sum.sum().to_le_bytes())
         })
     }
 
@@ -110,13 +112,41 @@ impl StageFolder {
     }
 }
 
+/// A file that sums up what goes into it, and takes no more than so many bytes.
+struct Summed<'a> {
+    file: &'a mut dyn Write,
+    sum: Crc,
+    left: u64,
+}
+
+impl Write for Summed<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.left = self
+            .left
+            .checked_sub(bytes.len() as u64)
+            .ok_or_else(|| io::Error::from(io::ErrorKind::FileTooLarge))?;
+        self.file.write_all(bytes)?;
+        self.sum.update(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+/// The checksum of a value.
+fn sum_of(value: &[u8]) -> [u8; SUM] {
+    let mut sum = Crc::new();
+    sum.update(value);
+    sum.sum().to_le_bytes()
+}
+
 /// Whether bytes begin as the file of some stage does.
 fn is_head(bytes: &[u8]) -> bool {
     let mut lines = bytes.split(|b| *b == b'\n');
     let hex = |line: &[u8]| line.len() == 16 && line.iter().all(u8::is_ascii_hexdigit);
-    lines.next() == Some(MAGIC.as_bytes())
-        && lines.nth(2).is_some_and(hex)
-        && lines.next().is_some_and(hex)
+    lines.next() == Some(MAGIC.as_bytes()) && lines.nth(2).is_some_and(hex)
 }
 
 #[cfg(test)]
@@ -130,7 +160,7 @@ mod tests {
         let folder = StageFolder::new(&path, "0.1.0\nab12");
         assert_eq!(folder.load("poses", 7), Kept::Nothing);
         assert!(!path.exists());
-        folder.save("poses", 7, b"some\nvalue").unwrap();
+        folder.save("poses", 7, &|to| to.write_all(b"some\nvalue")).unwrap();
         assert_eq!(folder.load("poses", 7), Kept::Value(b"some\nvalue".to_vec()));
         // Other input, another stage, another build.
         assert_eq!(folder.load("poses", 8), Kept::Nothing);
@@ -149,7 +179,7 @@ mod tests {
     fn every_byte_counts() {
         let place = tempfile::tempdir().unwrap();
         let folder = StageFolder::new(place.path(), "build");
-        folder.save("poses", 7, b"value").unwrap();
+        folder.save("poses", 7, &|to| to.write_all(b"value")).unwrap();
         let path = folder.file("poses");
         let whole = fs::read(&path).unwrap();
         let found = |bytes: &[u8]| {

@@ -4,15 +4,13 @@ use super::error::InputError;
 use super::names::{files_in, matches_pattern, name_of, natural_order, stem_of};
 use crate::guard;
 use crate::image::Frame;
+use crate::image::names::EXTENSIONS;
 use image::ImageFormat::{Jpeg, Png, Tiff};
 use image::{DynamicImage, ImageDecoder};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
-
-/// Extensions of files that are taken for images, in any case.
-pub const EXTENSIONS: [&str; 5] = ["png", "jpg", "jpeg", "tif", "tiff"];
 
 /// The frames named by files, folders and patterns (`*` and `?` in the last component), in the
 /// order given; folders and patterns in natural name order. A folder gives the images directly in

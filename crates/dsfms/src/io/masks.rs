@@ -1,8 +1,9 @@
 //! Masks on disk (white = `true`), and which mask belongs to which frame.
 
 use super::error::InputError;
-use super::images::{EXTENSIONS, decode};
+use super::images::decode;
 use super::names::{files_in, frame_number, name_of, stem_of};
+use crate::image::names::EXTENSIONS;
 use crate::image::{Frame, Mask};
 use std::path::{Path, PathBuf};
 
@@ -69,9 +70,16 @@ impl MaskWarning {
 /// One mask: `true` where the grey value is above 127.
 ///
 /// # Errors
-/// A file that is no readable image, or one of many grey values: a photograph is no mask.
+/// A file that is no readable image, one that is transparent in places, or one of many grey values: a photograph is no
+/// mask.
 pub fn read_mask(path: &Path) -> Result<Mask, InputError> {
-    let grey = decode(path)?.to_luma8();
+    let picture = decode(path)?;
+    if picture.color().has_alpha() && picture.to_rgba8().pixels().any(|p| p.0[3] < 255) {
+        let reason =
+            "it is transparent in places; expected black and white without an alpha channel";
+        return Err(InputError::format(path, reason));
+    }
+    let grey = picture.to_luma8();
     two_valued(grey.as_raw()).map_err(|reason| InputError::format(path, reason))?;
     let size = [grey.width() as usize, grey.height() as usize];
     Ok(Mask { size, data: grey.pixels().map(|p| p.0[0] > 127).collect() })

@@ -136,7 +136,10 @@ pub fn read_repaired(path: &Path) -> Result<MeshFile, MeshFileError> {
 }
 
 fn bytes_of(path: &Path) -> Result<Vec<u8>, MeshFileError> {
-    guard::read(path).map_err(|source| MeshFileError::Io { path: path.into(), source })
+    let bytes =
+        guard::read(path).map_err(|source| MeshFileError::Io { path: path.into(), source })?;
+    // The mark that some editors put before text.
+    Ok(bytes.strip_prefix(b"\xef\xbb\xbf").map(<[u8]>::to_vec).unwrap_or(bytes))
 }
 
 fn repaired(raw: RawMesh) -> RawMesh {

@@ -144,18 +144,7 @@ impl NpzWriter {
             )));
         }
         self.0.start_file(format!("{name}.npy"), self.1)?;
-        let dimensions: Vec<String> = shape.iter().map(usize::to_string).collect();
-        let comma = if shape.len() == 1 { "," } else { "" };
-        let text = format!(
-            "{{'descr': '{}', 'fortran_order': False, 'shape': ({}{comma})}}",
-            T::KIND,
-            dimensions.join(", ")
-        );
-        // Padded by a byte or more to a multiple of 64, with the ten before it.
-        let length = (10 + text.len() + 2).next_multiple_of(64) - 10;
-        self.0.write_all(b"\x93NUMPY\x01\x00")?;
-        self.0.write_all(&(length as u16).to_le_bytes())?;
-        self.0.write_all(format!("{text:<width$}\n", width = length - 1).as_bytes())?;
+        self.0.write_all(&header(T::KIND, shape))?;
         self.0.write_all(&data)
     }
 
@@ -227,6 +216,19 @@ fn head(bytes: &[u8]) -> Option<(&str, &[u8])> {
     };
     let (text, data) = rest.get(start..)?.split_at_checked(length)?;
     Some((std::str::from_utf8(text).ok()?, data))
+}
+
+/// The head of a `.npy` file, version 1.0, padded by a byte or more to a multiple of 64 bytes.
+pub(crate) fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
+    let dimensions: Vec<String> = shape.iter().map(usize::to_string).collect();
+    let comma = if shape.len() == 1 { "," } else { "" };
+    let shape = dimensions.join(", ");
+    let text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}{comma})}}");
+    let length = (10 + text.len() + 2).next_multiple_of(64) - 10;
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((length as u16).to_le_bytes());
+    bytes.extend(format!("{text:<width$}\n", width = length - 1).bytes());
+    bytes
 }
 
 #[cfg(test)]

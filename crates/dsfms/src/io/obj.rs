@@ -2,7 +2,7 @@
 //! where texture indices differ from vertex indices.
 
 use super::atomic::{WriteError, write_atomic};
-use super::raw_mesh::{FormatError, MeshUnit, RawMesh, fan, polygon_warning};
+use super::raw_mesh::{FormatError, RawMesh, fan, polygon_warning};
 use crate::geometry::{Point2, Point3};
 use crate::mesh::Mesh;
 use std::collections::BTreeMap;
@@ -53,7 +53,7 @@ fn joined_lines(text: &str) -> Vec<(usize, String)> {
 impl ObjReader {
     fn line(&mut self, line: &str) -> Result<(), String> {
         if let Some(comment) = line.trim_start().strip_prefix('#') {
-            self.mesh.unit = self.mesh.unit.or(MeshUnit::from_comment(comment));
+            self.mesh.state_unit(comment);
             return Ok(());
         }
         let mut words = line.split_whitespace();

@@ -1,6 +1,6 @@
 //! OFF: counts, vertices, polygons, as text.
 
-use super::raw_mesh::{FormatError, MeshUnit, RawMesh, fan, polygon_warning};
+use super::raw_mesh::{FormatError, RawMesh, fan, polygon_warning};
 use crate::geometry::Point3;
 
 /// Numbers behind the corners of a face (its colour) are left out, as are those behind a vertex in
@@ -9,7 +9,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, FormatError> {
     let text = String::from_utf8_lossy(bytes);
     let mut mesh = RawMesh::default();
     for comment in text.lines().filter_map(|line| line.trim_start().strip_prefix('#')) {
-        mesh.unit = mesh.unit.or(MeshUnit::from_comment(comment));
+        mesh.state_unit(comment);
     }
     let mut lines = text
         .lines()

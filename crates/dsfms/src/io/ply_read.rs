@@ -1,6 +1,6 @@
 //! Reading PLY: ascii, binary little and big endian, any scalar types, further properties kept.
 
-use super::raw_mesh::{FormatError, MeshUnit, RawMesh, fan, polygon_warning};
+use super::raw_mesh::{FormatError, RawMesh, fan, polygon_warning};
 use crate::geometry::{Point2, Point3};
 use std::collections::BTreeMap;
 
@@ -39,7 +39,7 @@ struct Element {
 struct PlyHeader {
     encoding: Encoding,
     elements: Vec<Element>,
-    unit: Option<MeshUnit>,
+    comments: Vec<String>,
 }
 
 fn malformed<T>(reason: String) -> Result<T, FormatError> {
@@ -49,7 +49,8 @@ fn malformed<T>(reason: String) -> Result<T, FormatError> {
 pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, FormatError> {
     let (header, start) = header(bytes)?;
     let mut body = PlyBody { bytes, at: start, encoding: header.encoding };
-    let mut mesh = RawMesh { unit: header.unit, ..RawMesh::default() };
+    let mut mesh = RawMesh::default();
+    header.comments.iter().for_each(|comment| mesh.state_unit(comment));
     let mut faces = Faces::default();
     for element in &header.elements {
         match element.name.as_str() {
@@ -63,7 +64,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, FormatError> {
 }
 
 fn header(bytes: &[u8]) -> Result<(PlyHeader, usize), FormatError> {
-    let mut header = PlyHeader { encoding: Encoding::Ascii, elements: Vec::new(), unit: None };
+    let mut header =
+        PlyHeader { encoding: Encoding::Ascii, elements: Vec::new(), comments: Vec::new() };
     let mut at = 0;
     loop {
         let Some(length) = bytes[at..].iter().position(|&b| b == b'\n') else {
@@ -93,7 +95,7 @@ fn header_line(header: &mut PlyHeader, line: &str) -> Result<(), FormatError> {
         ["format", "binary_little_endian", _] => header.encoding = Encoding::Little,
         ["format", "binary_big_endian", _] => header.encoding = Encoding::Big,
         ["comment" | "obj_info", ..] => {
-            header.unit = header.unit.or(MeshUnit::from_comment(line));
+            header.comments.push(line.to_owned());
         }
         ["element", name, count] => {
             let Ok(count) = count.parse() else {

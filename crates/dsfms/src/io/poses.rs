@@ -9,8 +9,10 @@ use super::colmap::{ColmapImage, file_in, is_binary, read_images};
 use super::error::{InputError, parse_json, read_text};
 use super::names::frame_number;
 use crate::geometry::{Isometry, Vector3};
+use crate::image::names::stem;
 use nalgebra::{Matrix3, Matrix4, Rotation3, Translation3, UnitQuaternion};
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The pose of one frame.
@@ -65,6 +67,13 @@ pub fn read_poses(path: &Path, list: PoseList) -> Result<Vec<NamedPose>, InputEr
     if poses.is_empty() {
         return Err(InputError::format(path, "holds no pose; expected one per frame"));
     }
+    // The same pose told twice is one.
+    let first: BTreeMap<&str, &Isometry> =
+        poses.iter().rev().map(|p| (p.name.as_str(), &p.camera_from_world)).collect();
+    if let Some(other) = poses.iter().find(|p| *first[p.name.as_str()] != p.camera_from_world) {
+        let reason = format!("holds two different poses of {}; expected one", other.name);
+        return Err(InputError::format(path, reason));
+    }
     Ok(poses)
 }
 
@@ -82,13 +91,14 @@ fn pose_of(poses: &[NamedPose], frame: &str) -> Option<Isometry> {
 
 /// Index of the name that belongs to a frame, as in [`match_poses`].
 pub(super) fn position_of(names: &[&str], frame: &str) -> Option<usize> {
-    let (file, stem) = (file_name(frame), stem(frame));
+    let stem_of = |name| stem(file_name(name));
+    let (file, stem) = (file_name(frame), stem_of(frame));
     let exact = names.iter().position(|name| file_name(name) == file);
-    let same_stem = || names.iter().position(|name| self::stem(name) == stem);
+    let same_stem = || names.iter().position(|name| stem_of(name) == stem);
     let same_number = || {
         let number = frame_number(stem)?;
         let mut with =
-            (0..names.len()).filter(|&i| frame_number(self::stem(names[i])) == Some(number));
+            (0..names.len()).filter(|&i| frame_number(stem_of(names[i])) == Some(number));
         with.next().filter(|_| with.next().is_none())
     };
     exact.or_else(same_stem).or_else(same_number)
@@ -96,19 +106,6 @@ pub(super) fn position_of(names: &[&str], frame: &str) -> Option<usize> {
 
 fn file_name(name: &str) -> &str {
     name.rsplit(['/', '\\']).next().unwrap_or(name)
-}
-
-/// The file name without an image's extension: frame names may hold dots.
-fn stem(name: &str) -> &str {
-    let file = file_name(name);
-    match file.rsplit_once('.') {
-        Some((stem, extension))
-            if super::images::EXTENSIONS.contains(&extension.to_lowercase().as_str()) =>
-        {
-            stem
-        }
-        _ => file,
-    }
 }
 
 /// Whether a document is a list of poses, or has one.

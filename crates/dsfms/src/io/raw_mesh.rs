@@ -48,21 +48,24 @@ impl MeshUnit {
         }
     }
 
-    /// The unit a header comment such as `units mm` names.
-    pub(super) fn from_comment(comment: &str) -> Option<Self> {
+    /// The unit a header comment such as `units mm` names; of one that is not known the name.
+    fn from_comment(comment: &str) -> Option<Result<Self, &str>> {
         let mut words = comment.split([' ', '\t', ':', '=', ',', ';']).filter(|w| !w.is_empty());
         words.find(|w| matches!(w.to_ascii_lowercase().as_str(), "units" | "unit"))?;
-        match words.next()?.to_ascii_lowercase().as_str() {
+        let word = words.next()?;
+        Some(match word.to_ascii_lowercase().as_str() {
             "mm" | "millimetre" | "millimetres" | "millimeter" | "millimeters" => {
-                Some(Self::Millimetre)
+                Ok(Self::Millimetre)
             }
             "cm" | "centimetre" | "centimetres" | "centimeter" | "centimeters" => {
-                Some(Self::Centimetre)
+                Ok(Self::Centimetre)
             }
-            "m" | "metre" | "metres" | "meter" | "meters" => Some(Self::Metre),
-            "template_unit" | "template_units" => Some(Self::TemplateUnit),
-            _ => None,
-        }
+            "m" | "metre" | "metres" | "meter" | "meters" => Ok(Self::Metre),
+            "template_unit" | "template_units" => Ok(Self::TemplateUnit),
+            "in" | "inch" | "inches" | "ft" | "foot" | "feet" | "um" | "µm" | "micrometre"
+            | "micrometres" | "micron" | "microns" => Err(word),
+            _ => return None,
+        })
     }
 }
 
@@ -94,6 +97,19 @@ pub(super) struct RawMesh {
     pub unit: Option<MeshUnit>,
     pub attributes: BTreeMap<String, Vec<f64>>,
     pub warnings: Vec<String>,
+}
+
+impl RawMesh {
+    /// Take the unit that a comment names, where none is known yet; one that is not known draws a warning.
+    pub(super) fn state_unit(&mut self, comment: &str) {
+        match MeshUnit::from_comment(comment) {
+            Some(Ok(unit)) => self.unit = self.unit.or(Some(unit)),
+            Some(Err(word)) if self.unit.is_none() => {
+                self.warnings.push(format!("its unit '{word}' is not known, expected mm, cm or m"))
+            }
+            _ => {}
+        }
+    }
 }
 
 /// What a reader of one format may complain about; the file's name is added by [`read_mesh`](super::mesh::read_mesh).

@@ -109,6 +109,14 @@ fn a_light_tells_where_it_is() {
     }
 }
 
+/// Edge-on there is neither light nor slope, as behind.
+#[test]
+fn edge_on_is_dark() {
+    let light = point_light(Spot::Isotropic, &[[0.0; 3]]);
+    let shade = light.shade(&Point3::new(0.0, 0.0, 50.0), &Vector3::x());
+    assert_eq!(shade, super::Shade::default());
+}
+
 #[test]
 fn unit_shading_at_the_reference_distance() {
     let light = point_light(Spot::Linear { inner_deg: 10.0, outer_deg: 52.0 }, &[[0.0; 3]]);

@@ -145,4 +145,12 @@ mod tests {
         assert!((shade.value - 1.05).abs() < 1e-12);
         assert_eq!(coat.shade(&LightModel::Collinear, &point, &-normal), Shade::default());
     }
+
+    #[test]
+    fn vignetting_is_written_only_where_there_is_some() {
+        let written = |vignetting| {
+            serde_json::to_string(&Coat { vignetting, ..Coat::default() }).unwrap().contains("vign")
+        };
+        assert!(written(-0.3) && !written(0.0));
+    }
 }

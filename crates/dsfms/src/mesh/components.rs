@@ -57,6 +57,32 @@ pub fn largest_component(mesh: &super::Mesh) -> (super::Mesh, Vec<u32>) {
     mesh.subset(&keep)
 }
 
+/// Connected sets of vertices of one label, in the order of their first vertices; vertices without a label are in
+/// none.
+pub fn vertex_parts<L: PartialEq>(
+    topology: &Topology,
+    label: impl Fn(usize) -> Option<L>,
+) -> Vec<Vec<usize>> {
+    let mut open: Vec<Option<L>> = (0..topology.vertex_count).map(label).collect();
+    let mut parts = Vec::new();
+    for start in 0..open.len() {
+        let Some(label) = open[start].take() else { continue };
+        let (mut part, mut at) = (vec![start], 0);
+        while at < part.len() {
+            for &w in &topology.one_ring[part[at]] {
+                let w = w as usize;
+                if open[w].as_ref() == Some(&label) {
+                    open[w] = None;
+                    part.push(w);
+                }
+            }
+            at += 1;
+        }
+        parts.push(part);
+    }
+    parts
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,5 +1,6 @@
-//! Connectivity: faces, edges, one-rings, boundary. Never mentions a position.
+//! Connectivity: faces, edges, one-rings, boundary. Holds no position.
 
+use crate::geometry::{Point3, point_at};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -96,6 +97,11 @@ impl Topology {
         let by_edge = faces_by_edge(&faces);
         by_edge.chunk_by(same_edge).try_for_each(check_edge)?;
         Ok(Self::assemble(vertex_count, faces, &by_edge))
+    }
+
+    /// The point at barycentrics of a face, on a shape: a position for every vertex of this topology.
+    pub fn point(&self, face: u32, barycentric: [f64; 3], shape: &[Point3]) -> Point3 {
+        point_at(self.faces[face as usize].map(|v| &shape[v as usize]), barycentric)
     }
 
     /// Build from faces already known to be good, such as a part of a checked surface.

@@ -12,14 +12,15 @@ pub mod template;
 mod trust;
 
 pub use progress::{Progress, Silent};
+pub(crate) use reconstruct::joined;
 pub use reconstruct::{reconstruct, reconstruct_with};
 pub use reconstruct_options::ReconstructOptions;
 pub use template::{
     BuiltTemplate, Exploration, FoundOrgan, FramePrecision, Organ, OrganClick, OrganGuess,
     OrganOptions, OrganOutline, OrganScene, OrganSceneError, OrganStroke, SparsePrecision,
     StrokeError, TemplateError, TemplateOptions, drawn_from, read_strokes, strokes_from,
-    template_from_frames, template_from_frames_kept, template_from_mesh,
-    template_from_posed_frames, template_from_poses, template_from_poses_kept, write_strokes,
+    template_from_frames, template_from_mesh, template_from_posed_frames, template_from_poses,
+    write_strokes,
 };
 
 use crate::camera::CameraModel;
@@ -201,6 +202,30 @@ pub enum ReconstructError {
         found: [usize; 2],
         /// Size in the camera file.
         expected: [usize; 2],
+    },
+    /// A mask of the frame has another size.
+    #[error(
+        "the {what} is {found:?} px but the frame {expected:?}; give a mask of this very frame"
+    )]
+    MaskSize {
+        /// Which mask.
+        what: &'static str,
+        /// Its size.
+        found: [usize; 2],
+        /// Size of the frame.
+        expected: [usize; 2],
+    },
+    /// A given match of another template.
+    #[error(
+        "match {index} names face {face}, but the template has {faces}; give matches of this template"
+    )]
+    MatchFace {
+        /// Place in the list, from 0.
+        index: usize,
+        /// The face.
+        face: u32,
+        /// Faces of the template.
+        faces: usize,
     },
     /// A surface that must not be shown; experiments measure it all the same.
     #[error("the surface cannot be believed: {}", .0.verdict)]

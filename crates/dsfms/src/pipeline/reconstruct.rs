@@ -9,7 +9,7 @@ use crate::camera::Camera;
 use crate::expected_error::{Model, Solved, expected_errors};
 use crate::refine::{Joined, Photograph, RefineOptions, Refined, join, refine, refine_printed};
 use crate::register::scene::visibility;
-use crate::register::solve::{EXPLAINED, limit_px};
+use crate::register::solve::{EXPLAINED, kept_matches, limit_px};
 use crate::register::{
     Body, Deformable, Match, Posed, RegisterError, RegisterMemory, RegisterOptions, Registered,
     Scene, find, pose, posed_from, register, register_in, register_printed,
@@ -143,15 +143,14 @@ impl FrameSolve<'_> {
         if method == Method::Dsfm {
             return Ok(());
         }
-        let kept = coarse.kept.iter().zip(&*on_body).filter(|m| *m.0);
-        let kept: Vec<Match> = kept.map(|m| *m.1).collect();
+        let kept = kept_matches(&on_body, &coarse.kept);
         let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
         if method == Method::Dsfms {
             let refined = log.time("refine (eq. 4)", || self.refined(&coarse, &kept, &photo));
             log.attach(&refined.summary);
             take_refined(result, &refined);
         } else {
-            let joined = log.time("joint", || self.joined(&coarse, &kept, &photo));
+            let joined = log.time("joint", || joined(body, &coarse, &kept, &photo, options));
             log.attach(&joined.summary);
             take_joined(result, &joined);
         }
@@ -166,19 +165,28 @@ impl FrameSolve<'_> {
             return refine_printed(body, start, kept, photo, &options.refine);
         }
         let mut refined = refine(body, start, kept, photo, &options.refine);
-        refined.vertices = options.comparison(body, kept, photo).kept(start, refined.vertices);
+        // Eq. 3 follows the noise of its matches too: what explains no more than rest does stays at rest.
+        let comparison = options.comparison(body, kept, photo);
+        let beyond_motion = comparison.kept(start, refined.vertices);
+        refined.vertices = comparison.kept(&body.scene().posed, beyond_motion);
         refined.settled(body)
     }
+}
 
-    /// Motion and shading in one problem, from the shape of eq. 3.
-    fn joined(&self, coarse: &Registered, kept: &[Match], photo: &Photograph) -> Joined {
-        let Self { body, options, .. } = self;
-        let (start, depth_sigma) = (&coarse.vertices, coarse.depth_sigma);
-        let mut joined = join(body, start, depth_sigma, kept, photo, &options.joint);
-        let still = &body.scene().posed;
-        joined.vertices = options.comparison(body, kept, photo).kept(still, joined.vertices);
-        joined.settled(body)
-    }
+/// Motion and shading in one problem, from the shape of eq. 3; `kept`: the matches that it explains, on the mesh of
+/// `body`. What explains no more than rest does stays at rest.
+pub(crate) fn joined(
+    body: &Body,
+    coarse: &Registered,
+    kept: &[Match],
+    photo: &Photograph,
+    options: &ReconstructOptions,
+) -> Joined {
+    let (start, depth_sigma) = (&coarse.vertices, coarse.depth_sigma);
+    let mut joined = join(body, start, depth_sigma, kept, photo, &options.joint);
+    let still = &body.scene().posed;
+    joined.vertices = options.comparison(body, kept, photo).kept(still, joined.vertices);
+    joined.settled(body)
 }
 
 /// The rigid pose of the frame.

@@ -5,6 +5,7 @@ use crate::camera::Camera;
 use crate::image::{Mask, Outline, Picture, usable, viewport};
 use crate::light::Coated;
 use crate::refine::Photograph;
+use crate::register::Match;
 use crate::template::{SurfaceTexels, Template};
 
 /// What the stages read of one frame, made once.
@@ -64,6 +65,18 @@ pub(super) fn check(
     let (found, expected) = (observation.frame.size, observation.camera.size());
     if found != expected {
         return Err(ReconstructError::SizeMismatch { found, expected });
+    }
+    let masks = [("instrument mask", observation.instrument), ("organ mask", observation.organ)];
+    for (what, mask) in masks {
+        if let Some(found) = mask.map(|mask| mask.size).filter(|size| *size != expected) {
+            return Err(ReconstructError::MaskSize { what, found, expected });
+        }
+    }
+    let faces = template.mesh.topology.faces.len();
+    let beyond = |m: &Match| m.face as usize >= faces;
+    let matches = observation.matches.unwrap_or_default();
+    if let Some(index) = matches.iter().position(beyond) {
+        return Err(ReconstructError::MatchFace { index, face: matches[index].face, faces });
     }
     let brightest = observation.frame.rgb.iter().flatten().copied().max().unwrap_or(0);
     if brightest < 16 {

@@ -40,7 +40,7 @@ pub use strokes::{
 
 use super::{Progress, logging};
 use crate::camera::CameraModel;
-use crate::checkpoint::Keep;
+use crate::checkpoint::{Keep, Store};
 use crate::geometry::{Isometry, Point3};
 use crate::image::{Frame, Mask, ToneCurve};
 use crate::light::LightModel;
@@ -74,6 +74,8 @@ pub struct Exploration<'a> {
     pub metric: Option<&'a Mesh>,
     /// Frames of the deformed organ, by the same camera: what moves apart in them is apart.
     pub also: &'a [Frame],
+    /// Where the values of finished stages (features, matches, poses, depth) are kept.
+    pub keep: Keep<'a>,
 }
 
 impl<'a> Exploration<'a> {
@@ -90,7 +92,17 @@ impl<'a> Exploration<'a> {
     /// ```
     pub fn new(frames: &'a [Frame], camera: &'a CameraModel) -> Self {
         let tone = &ToneCurve::Srgb;
-        Self { frames, valid: &[], organ: &[], camera, tone, light: None, metric: None, also: &[] }
+        Self {
+            frames,
+            valid: &[],
+            organ: &[],
+            camera,
+            tone,
+            light: None,
+            metric: None,
+            also: &[],
+            keep: Keep::default(),
+        }
     }
 
     /// With masks of the pixels that may be used; one per frame, or empty.
@@ -121,6 +133,12 @@ impl<'a> Exploration<'a> {
     /// With a surface of the organ in mm, which tells the scale.
     pub fn metric(self, metric: impl Into<Option<&'a Mesh>>) -> Self {
         Self { metric: metric.into(), ..self }
+    }
+
+    /// With a store for the values of finished stages: a run begins behind the last that is there for the same
+    /// frames and options. The template has the same bits either way.
+    pub fn keep(self, store: &'a dyn Store) -> Self {
+        Self { keep: Keep::new(store), ..self }
     }
 }
 
@@ -171,28 +189,14 @@ pub fn template_from_frames(
     options: &TemplateOptions,
     progress: &dyn Progress,
 ) -> Result<BuiltTemplate, TemplateError> {
-    template_from_frames_kept(exploration, options, progress, Keep::default())
-}
-
-/// [`template_from_frames`] that keeps the values of its stages (features, matches, poses, depth) in a
-/// [`Store`](crate::checkpoint::Store), and begins behind the last that is there for the same frames and
-/// options. The template has the same bits either way.
-///
-/// # Errors
-/// As [`template_from_frames`].
-pub fn template_from_frames_kept(
-    exploration: &Exploration,
-    options: &TemplateOptions,
-    progress: &dyn Progress,
-    keep: Keep,
-) -> Result<BuiltTemplate, TemplateError> {
     options.validate()?;
-    let valid = valid_masks(exploration, &options.sfm);
+    let valid = valid_masks(exploration, &options.sfm)?;
     let exploration = &Exploration { valid: &valid, ..*exploration };
     let usable = usable_masks(exploration);
     let report = |stage, done, total| progress.step(sfm_stage(stage), done, total);
     let Exploration { frames, camera, .. } = *exploration;
-    let keep = keep.with(|key| kept::sparse_key(key, exploration, &usable, &options.sfm));
+    let keep =
+        exploration.keep.with(|key| kept::sparse_key(key, exploration, &usable, &options.sfm));
     let sparse = sfm::reconstruct_kept(frames, &usable, camera, &options.sfm, &report, keep)?;
     from_sparse(exploration, &usable, sparse, options, progress, keep)
 }
@@ -222,20 +226,6 @@ pub fn template_from_poses(
     options: &TemplateOptions,
     progress: &dyn Progress,
 ) -> Result<BuiltTemplate, TemplateError> {
-    template_from_poses_kept(exploration, poses, options, progress, Keep::default())
-}
-
-/// [`template_from_poses`] that keeps the values of its stages, as [`template_from_frames_kept`] does.
-///
-/// # Errors
-/// As [`template_from_poses`].
-pub fn template_from_poses_kept(
-    exploration: &Exploration,
-    poses: &[Option<Isometry>],
-    options: &TemplateOptions,
-    progress: &dyn Progress,
-    keep: Keep,
-) -> Result<BuiltTemplate, TemplateError> {
     options.validate()?;
     if poses.iter().flatten().count() < 2 {
         return Err(TemplateError::TooFewPoses {
@@ -243,17 +233,17 @@ pub fn template_from_poses_kept(
             frames: exploration.frames.len(),
         });
     }
-    let valid = valid_masks(exploration, &options.sfm);
+    let valid = valid_masks(exploration, &options.sfm)?;
     let exploration = &Exploration { valid: &valid, ..*exploration };
     let usable = usable_masks(exploration);
     let report = |stage, done, total| progress.step(sfm_stage(stage), done, total);
     let Exploration { frames, camera, .. } = *exploration;
-    let keep = keep.with(|key| {
+    let keep = exploration.keep.with(|key| {
         kept::sparse_key(key, exploration, &usable, &options.sfm);
         key.value(&poses);
     });
     let known = &options.sfm;
-    let sparse = sfm::triangulate_kept(frames, &usable, camera, poses, known, &report, keep)?;
+    let sparse = sfm::triangulate_known(frames, &usable, camera, poses, known, &report, keep)?;
     if sparse.points.is_empty() {
         return Err(TemplateError::NoPoints { frames: sparse.registered() });
     }

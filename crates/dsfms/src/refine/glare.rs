@@ -273,4 +273,14 @@ mod tests {
         assert_eq!(found.brightness.len(), 50);
         assert!(found.brightness.iter().all(|(i, b)| *i >= 10 && b.weights[0] > 0.3));
     }
+
+    #[test]
+    fn colours_that_are_white_or_black_tell_no_glare() {
+        let tells = |image: f64, albedo: [f64; 3]| {
+            let point = Channels { image: [image; 3], albedo, shade: 0.8, maybe_glare: false };
+            white_part(&point).is_some()
+        };
+        assert!(tells(0.4, [0.5, 0.2, 0.1]));
+        assert!(!tells(0.4, [0.5; 3]) && !tells(0.0, [0.5, 0.2, 0.1]));
+    }
 }

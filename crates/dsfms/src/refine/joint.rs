@@ -40,6 +40,24 @@ pub struct Joined {
 }
 
 impl Joined {
+    /// What the last blur gave: its report, the number of its samples, and what they leave.
+    pub(super) fn of(
+        state: Unknowns,
+        (summary, samples, residual): (Summary, usize, f64),
+        told: &Told,
+    ) -> Self {
+        Self {
+            gain: state.globals[0].exp(),
+            ambient: state.globals[1],
+            vertices: state.vertices,
+            samples,
+            residual,
+            summary,
+            at_matches: told.at_matches,
+            exposure_changed: told.gain.changed,
+        }
+    }
+
     /// On the full mesh of `body`, with the hidden side carried along by what is seen.
     pub fn settled(mut self, body: &Body) -> Self {
         self.vertices = body.carried(&body.settled(self.vertices)).into_owned();
@@ -63,12 +81,21 @@ pub fn join(
 ) -> Joined {
     let posed = &body.scene().posed;
     let frame = NearFrame { body, matches, posed, depth_sigma, photo };
-    let (told, held) = join_told(&frame, start, options);
-    if !held || !scaled(body.scene(), &told.vertices, told.at_matches) {
+    with_exposure(&frame, |frame| join_told(frame, start, options))
+}
+
+/// Solve with the exposure as the photograph tells it, and again as unknown where it was held and scaled the
+/// surface. `solve` says whether brightness told distance.
+pub(super) fn with_exposure(
+    frame: &NearFrame,
+    mut solve: impl FnMut(&NearFrame) -> (Joined, bool),
+) -> Joined {
+    let (told, held) = solve(frame);
+    if !held || !scaled(frame.body.scene(), &told.vertices, told.at_matches) {
         return told;
     }
-    let photo = &Photograph { exposure: None, ..*photo };
-    let (free, _) = join_told(&NearFrame { photo, ..frame }, start, options);
+    let photo = &Photograph { exposure: None, ..*frame.photo };
+    let (free, _) = solve(&NearFrame { photo, ..*frame });
     Joined { exposure_changed: true, ..free }
 }
 
@@ -83,20 +110,11 @@ fn join_told(frame: &NearFrame, start: &[Point3], options: &JointOptions) -> (Jo
         let mirrors = if k == 0 || finest { 0 } else { options.mirrors };
         last = Some(solve.at_blur(blur, mirrors, finest));
     }
-    let (summary, samples, residual) = last.expect("there is at least one blur");
+    let last = last.expect("there is at least one blur");
     let JointSolve { state, told, .. } = solve;
-    let Told { gain, at_matches, .. } = told.expect("there is at least one blur");
-    let joined = Joined {
-        gain: state.globals[0].exp(),
-        ambient: state.globals[1],
-        vertices: state.vertices,
-        samples,
-        residual,
-        summary,
-        at_matches,
-        exposure_changed: gain.changed,
-    };
-    (joined, gain.tells_distance(&frame.photo.light.light, &options.image))
+    let told = told.expect("there is at least one blur");
+    let gain = told.gain;
+    (Joined::of(state, last, &told), gain.tells_distance(&frame.photo.light.light, &options.image))
 }
 
 /// The solve from coarse blur to fine, and what one blur leaves to the next.

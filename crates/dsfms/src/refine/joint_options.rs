@@ -1,7 +1,7 @@
 //! Options of the joint solve.
 
 use super::PhotometricModel;
-use crate::options::{OptionError, check, from_zero, positive};
+use crate::options::{OptionError, blurs, check, from_zero, positive};
 use crate::register::PriorWeights;
 use serde::{Deserialize, Serialize};
 
@@ -108,8 +108,8 @@ impl JointOptions {
             ("joint.smooth_length", positive(&[self.smooth_length]), "positive"),
             (
                 "joint.blurs",
-                !self.blurs.is_empty() && from_zero(&self.blurs),
-                "one blur or more, each 0 or more",
+                !self.blurs.is_empty() && blurs(&self.blurs),
+                "one blur or more, each from 0 to 0.25",
             ),
         ])?;
         self.image.validate([

@@ -6,6 +6,7 @@
 
 use crate::geometry::Point3;
 use crate::mesh::Topology;
+use crate::mesh::components::vertex_parts;
 
 /// Of all constants here: `docs/results/choices.md`, both signs. Vertices that moved less than this part of the largest movement belong to no region.
 const CALM: f64 = 0.1;
@@ -48,29 +49,7 @@ pub fn mirrored(
 
 /// Connected sets of vertices that moved the same way by more than `calm`.
 fn regions(topology: &Topology, moved: &[f64], calm: f64) -> Vec<Vec<usize>> {
-    let mut open: Vec<bool> = moved.iter().map(|d| d.abs() > calm).collect();
-    let mut found = Vec::new();
-    for seed in 0..moved.len() {
-        if !open[seed] {
-            continue;
-        }
-        open[seed] = false;
-        let mut region = vec![seed];
-        let mut next = 0;
-        while next < region.len() {
-            let v = region[next];
-            next += 1;
-            for &n in &topology.one_ring[v] {
-                let n = n as usize;
-                if open[n] && moved[n] * moved[seed] > 0.0 {
-                    open[n] = false;
-                    region.push(n);
-                }
-            }
-        }
-        found.push(region);
-    }
-    found
+    vertex_parts(topology, |v| (moved[v].abs() > calm).then_some(moved[v] > 0.0))
 }
 
 #[cfg(test)]

@@ -35,4 +35,4 @@ pub use photometric_model::PhotometricModel;
 pub use printed::refine_printed;
 pub use solve::{Refined, refine};
 pub use support::Comparison;
-pub use video::{Carried, Near, VideoMemory, VideoOptions, join_near};
+pub use video::{Near, VideoMemory, VideoOptions, join_near};

@@ -1,7 +1,7 @@
 //! Weights of eq. 4.
 
 use super::PhotometricModel;
-use crate::options::{OptionError, check, from_zero, positive};
+use crate::options::{OptionError, blurs, check, from_zero, positive};
 use serde::{Deserialize, Serialize};
 
 /// Options of eq. 4, its weights named as the paper names them. λ₄, λ₅ and λ₆ weigh the mean over the vertices
@@ -82,7 +82,7 @@ impl RefineOptions {
             ),
             ("refine.depth_hold", positive(&[self.depth_hold]), "positive"),
             ("refine.huber", positive(&[self.huber]), "positive"),
-            ("refine.blur", from_zero(&[self.blur]), "0 or more"),
+            ("refine.blur", blurs(&[self.blur]), "from 0 to 0.25"),
         ])?;
         self.image.validate([
             "refine.image.sigma_absolute, sigma_relative",

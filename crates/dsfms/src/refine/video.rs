@@ -5,7 +5,8 @@
 //! memory of the last solve.
 
 use super::Photograph;
-use super::gain::{AtMatches, scaled};
+use super::gain::AtMatches;
+use super::joint::{Joined, with_exposure};
 use super::joint_objective::JointProblem;
 use super::joint_options::JointOptions;
 use super::near_frame::{NearFrame, Told};
@@ -13,7 +14,7 @@ use super::samples::{ImageSamples, look};
 use crate::energy::{FaceRings, Photometric, Unknowns, Workspace};
 use crate::geometry::Point3;
 use crate::mesh::Topology;
-use crate::options::{OptionError, check, from_zero, positive};
+use crate::options::{OptionError, blurs, check, positive};
 use crate::solver::Options;
 use crate::template::Exposure;
 use serde::{Deserialize, Serialize};
@@ -71,9 +72,7 @@ impl VideoOptions {
             ..Self::default()
         }
     }
-}
 
-impl VideoOptions {
     /// Check every field against its bounds.
     ///
     /// # Errors
@@ -82,16 +81,15 @@ impl VideoOptions {
         check(&[
             (
                 "video.blur, blurs_after_gap",
-                from_zero(&[self.blur]) && from_zero(&self.blurs_after_gap),
-                "0 or more",
+                blurs(&[self.blur]) && blurs(&self.blurs_after_gap),
+                "from 0 to 0.25",
             ),
             ("video.steps", self.steps >= 1, "at least 1"),
             (
-                "video.tolerance, reduction, match_px",
-                positive(&[self.tolerance, self.reduction, self.match_px]),
+                "video.tolerance, reduction, match_px, least_blur_px",
+                positive(&[self.tolerance, self.reduction, self.match_px, self.least_blur_px]),
                 "positive",
             ),
-            ("video.least_blur_px", from_zero(&[self.least_blur_px]), "0 or more"),
         ])
     }
 
@@ -137,25 +135,6 @@ pub struct Near<'a> {
     pub gap: bool,
 }
 
-/// The shape of a frame.
-#[derive(Clone, Debug)]
-pub struct Carried {
-    /// Vertices in camera axes, of the mesh that was solved on.
-    pub vertices: Vec<Point3>,
-    /// Ambient light, linear.
-    pub ambient: f64,
-    /// Photometric samples.
-    pub samples: usize,
-    /// Mean of `|image − prediction| / image` over them.
-    pub residual: f64,
-    /// Steps taken.
-    pub steps: usize,
-    /// What the matches tell of the exposure; `None` where too few of them are seen.
-    pub at_matches: Option<AtMatches>,
-    /// Whether the exposure is another than expected.
-    pub exposure_changed: bool,
-}
-
 /// Solve motion, prior and shading together, from a shape near the solution. An exposure that is held
 /// and scales the surface is taken for unknown.
 pub fn join_near(
@@ -164,14 +143,8 @@ pub fn join_near(
     near: Near,
     joint: &JointOptions,
     video: &VideoOptions,
-) -> Carried {
-    let (told, held) = near_told(memory, frame, near, joint, video);
-    if !held || !scaled(frame.body.scene(), &told.vertices, told.at_matches) {
-        return told;
-    }
-    let photo = &Photograph { exposure: None, ..*frame.photo };
-    let (free, _) = near_told(memory, &NearFrame { photo, ..*frame }, near, joint, video);
-    Carried { exposure_changed: true, ..free }
+) -> Joined {
+    with_exposure(frame, |frame| near_told(memory, frame, near, joint, video))
 }
 
 /// The many matches of a followed frame tell the exposure themselves where they are at rest.
@@ -187,7 +160,7 @@ fn near_told(
     near: Near,
     joint: &JointOptions,
     video: &VideoOptions,
-) -> (Carried, bool) {
+) -> (Joined, bool) {
     let joint = &JointOptions { max_samples: video.max_samples, ..joint.clone() };
     let solver = video.solver();
     let NearFrame { body, matches, posed, photo, .. } = *frame;
@@ -195,7 +168,7 @@ fn near_told(
     let topology = &scene.rest.topology;
     let (workspace, rings) = memory.ready(topology, near.shape.len());
     let mut state = Unknowns { vertices: near.shape.to_vec(), globals: vec![0.0, near.ambient] };
-    let (mut samples, mut residual, mut steps, mut told) = (0, 0.0, 0, None);
+    let (mut last, mut told) = (None, None);
     let before = if near.gap { &video.blurs_after_gap[..] } else { &[] };
     // Coarse stages have yet to bring the matches within reach.
     let before = before.iter().map(|&blur| (blur, joint.match_px));
@@ -210,7 +183,7 @@ fn near_told(
             let exposure = exposure_here(photo, at_matches);
             Told::of(frame, exposure, seen.log_gain, at_matches, joint, false)
         });
-        samples = seen.samples.len();
+        let samples = seen.samples.len();
         let shading = Photometric::new(photo.camera, photo.light, &seen.image, rings, seen.samples);
         state.globals[0] = shading.log_gain(topology, &state.vertices, state.globals[1]);
         let problem = JointProblem {
@@ -227,18 +200,11 @@ fn near_told(
         };
         let (next, summary) = problem.objective().minimise_in(workspace, state, &solver);
         state = next;
-        residual = shading.mean_residual(topology, &state.vertices, &state.globals);
-        steps += summary.iterations;
+        let residual = shading.mean_residual(topology, &state.vertices, &state.globals);
+        last = Some((summary, samples, residual));
     }
-    let Told { gain, at_matches, .. } = told.expect("there is at least one blur");
-    let carried = Carried {
-        vertices: state.vertices,
-        ambient: state.globals[1],
-        samples,
-        residual,
-        steps,
-        at_matches,
-        exposure_changed: gain.changed,
-    };
-    (carried, gain.tells_distance(&photo.light.light, &joint.image))
+    let last = last.expect("there is at least one blur");
+    let told = told.expect("there is at least one blur");
+    let gain = told.gain;
+    (Joined::of(state, last, &told), gain.tells_distance(&photo.light.light, &joint.image))
 }

@@ -9,7 +9,7 @@ use super::pose::rest_point;
 use super::scene::visibility;
 use super::{Match, Scene, Volume};
 use crate::camera::Camera;
-use crate::geometry::{Point3, Vector3, point_at};
+use crate::geometry::{Point3, Vector3};
 use crate::mesh::Mesh;
 use crate::mesh::decimate::{Decimated, decimate};
 use std::borrow::Cow;
@@ -179,7 +179,6 @@ impl<'a> Body<'a> {
 
     /// The point of a shape of the mesh that is solved on, at a [`place`](Self::place).
     pub fn point(&self, (face, barycentric): (u32, [f64; 3]), shape: &[Point3]) -> Point3 {
-        let corners = self.scene().rest.topology.faces[face as usize];
-        point_at(corners.map(|v| &shape[v as usize]), barycentric)
+        self.scene().rest.topology.point(face, barycentric, shape)
     }
 }

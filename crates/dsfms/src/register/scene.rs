@@ -3,7 +3,7 @@
 use super::Match;
 use crate::camera::CameraModel;
 use crate::energy::RestFaces;
-use crate::geometry::{Point3, align_rigid_robust, point_at};
+use crate::geometry::{Point3, align_rigid_robust};
 use crate::mesh::Mesh;
 use crate::mesh::laplacian::Laplacian;
 use crate::raster::{rasterize, visible_vertices};
@@ -92,8 +92,7 @@ impl<'a> Scene<'a> {
 
     /// The surface point of a match on a shape with this topology.
     pub fn point(&self, m: &Match, shape: &[Point3]) -> Point3 {
-        let corners = self.face(m).map(|v| &shape[v as usize]);
-        point_at(corners, m.barycentric)
+        self.rest.topology.point(m.face, m.barycentric, shape)
     }
 }
 

@@ -23,6 +23,11 @@ pub struct Registered {
     pub summary: Summary,
 }
 
+/// The matches that a shape explains; `kept`: which, in the order of `matches`.
+pub fn kept_matches(matches: &[Match], kept: &[bool]) -> Vec<Match> {
+    matches.iter().zip(kept).filter(|m| *m.1).map(|m| *m.0).collect()
+}
+
 /// Solves at most where matches tell that the surface bends as a whole.
 const ROUNDS: usize = 4;
 

@@ -1,6 +1,7 @@
 //! Why there is no reconstruction.
 
 use crate::camera::CameraError;
+use crate::options::OptionError;
 
 /// Why there is no reconstruction.
 #[derive(Debug, thiserror::Error)]
@@ -68,12 +69,7 @@ pub enum SfmError {
         /// Smallest parallax accepted.
         needed_deg: f64,
     },
-    /// An option is out of range.
-    #[error("option {field} must be {bound}")]
-    Option {
-        /// Field of [`SfmOptions`](super::SfmOptions).
-        field: &'static str,
-        /// What it must be.
-        bound: &'static str,
-    },
+    /// An option out of its bounds.
+    #[error(transparent)]
+    Options(#[from] OptionError),
 }

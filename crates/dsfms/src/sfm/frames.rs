@@ -40,6 +40,15 @@ pub(super) fn check_input(
     if frames.len() < 2 {
         return Err(SfmError::TooFewFrames(frames.len()));
     }
+    check_sizes(frames, masks, camera)
+}
+
+/// Check the camera, that frames and masks are of its size, and that there is a mask for each frame or none at all.
+pub(crate) fn check_sizes(
+    frames: &[Frame],
+    masks: &[Option<Mask>],
+    camera: &CameraModel,
+) -> Result<(), SfmError> {
     if !masks.is_empty() && masks.len() != frames.len() {
         return Err(SfmError::Count { what: "masks", found: masks.len(), frames: frames.len() });
     }

@@ -24,19 +24,7 @@ use crate::solver::Loss;
 ///
 /// # Errors
 /// Input that cannot belong together (counts, sizes, camera), options out of range, or too few frames with features.
-pub fn triangulate_known(
-    frames: &[Frame],
-    masks: &[Option<Mask>],
-    camera: &CameraModel,
-    poses: &[Option<Isometry>],
-    options: &SfmOptions,
-    progress: SfmProgress,
-) -> Result<SparseReconstruction, SfmError> {
-    triangulate_kept(frames, masks, camera, poses, options, progress, Keep::default())
-}
-
-/// [`triangulate_known`] that keeps what its steps make.
-pub(crate) fn triangulate_kept(
+pub(crate) fn triangulate_known(
     frames: &[Frame],
     masks: &[Option<Mask>],
     camera: &CameraModel,

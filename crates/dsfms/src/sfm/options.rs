@@ -1,8 +1,8 @@
 //! Options of structure from motion.
 
-use super::error::SfmError;
 use super::intrinsics::RefineIntrinsics;
 use super::triangulation::TriangulationLimits;
+use crate::options::{OptionError, check, from_zero, positive};
 use crate::solver::Loss;
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub(super) const LAST_LOSS: Loss = Loss::GemanMcClure(1.0);
 
 /// Options of [`reconstruct`](super::reconstruct) and
-/// [`triangulate_known`](super::triangulate_known). The defaults suit laparoscopic frames of
+/// triangulation with known poses. The defaults suit laparoscopic frames of
 /// 480 to 1080 rows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -116,24 +116,25 @@ impl SfmOptions {
     ///
     /// # Errors
     /// The first option out of range, by name.
-    pub fn validate(&self) -> Result<(), SfmError> {
-        let checks = [
-            (self.max_features >= 100, "max_features", "at least 100"),
-            (self.contrast_threshold >= 0.0, "contrast_threshold", "0 or more"),
-            (self.clahe_clip > 0.0, "clahe_clip", "positive"),
-            (self.clahe_tiles >= 1, "clahe_tiles", "at least 1"),
-            (self.saturation_margin_px >= 0.0, "saturation_margin_px", "0 or more"),
-            (self.ratio > 0.0 && self.ratio < 1.0, "ratio", "between 0 and 1"),
-            (self.max_distance > 0.0, "max_distance", "positive"),
-            (self.min_matches >= 8, "min_matches", "at least 8"),
-            (self.max_epipolar_px > 0.0, "max_epipolar_px", "positive"),
-            (self.max_reprojection_px > 0.0, "max_reprojection_px", "positive"),
-            (self.min_parallax_deg > 0.0, "min_parallax_deg", "positive"),
-        ];
-        match checks.into_iter().find(|(good, ..)| !good) {
-            Some((_, field, bound)) => Err(SfmError::Option { field, bound }),
-            None => Ok(()),
-        }
+    pub fn validate(&self) -> Result<(), OptionError> {
+        check(&[
+            ("sfm.max_features", self.max_features >= 100, "at least 100"),
+            (
+                "sfm.contrast_threshold, saturation_margin_px",
+                from_zero(&[self.contrast_threshold, self.saturation_margin_px]),
+                "0 or more",
+            ),
+            ("sfm.clahe_clip", positive(&[self.clahe_clip]), "positive"),
+            ("sfm.clahe_tiles", self.clahe_tiles >= 1, "at least 1"),
+            ("sfm.ratio", self.ratio > 0.0 && self.ratio < 1.0, "between 0 and 1"),
+            ("sfm.max_distance", positive(&[self.max_distance.into()]), "positive"),
+            ("sfm.min_matches", self.min_matches >= 8, "at least 8"),
+            (
+                "sfm.max_epipolar_px, max_reprojection_px, min_parallax_deg",
+                positive(&[self.max_epipolar_px, self.max_reprojection_px, self.min_parallax_deg]),
+                "positive",
+            ),
+        ])
     }
 
     /// Limits of an acceptable point.

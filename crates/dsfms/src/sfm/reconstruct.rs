@@ -349,8 +349,16 @@ mod tests {
     fn known_poses_give_points_on_the_sheet() {
         let poses: Vec<_> = poses().into_iter().map(Some).collect();
         let options = SfmOptions::default();
-        let found =
-            triangulate_known(&frames(), &[], &camera(), &poses, &options, &|_, _, _| ()).unwrap();
+        let found = triangulate_known(
+            &frames(),
+            &[],
+            &camera(),
+            &poses,
+            &options,
+            &|_, _, _| (),
+            Keep::default(),
+        )
+        .unwrap();
         assert_eq!(found.poses, poses);
         assert!(found.points.len() > 50, "{}", found.points.len());
         let height = |p: &Point3| (p.z - 4.0 * (0.15 * p.x).sin() - 3.0 * (0.2 * p.y).cos()).abs();

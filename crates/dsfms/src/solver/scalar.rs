@@ -1,19 +1,12 @@
-//! Sparse Cholesky of a symmetric positive definite matrix, on one thread: same bits every time.
+//! Sparse Cholesky of a symmetric positive definite matrix, on one thread (faer without its `rayon` feature): same bits every time.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::LltRegularization;
-use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering,
-    factorize_symbolic_cholesky,
-};
+use faer::linalg::solvers::SolveCore;
+use faer::sparse::linalg::solvers::Llt;
 use faer::sparse::{SparseColMat, Triplet};
-use faer::{Conj, MatMut, Par, Side, Spec};
+use faer::{Conj, MatMut, Side};
 
 /// A factorised matrix.
-pub struct ScalarCholesky {
-    symbolic: SymbolicCholesky<usize>,
-    values: Vec<f64>,
-}
+pub struct ScalarCholesky(Llt<usize, f64>);
 
 impl ScalarCholesky {
     /// Factorise the matrix whose lower triangle the entries `(row, column, value)` give (repeated
@@ -21,41 +14,14 @@ impl ScalarCholesky {
     pub fn new(n: usize, lower: &[(usize, usize, f64)]) -> Option<Self> {
         let entries: Vec<_> = lower.iter().map(|&(i, j, v)| Triplet::new(i, j, v)).collect();
         let matrix = SparseColMat::<usize, f64>::try_new_from_triplets(n, n, &entries).ok()?;
-        let symbolic = factorize_symbolic_cholesky(
-            matrix.symbolic(),
-            Side::Lower,
-            SymmetricOrdering::Amd,
-            CholeskySymbolicParams::default(),
-        )
-        .ok()?;
-        let mut values = vec![0.0; symbolic.len_val()];
-        let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default());
-        let mut memory = MemBuffer::try_new(scratch).ok()?;
-        symbolic
-            .factorize_numeric_llt(
-                &mut values,
-                matrix.as_ref(),
-                Side::Lower,
-                LltRegularization::default(),
-                Par::Seq,
-                MemStack::new(&mut memory),
-                Spec::default(),
-            )
-            .ok()?;
-        values.iter().all(|v| v.is_finite()).then_some(Self { symbolic, values })
+        matrix.sp_cholesky(Side::Lower).ok().map(Self)
     }
 
     /// Overwrite the right-hand side by the solution; `None` where it is not finite.
     pub fn solve(&self, rhs: &mut [f64]) -> Option<()> {
-        let scratch = self.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq);
-        let mut memory = MemBuffer::try_new(scratch).ok()?;
         let n = rhs.len();
-        LltRef::new(&self.symbolic, &self.values).solve_in_place_with_conj(
-            Conj::No,
-            MatMut::from_column_major_slice_mut(rhs, n, 1),
-            Par::Seq,
-            MemStack::new(&mut memory),
-        );
+        let rhs_column = MatMut::from_column_major_slice_mut(&mut *rhs, n, 1);
+        self.0.solve_in_place_with_conj(Conj::No, rhs_column);
         rhs.iter().all(|x| x.is_finite()).then_some(())
     }
 }

@@ -143,6 +143,9 @@ fn intersect(ray: &Vector3, [a, b, c]: [&Point3; 3]) -> Option<[f64; 3]> {
 
 /// Drop every anchor that lies next to a better one and looks like it.
 fn merge(anchors: Vec<FeatureAnchor>, options: &AnchorOptions) -> Vec<FeatureAnchor> {
+    if options.merge_px == 0.0 {
+        return anchors;
+    }
     let coarsest = anchors.iter().map(|a| a.footprint).fold(0.0, f64::max);
     let cell = (options.merge_px * coarsest).max(1e-300);
     let least = options.merge_deg.to_radians().cos();
@@ -168,7 +171,9 @@ fn merge(anchors: Vec<FeatureAnchor>, options: &AnchorOptions) -> Vec<FeatureAnc
 }
 
 fn neighbours([x, y, z]: [i64; 3]) -> impl Iterator<Item = [i64; 3]> {
-    (0..27).map(move |k| [x + k % 3 - 1, y + k / 3 % 3 - 1, z + k / 9 - 1])
+    (0..27).map(move |k| {
+        [(x, k % 3), (y, k / 3 % 3), (z, k / 9)].map(|(at, step)| at.saturating_add(step - 1))
+    })
 }
 
 /// Cosine of the angle between two descriptors.
@@ -243,6 +248,11 @@ mod tests {
             let k = descriptors.iter().position(|x| x == d).unwrap();
             assert!((point_at(mesh.corners(face as usize), w) - truth[k]).norm() < 1e-6);
         }
+        // Without merging, every view that saw one has its own, wherever it lies.
+        let apart = AnchorOptions { merge_px: 0.0, ..Default::default() };
+        assert_eq!(anchor_features(&mesh, &views, &apart).faces.len(), 3 * views.len());
+        let tiny = AnchorOptions { merge_px: 1e-300, ..Default::default() };
+        assert!(anchor_features(&mesh, &views, &tiny).faces.len() >= 3);
         let few = AnchorOptions { max_features: 2, ..Default::default() };
         assert_eq!(anchor_features(&mesh, &views, &few).faces.len(), 2);
     }

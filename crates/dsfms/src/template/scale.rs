@@ -2,6 +2,7 @@
 
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3, Vector3};
+use crate::image::names::position_named;
 use crate::mesh::Mesh;
 use serde::{Deserialize, Serialize};
 
@@ -143,9 +144,8 @@ impl ScaleScene<'_> {
 
     /// The frame of that name, with or without the ending of an image file.
     fn pose(&self, name: &str) -> Result<Isometry, ScaleError> {
-        let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
-        let found = self.poses.iter().find(|(n, _)| *n == name || *n == stem);
-        found.map(|(_, pose)| *pose).ok_or_else(|| {
+        let found = position_named(self.poses.iter().map(|p| p.0), name);
+        found.map(|at| self.poses[at].1).ok_or_else(|| {
             let names: Vec<&str> = self.poses.iter().map(|p| p.0).collect();
             ScaleError::NoFrame(name.to_string(), names.join(", "))
         })

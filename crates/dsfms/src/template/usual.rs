@@ -32,7 +32,17 @@ pub struct Usual {
     pub depth: [f64; 2],
 }
 
+/// Frames that correlate less with a given surface were posed wrongly, or show something else. Rendered frames, mesh
+/// and poses given: 0.99; poses 3 mm beside: 0.67; with transposed rotations: 0.34. A real gallbladder, all found: 0.85.
+const LEAST_ALIKE: f64 = 0.75;
+
 impl Usual {
+    /// The correlation of the exploration frames with a given surface, where it is too low for the surface to lie where
+    /// the poses say.
+    pub fn unlike(&self) -> Option<f64> {
+        self.appearance.correlation.filter(|&correlation| correlation < LEAST_ALIKE)
+    }
+
     /// All figures are finite, and those that others are measured by are positive.
     pub(crate) fn is_plausible(&self) -> bool {
         let Appearance { correlation, contrast, residual, shown, compared } = self.appearance;

@@ -1,10 +1,9 @@
 //! What a video shows of its exposure: what the exploration says, as frames at rest correct it, until one
 //! shows another.
 
-use crate::geometry::median;
+use super::recent::RecentMedian;
 use crate::refine::AtMatches;
 use crate::template::Exposure;
-use std::collections::VecDeque;
 
 /// Frames at rest that are remembered: a third of a second.
 const REMEMBERED: usize = 9;
@@ -29,7 +28,7 @@ pub(super) struct Shown {
 #[derive(Debug)]
 pub(super) struct Exposed {
     /// Log gains of the last frames at rest.
-    at_rest: VecDeque<f64>,
+    at_rest: RecentMedian<REMEMBERED, ENOUGH>,
     /// Least and largest of all of them.
     range: [f64; 2],
     /// A frame has shown another exposure than the one expected.
@@ -39,7 +38,7 @@ pub(super) struct Exposed {
 impl Default for Exposed {
     fn default() -> Self {
         let range = [f64::INFINITY, f64::NEG_INFINITY];
-        Self { at_rest: VecDeque::new(), range, changed: false }
+        Self { at_rest: RecentMedian::default(), range, changed: false }
     }
 }
 
@@ -49,9 +48,7 @@ impl Exposed {
     pub(super) fn expected(&self, told: Option<Exposure>) -> Option<Exposure> {
         let varies = self.range[1] - self.range[0] > VARIES;
         let told = told.filter(|_| !self.changed && !varies)?;
-        let enough = self.at_rest.len() >= ENOUGH;
-        let here = enough.then(|| median(&mut self.at_rest.iter().copied().collect::<Vec<_>>()));
-        Some(Exposure { log_gain: here.flatten().unwrap_or(told.log_gain), ..told })
+        Some(Exposure { log_gain: self.at_rest.median().unwrap_or(told.log_gain), ..told })
     }
 
     /// Remember a frame that was not lost.
@@ -60,10 +57,7 @@ impl Exposed {
         let Some(at) = shown.at_matches.filter(AtMatches::calm) else { return };
         let [least, most] = self.range;
         self.range = [least.min(at.log_gain), most.max(at.log_gain)];
-        if self.at_rest.len() == REMEMBERED {
-            self.at_rest.pop_front();
-        }
-        self.at_rest.push_back(at.log_gain);
+        self.at_rest.add(at.log_gain);
     }
 }
 

@@ -7,9 +7,7 @@ use super::places::{Earlier, FollowedPlace, stays};
 use super::prepare::View;
 use super::tracker::{Last, Tracker};
 use crate::camera::Camera;
-use crate::geometry::{
-    Isometry, Neighbours, Point2, Point3, Vector2, align_rigid_robust, median, point_at,
-};
+use crate::geometry::{Isometry, Neighbours, Point2, Point3, Vector2, align_rigid_robust, median};
 use crate::image::Plane;
 use crate::image::flow::{correlation, follow, settle, whole};
 use crate::register::Match;
@@ -111,9 +109,8 @@ impl Tracker<'_> {
 
     /// Where the working camera sees a place of a shape.
     pub(super) fn shown_at(&self, shape: &[Point3], face: u32, at: [f64; 3]) -> Option<Point2> {
-        let faces = &self.template.mesh.topology.faces;
-        let corners = faces[face as usize].map(|v| &shape[v as usize]);
-        Some(self.working.camera.project(&point_at(corners, at))?.pixel)
+        let point = self.template.mesh.topology.point(face, at, shape);
+        Some(self.working.camera.project(&point)?.pixel)
     }
 
     /// Anchors of a rendered shape in the frame, and where too few of them are, those that their neighbours'
@@ -224,10 +221,9 @@ impl Tracker<'_> {
             return None;
         }
         let pixels: Vec<Point2> = tracks.iter().map(|t| self.working.to_frame(t.place)).collect();
-        let faces = &self.template.mesh.topology.faces;
-        let corners = |t: &TrackedPlace| faces[t.face as usize].map(|v| &start[v as usize]);
+        let topology = &self.template.mesh.topology;
         let points: Vec<Point3> =
-            tracks.iter().map(|t| point_at(corners(t), t.barycentric)).collect();
+            tracks.iter().map(|t| topology.point(t.face, t.barycentric, start)).collect();
         let options = &self.options.reconstruct.register;
         Some(pose_near(self.camera, &points, &pixels, options, Isometry::identity()).ok()?.pose)
     }

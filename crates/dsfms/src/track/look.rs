@@ -23,6 +23,8 @@ const GRID: CornerGrid = CornerGrid { cell: 10, stride: 4, most: 700 };
 
 /// The working image is halved until its diagonal is no longer than this, px.
 const DIAGONAL: f64 = 1000.0;
+/// No side of a halved picture is shorter, px: on less there is nothing to look at.
+const LEAST: usize = 16;
 
 /// The sizes at which a frame is looked at: coarse enough to be fast.
 #[derive(Clone, Debug)]
@@ -44,7 +46,9 @@ impl Working {
     pub fn of(camera: &CameraModel, blur: f64, least_px: f64) -> Self {
         let halve = |mut halved: CameraModel, enough: &dyn Fn(f64) -> bool| {
             let mut times = 0;
-            while !enough(diagonal(halved.size)) {
+            while !enough(diagonal(halved.size))
+                && halved.size.iter().all(|&side| side >= 2 * LEAST)
+            {
                 (halved, times) = (halved.halved(), times + 1);
             }
             (halved, times)
@@ -163,4 +167,17 @@ impl Look {
 pub(super) fn edge_px(camera: &CameraModel, edge: f64, shape: &[Point3]) -> f64 {
     let depth = shape.iter().map(|p| p.z).sum::<f64>() / shape.len().max(1) as f64;
     edge * 0.5 * (camera.focal[0] + camera.focal[1]) / depth.max(1e-300)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halving_ends_before_nothing_is_left() {
+        let camera = CameraModel::pinhole([1280, 720], [1000.0; 2], [639.5, 359.5]);
+        let working = Working::of(&camera, 1.0, 1e-300);
+        assert_eq!(working.photo.size, [40, 22]);
+        assert_eq!(working.camera.size, [640, 360]);
+    }
 }

@@ -7,7 +7,6 @@
 //! with the albedo rendered at it, it is not shown as good.
 
 mod attempts;
-mod baseline;
 mod busy_wait;
 mod candidate;
 mod covered;
@@ -20,6 +19,7 @@ mod mips;
 mod parts;
 mod places;
 mod prepare;
+mod recent;
 mod reduce;
 mod seek;
 pub mod shapes;

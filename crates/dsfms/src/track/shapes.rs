@@ -3,7 +3,7 @@
 use crate::geometry::Point3;
 use crate::io::InputError;
 use crate::io::atomic::{WriteError, write_atomic};
-use crate::io::npz::{NpyArray, Npz};
+use crate::io::npz::{NpyArray, Npz, header};
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -108,25 +108,15 @@ fn pack(
     // No times: the same shapes give the same file.
     let options = SimpleFileOptions::default().compression_level(Some(6)).large_file(true);
     zip.start_file("vertices.npy", options)?;
-    zip.write_all(&header("<f4", &format!("({frames}, {vertices}, 3)")))?;
+    zip.write_all(&header("<f4", &[frames, vertices, 3]))?;
     io::copy(shapes, &mut zip)?;
     zip.start_file("visible.npy", options)?;
-    zip.write_all(&header("|u1", &format!("({frames}, {vertices})")))?;
+    zip.write_all(&header("|u1", &[frames, vertices]))?;
     io::copy(visible, &mut zip)?;
     zip.start_file("status.npy", options)?;
-    zip.write_all(&header("|u1", &format!("({frames},)")))?;
+    zip.write_all(&header("|u1", &[frames]))?;
     zip.write_all(status)?;
     zip.finish()?.flush()
-}
-
-/// The head of a `.npy` file, version 1.0, padded to a multiple of 64 bytes.
-fn header(kind: &str, shape: &str) -> Vec<u8> {
-    let text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}");
-    let length = (10 + text.len() + 1).next_multiple_of(64) - 10;
-    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-    bytes.extend((length as u16).to_le_bytes());
-    bytes.extend(format!("{text:<width$}\n", width = length - 1).bytes());
-    bytes
 }
 
 #[cfg(test)]

@@ -6,11 +6,11 @@ use super::look::edge_px;
 use super::prepare::View;
 use super::tracker::{Clock, Draft, Last, Tracker};
 use crate::camera::Camera;
-use crate::geometry::{Isometry, Point2, Point3, align_rigid_robust, point_at};
+use crate::geometry::{Isometry, Point2, Point3, align_rigid_robust};
 use crate::image::diagonal;
-use crate::pipeline::Method;
-use crate::refine::{Near, NearFrame, Photograph, VideoMemory, join, join_near};
-use crate::register::solve::{depth_tolerance, errors_px, explained};
+use crate::pipeline::{Method, joined};
+use crate::refine::{Near, NearFrame, Photograph, VideoMemory, join_near};
+use crate::register::solve::{depth_tolerance, errors_px, explained, kept_matches};
 use crate::register::{
     Body, Match, Posed, RegisterError, Registered, Scene, pose, pose_near, posed_from, register_in,
     register_near,
@@ -43,16 +43,8 @@ impl Tracker<'_> {
         });
         let mut draft = Draft::of(&body, &posed, &matches, &coarse);
         if let Some(photo) = self.photograph(view, &draft.vertices) {
-            let kept = coarse.kept.iter().zip(&*on_body).filter(|m| *m.0);
-            let kept: Vec<Match> = kept.map(|m| *m.1).collect();
-            let (start, hold) = (&coarse.vertices, coarse.depth_sigma);
-            let joined = clock.time("joint", || {
-                let mut joined = join(&body, start, hold, &kept, &photo, &options.joint);
-                joined.vertices = options
-                    .comparison(&body, &kept, &photo)
-                    .kept(&body.scene().posed, joined.vertices);
-                joined.settled(&body)
-            });
+            let kept = kept_matches(&on_body, &coarse.kept);
+            let joined = clock.time("joint", || joined(&body, &coarse, &kept, &photo, options));
             draft.shown = Shown { at_matches: joined.at_matches, changed: joined.exposure_changed };
             (draft.vertices, draft.ambient) = (joined.vertices, joined.ambient);
             draft.photometric = (joined.samples > 0).then_some(joined.residual);
@@ -208,8 +200,7 @@ impl Tracker<'_> {
         let vertices = match origin {
             Origin::Followed => found.vertices,
             Origin::Found => {
-                let kept = kept.iter().zip(&*on_body).filter(|m| *m.0);
-                let kept: Vec<Match> = kept.map(|m| *m.1).collect();
+                let kept = kept_matches(&on_body, &kept);
                 options.comparison(body, &kept, photo).kept(&scene.posed, found.vertices)
             }
         };
@@ -240,9 +231,8 @@ impl Tracker<'_> {
 
     /// The points of matches on a shape.
     pub(super) fn on(&self, matches: &[Match], shape: &[Point3]) -> Vec<Point3> {
-        let faces = &self.template.mesh.topology.faces;
-        let corners = |m: &Match| faces[m.face as usize].map(|v| &shape[v as usize]);
-        matches.iter().map(|m| point_at(corners(m), m.barycentric)).collect()
+        let topology = &self.template.mesh.topology;
+        matches.iter().map(|m| topology.point(m.face, m.barycentric, shape)).collect()
     }
 
     fn enough(&self, matches: &[Match]) -> Result<(), String> {

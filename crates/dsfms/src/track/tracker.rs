@@ -1,6 +1,5 @@
 //! The state between frames, and one frame's way through find, follow and verdict.
 
-use super::baseline::BaselineResidual;
 use super::busy_wait::busy_wait;
 use super::candidate::Candidate;
 use super::exposed::{Exposed, Shown};
@@ -9,6 +8,7 @@ use super::mips::Mips;
 use super::parts::Seeker;
 use super::places::{Earlier, FollowedPlace};
 use super::prepare::{Preparation, Prepared, Regions, View};
+use super::recent::RecentMedian;
 use super::{Origin, Surface, TrackError, TrackOptions, TrackStatus, Tracked};
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point3, align_rigid_robust};
@@ -23,6 +23,13 @@ use crate::template::{Exposure, Template};
 use crate::verdict::{Reason, Thresholds};
 use std::sync::Arc;
 use std::time::Instant;
+
+/// Good frames that are remembered: four seconds, so that smoke which thickens slowly is not taken
+/// for the new usual.
+const REMEMBERED: usize = 100;
+
+/// Fewer tell nothing: from the fourth good frame on the median of a clip stays within a fifth.
+const ENOUGH: usize = 4;
 
 /// Follows a template through the frames of one camera.
 ///
@@ -65,7 +72,8 @@ pub struct Tracker<'a> {
     /// What descriptors found, and is followed.
     pub(super) places: Vec<FollowedPlace>,
     pub(super) seeker: Seeker,
-    pub(super) usual: BaselineResidual,
+    /// Photometric residuals of the last good frames: the measure for smoke, blur and glare.
+    pub(super) usual: RecentMedian<REMEMBERED, ENOUGH>,
     exposed: Exposed,
     /// See [`other_camera`]; of the last search by descriptors.
     pub(super) other_camera: Option<(f64, [f64; 2])>,
@@ -163,7 +171,7 @@ impl<'a> Tracker<'a> {
             preparation,
             last: None,
             places: Vec::new(),
-            usual: BaselineResidual::default(),
+            usual: RecentMedian::default(),
             exposed: Exposed::default(),
             other_camera: None,
             count: 0,

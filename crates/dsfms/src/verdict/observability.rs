@@ -1,7 +1,7 @@
 //! What the matches leave open, whatever they agree on.
 
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Point3, Vector3, point_at};
+use crate::geometry::{Point3, Vector3};
 use crate::mesh::Topology;
 use crate::register::Match;
 use nalgebra::{Matrix2x3, Matrix3, Matrix6, SMatrix};
@@ -47,11 +47,8 @@ pub fn pose_uncertainty(
     asked: &[Point3],
 ) -> PoseUncertainty {
     let open = PoseUncertainty { length: f64::INFINITY, degrees: f64::INFINITY };
-    let on = |m: &Match| {
-        let corners = topology.faces[m.face as usize].map(|v| &shape[v as usize]);
-        point_at(corners, m.barycentric)
-    };
-    let points: Vec<Point3> = matches.iter().map(on).collect();
+    let points: Vec<Point3> =
+        matches.iter().map(|m| topology.point(m.face, m.barycentric, shape)).collect();
     let n = points.len().max(1) as f64;
     let centre = points.iter().map(|p| p.coords).sum::<Vector3>() / n;
     let mut information = Matrix6::<f64>::zeros();
@@ -134,7 +131,7 @@ mod tests {
             .filter_map(|face| {
                 let barycentric = [1.0 / 3.0; 3];
                 let corners = mesh.topology.faces[face].map(|v| &shape[v as usize]);
-                let point = point_at(corners, barycentric);
+                let point = crate::geometry::point_at(corners, barycentric);
                 let pixel = camera.project(&point)?.pixel;
                 which(&point).then_some(Match { face: face as u32, barycentric, pixel })
             })

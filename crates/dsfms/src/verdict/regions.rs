@@ -5,6 +5,7 @@ use super::reason::Part;
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point2, Point3, area_normal};
 use crate::mesh::Mesh;
+use crate::mesh::components::vertex_parts;
 use crate::mesh::normals::lumped_areas;
 
 /// What is known of a vertex in one frame; the numbers are those of the files.
@@ -83,24 +84,9 @@ pub fn largest_part(
     let areas = lumped_areas(rest);
     let seen = |v: usize| regions[v] != Region::Hidden;
     let whole: f64 = (0..regions.len()).filter(|&v| seen(v)).map(|v| areas[v]).sum();
-    let mut visited = vec![false; regions.len()];
+    let parts = vertex_parts(&rest.topology, |v| (regions[v] == which).then_some(()));
     let mut best: Option<(f64, Vec<usize>)> = None;
-    for start in 0..regions.len() {
-        if visited[start] || regions[start] != which {
-            continue;
-        }
-        visited[start] = true;
-        let (mut part, mut at) = (vec![start], 0);
-        while at < part.len() {
-            for &w in &rest.topology.one_ring[part[at]] {
-                let w = w as usize;
-                if !visited[w] && regions[w] == which {
-                    visited[w] = true;
-                    part.push(w);
-                }
-            }
-            at += 1;
-        }
+    for part in parts {
         let size: f64 = part.iter().map(|&v| areas[v]).sum();
         if best.as_ref().is_none_or(|b| size > b.0) {
             best = Some((size, part));

@@ -1,7 +1,7 @@
 //! When a surface is believed: one set for single frames and videos.
 
 use super::look::TileLimits;
-use crate::options::{OptionError, check};
+use crate::options::{OptionError, check, numbers};
 use serde::{Deserialize, Serialize};
 
 /// Pairs: beyond the first value (in the direction that is worse) the frame is lost, beyond the second
@@ -118,13 +118,14 @@ impl Thresholds {
         TileLimits { log: self.tile_log, correlation, slope }
     }
 
-    /// Check the order of every pair.
+    /// Check that there are numbers, and the order of every pair.
     ///
     /// # Errors
     /// The first pair that is out of order.
     pub fn validate(&self) -> Result<(), OptionError> {
         let rising = |[a, b]: [f64; 2]| a <= b;
         check(&[
+            ("verdict", numbers(self), "numbers; inf or -inf takes a limit away"),
             (
                 "verdict.matches, given",
                 self.matches[0] <= self.matches[1] && self.given[0] <= self.given[1],

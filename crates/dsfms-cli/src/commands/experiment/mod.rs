@@ -166,7 +166,7 @@ fn work(
     prepare_folder(&place.output)?;
     let plan = Plan {
         organ: organ.name().to_owned(),
-        protocol: series.protocol(global.seed),
+        protocol: series.protocol(global.seed()),
         extensions: extensions.to_vec(),
         noises: series.noise.clone(),
         count: series.count,

@@ -49,7 +49,7 @@ const PAPER: [u8; 3] = [255; 3];
 /// Two cases, a pull and a push, one PNG and one page in 3D each.
 pub fn run(args: &Table1Args, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
     let organ = args.series.organ()?;
-    let protocol = args.series.protocol(global.seed);
+    let protocol = args.series.protocol(global.seed());
     let options = args.place.options()?;
     prepare_folder(&args.place.output)?;
     let cell = Cell { extension: args.ext, noise: args.series.noise[0] };
@@ -63,7 +63,7 @@ pub fn run(args: &Table1Args, global: &Global, reporter: &Reporter) -> anyhow::R
         text += &figures(name, &case, &shapes);
         write_png(&args.place.output.join(format!("table1_{name}.png")), &grid(&case, &shapes))?;
         let what =
-            format!("Organ {}, extension {} %, seed {}", organ.name(), args.ext, global.seed);
+            format!("Organ {}, extension {} %, seed {}", organ.name(), args.ext, global.seed());
         case_page(name, case, &arms_of(&METHODS.map(|m| m.1), &options), &what)?
             .write(&args.place.output.join(format!("table1_{name}.html")))?;
     }
@@ -75,7 +75,7 @@ pub fn run(args: &Table1Args, global: &Global, reporter: &Reporter) -> anyhow::R
         args.ext,
         organ.name(),
         2,
-        global.seed
+        global.seed()
     );
     write_text(&args.place.output.join("table1.md"), &text)?;
     super::super::to_stdout(&text)?;

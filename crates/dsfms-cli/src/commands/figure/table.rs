@@ -1,6 +1,7 @@
 //! A table of text with commas, as every command writes it.
 
 use anyhow::Context;
+use dsfms::guard;
 use std::path::{Path, PathBuf};
 
 /// Rows under named columns.
@@ -13,9 +14,10 @@ pub struct Table {
 impl Table {
     /// Read a file: names in the first line, lines that begin with `#` left out.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let text = std::fs::read_to_string(path)
-            .with_context(|| format!("{} cannot be read", path.display()))?;
-        Self::parse(path, &text)
+        let text =
+            guard::read_text(path).with_context(|| format!("{} cannot be read", path.display()))?;
+        // Spreadsheets write a mark before the text.
+        Self::parse(path, text.trim_start_matches('\u{feff}'))
     }
 
     fn parse(path: &Path, text: &str) -> anyhow::Result<Self> {

@@ -4,6 +4,7 @@ use super::RegisterCtArgs;
 use crate::commands::template::mesh::{Reading, open_mesh};
 use crate::exit::Usage;
 use crate::progress::Reporter;
+use crate::structures::own_name;
 use anyhow::Context;
 use dsfms::eval::zone::extent;
 use dsfms::geometry::{Point3, Vector3};
@@ -14,7 +15,6 @@ use dsfms::mesh::surface_points::ClosestPoints;
 use dsfms::pipeline::Progress;
 use dsfms::preoperative::LandmarkPair;
 use dsfms::template::Template;
-use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The input in memory.
@@ -58,18 +58,14 @@ fn structures(
     reporter: &Reporter,
 ) -> anyhow::Result<Vec<(String, Mesh)>> {
     let size = extent(&ct.positions);
-    let (mut found, mut names) = (Vec::new(), BTreeSet::new());
+    let mut found: Vec<(String, Mesh)> = Vec::new();
     for path in &args.structures {
         let mut file = if how.repair { read_repaired(path)? } else { read_mesh(path)? };
         file.unit = how.unit.or(file.unit).or(Some(unit));
         let file = file
             .in_unit(MeshUnit::Millimetre)
             .map_err(|mismatch| Usage(format!("--structures {}: {mismatch}", path.display())))?;
-        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        if !names.insert(name.clone()) {
-            let text = format!("two structures are called {name}; rename one of the files");
-            return Err(Usage(text).into());
-        }
+        let name = own_name(path, found.iter().map(|f| f.0.as_str()))?;
         let surface = ClosestPoints::new(ct);
         let away = |p: &Point3| surface.closest(p).map_or(f64::INFINITY, |s| s.distance);
         let middle = file.mesh.positions.iter().map(|p| p.coords).sum::<Vector3>()

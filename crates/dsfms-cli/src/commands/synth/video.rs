@@ -235,7 +235,7 @@ fn template(
     let exploration = Exploration::new(&frames, &clip.camera);
     let poses: Vec<Option<Isometry>> = poses.iter().map(|p| Some(*p)).collect();
     let mut options = TemplateOptions::default();
-    options.sfm.seed = global.seed;
+    options.sfm.seed = global.seed();
     let (mesh, unit) = (clip.rest.clone(), LengthUnit::Millimetre);
     let built = template_from_posed_frames(&exploration, mesh, unit, &poses, &options, reporter)?;
     Ok(write_template(&path, &built.template)?)

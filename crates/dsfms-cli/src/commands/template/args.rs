@@ -67,7 +67,8 @@ and pictures/organ_a.png, organ_b.png ... show what may be meant, outlines from
 green, clearly marked, to red, a guess, with an option for each. The exit code
 is 2 too where frames agree on less than three quarters of the surface (faint
 texture, highlights): the rest is closed, not measured, and red in
-pictures/measured.png.
+pictures/measured.png; and where frames do not look like a given --mesh, as
+with wrong --poses or a mesh of another place.
 surroundings.ply is what lies around the organ. `dsfms view TEMPLATE` has a
 page (\"Organ\") on which strokes are drawn, the outline following in seconds,
 and saved to TEMPLATE/organ_scribbles.json.
@@ -165,6 +166,24 @@ pub struct TemplateArgs {
     /// Template folder to write.
     #[arg(help_heading = "Output", short, long, value_name = "TEMPLATE")]
     pub output: PathBuf,
+}
+
+impl TemplateArgs {
+    /// The first option that is given and says something of frames alone.
+    pub fn of_frames(&self) -> Option<&'static str> {
+        let given = [
+            (self.masks.is_some(), "--masks"),
+            (self.organ.organ_masks.is_some(), "--organ-masks"),
+            (self.organ.organ_click.is_some(), "--organ-click"),
+            (!self.organ.organ_polygon.is_empty(), "--organ-polygon"),
+            (!self.organ.also.is_empty(), "--also"),
+            (self.vertices.is_some(), "--vertices"),
+            (self.estimate_vignetting, "--estimate-vignetting"),
+            (self.albedo_rule.is_some(), "--albedo-rule"),
+            (self.self_calibrate, "--self-calibrate"),
+        ];
+        given.into_iter().find(|option| option.0).map(|option| option.1)
+    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -66,6 +66,15 @@ pub fn unmeasured_text(share: f64) -> String {
     )
 }
 
+/// What it means that the frames do not look like the template, and what to try.
+pub fn unlike_text(correlation: f64) -> String {
+    format!(
+        "the exploration frames do not look like the template (correlation {correlation:.2}; 0.85 and more where poses \
+         and surface are right). Check the poses (camera_from_world, x right, y down, z forward), the frame and unit of \
+         the mesh, and the camera; look at the overlay of a frame that is reconstructed with it"
+    )
+}
+
 /// Where to see which part was taken for the organ, and how to tell otherwise; one line each.
 pub fn organ_hint(organ: &FoundOrgan, template: &Path) -> Vec<String> {
     let picture = |name: &str| template.join("pictures").join(name).display().to_string();

@@ -8,6 +8,7 @@ use crate::progress::Reporter;
 use anyhow::Context;
 use dsfms::camera::CameraModel;
 use dsfms::camera::resample::{resampled, resampled_mask};
+use dsfms::image::names::stem;
 use dsfms::image::{Frame, Mask};
 use dsfms::io::InputError;
 use dsfms::io::camera::{CameraFile, ImageCameras, read_image_cameras};
@@ -17,9 +18,7 @@ use std::path::{Path, PathBuf};
 
 /// The organ as outlined on a frame, which is taken from the list.
 fn outline(outlines: &mut Vec<OrganOutline>, frame: &Frame) -> Option<Mask> {
-    let stem = |name: &str| name.rsplit_once('.').map(|(stem, _)| stem.to_string());
-    let own =
-        |o: &OrganOutline| o.frame == frame.name || stem(&o.frame).as_ref() == Some(&frame.name);
+    let own = |o: &OrganOutline| o.frame == frame.name || stem(&o.frame) == frame.name;
     let found = outlines.iter().position(own)?;
     Some(Mask::polygon(frame.size, &outlines.remove(found).corners))
 }

@@ -4,6 +4,7 @@ use crate::args::Global;
 use crate::progress::Reporter;
 use anyhow::Context;
 use dsfms::eval::zone::extent;
+use dsfms::guard;
 use dsfms::io::InputError;
 use dsfms::io::images::read_frame;
 use dsfms::io::mesh::{MeshFile, MeshUnit, read_mesh, read_repaired};
@@ -81,8 +82,8 @@ pub fn read_albedo(path: &Path, file: &MeshFile, global: &Global) -> anyhow::Res
 
 /// One linear value, or three, per line; a first line without numbers is a header.
 fn read_vertex_values(path: &Path, vertices: usize) -> Result<Vec<[f32; 3]>, InputError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| InputError::Read { path: path.into(), source })?;
+    let text =
+        guard::read_text(path).map_err(|source| InputError::Read { path: path.into(), source })?;
     let mut values = Vec::new();
     for (i, line) in text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty()) {
         match vertex_value(line) {

@@ -3,7 +3,7 @@
 use crate::build;
 use crate::interrupt;
 use crate::progress::Reporter;
-use dsfms::checkpoint::Store;
+use dsfms::checkpoint::{Store, WriteValue};
 use dsfms::io::checkpoint::{Kept, StageFolder};
 use dsfms::pipeline::Progress;
 use std::collections::BTreeSet;
@@ -95,9 +95,9 @@ impl Store for Resumable<'_> {
         }
     }
 
-    fn save(&self, stage: &str, key: u64, bytes: &[u8]) {
+    fn save(&self, stage: &str, key: u64, value: WriteValue) {
         let Some(folder) = &self.folder else { return };
-        match folder.save(stage, key, bytes) {
+        match folder.save(stage, key, value) {
             Ok(()) => self.note(stage),
             Err(error) => self.reporter.warn(&format!("{stage} is not kept: {error}")),
         }

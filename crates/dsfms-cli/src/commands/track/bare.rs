@@ -81,7 +81,7 @@ fn seen_in(
         inputs::check_size(frame, &camera.file.camera, camera_path)?;
     }
     let mut options = TemplateOptions::default();
-    options.sfm.seed = global.seed;
+    options.sfm.seed = global.seed();
     camera.tell_options(&mut options);
     let exploration = camera.exploration(&posed.frames).valid(&posed.valid).organ(&posed.organ);
     let built =

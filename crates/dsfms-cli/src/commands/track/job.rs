@@ -19,13 +19,14 @@ use crate::report::track::{RunEntry, TrackReport};
 use crate::structures::Structures;
 use crate::volume::CarriedVolume;
 use dsfms::camera::CameraModel;
+use dsfms::expected_error::ExpectedErrors;
 use dsfms::geometry::Point3;
 use dsfms::image::Frame;
 use dsfms::io::ply::{PlyExtras, write_ply};
 use dsfms::pipeline::Progress;
 use dsfms::template::Template;
 use dsfms::track::shapes::ShapeFile;
-use dsfms::track::{Prepared, TrackStatus, Tracked, Tracker};
+use dsfms::track::{Prepared, Surface, TrackStatus, Tracked, Tracker};
 use image::RgbImage;
 use std::path::PathBuf;
 use std::time::{Instant, SystemTime};
@@ -163,13 +164,16 @@ impl<'a> Job<'a> {
         // Of a shape that is only kept nothing is known to be seen.
         let visible = surface.map_or(&[][..], |s| s.visible.as_slice());
         self.shapes.push(shape, visible, tracked.status as u8)?;
-        self.show(taken_frame, done)?;
+        let expected = self.expected_errors(taken_frame, surface);
+        let errors = expected.as_ref().map(|e| e.errors.as_slice());
+        self.show(taken_frame, done, errors)?;
         if let Some(shape) = shape {
             let shape = Shape {
                 vertices: shape,
                 visible: surface.map(|s| s.visible.as_slice()),
+                expected_error: errors,
+                observed: expected.as_ref().map(|e| e.observed.as_slice()),
                 regions: surface.map(|s| s.regions.as_slice()),
-                ..Default::default()
             };
             self.write_shape(number, tracked.status, &shape)?;
         }
@@ -182,7 +186,7 @@ impl<'a> Job<'a> {
             let path = self.args.output.join(format!("overlay/frame_{number:03}.png"));
             let mut picture = outputs::picture(self.template, self.camera, frame, tracked);
             masks.outline(&mut picture);
-            self.draw_structures(&mut picture, tracked)?;
+            self.draw_structures(&mut picture, tracked, errors)?;
             write_png(&path, &picture)?;
             self.overlays.push(path);
         }
@@ -198,33 +202,45 @@ impl<'a> Job<'a> {
             || args.input.iter().any(|i| is_address(i))
     }
 
+    /// How far the surface may be off, where somebody watches it or reads its file: it takes its time.
+    fn expected_errors(
+        &self,
+        taken_frame: &TakenFrame,
+        surface: Option<&Surface>,
+    ) -> Option<ExpectedErrors> {
+        let args = self.args;
+        let files = args.ply || !args.formats.is_empty();
+        let read = args.view || files || self.structures.is_some();
+        match taken_frame {
+            TakenFrame::Whole(prepared) if read => self.tracker.expected_errors(prepared, surface?),
+            _ => None,
+        }
+    }
+
     /// The frame on the page.
-    fn show(&mut self, taken_frame: &TakenFrame, done: &Done) -> anyhow::Result<()> {
+    fn show(
+        &mut self,
+        taken_frame: &TakenFrame,
+        done: &Done,
+        expected: Option<&[f64]>,
+    ) -> anyhow::Result<()> {
         let &Done { number, came, tracked, ms, .. } = done;
         let answer_ms = self.arrives().then(|| 1e3 * came.elapsed().as_secs_f64());
-        let Some(report) = &mut self.report else { return Ok(()) };
-        let expected = match (taken_frame, &tracked.surface) {
-            // Who watches sees it; it takes its time.
-            (TakenFrame::Whole(prepared), Some(surface)) if self.args.view => {
-                self.tracker.expected_errors(prepared, surface)
-            }
-            _ => None,
-        };
-        let expected = expected.as_ref().map(|e| e.errors.as_slice());
-        report.add(&RunEntry {
-            number,
-            frame: taken_frame.frame(),
-            tracked,
-            ms,
-            answer_ms,
-            expected,
+        let frame = taken_frame.frame();
+        self.report.as_mut().map_or(Ok(()), |report| {
+            report.add(&RunEntry { number, frame, tracked, ms, answer_ms, expected })
         })
     }
 
     /// The hidden structures where the surface carries them.
-    fn draw_structures(&self, picture: &mut RgbImage, tracked: &Tracked) -> anyhow::Result<()> {
+    fn draw_structures(
+        &self,
+        picture: &mut RgbImage,
+        tracked: &Tracked,
+        expected: Option<&[f64]>,
+    ) -> anyhow::Result<()> {
         if let (Some(structures), Some(surface)) = (&self.structures, &tracked.surface) {
-            let places = structures.carry(&surface.vertices, None)?;
+            let places = structures.carry(&surface.vertices, expected)?;
             structures.draw(picture, self.camera, &surface.vertices, &places);
         }
         Ok(())
@@ -240,13 +256,19 @@ impl<'a> Job<'a> {
         let name = format!("frame_{number:03}");
         if self.args.ply {
             let comments = [format!("camera axes of the frame; status {}", status.label())];
-            let (visible, region) = (shape.visible, shape.regions);
-            let extras = PlyExtras { comments: &comments, visible, region, ..Default::default() };
+            let extras = PlyExtras {
+                comments: &comments,
+                visible: shape.visible,
+                expected_error: shape.expected_error,
+                observed: shape.observed,
+                region: shape.regions,
+                ..Default::default()
+            };
             let path = self.args.output.join(format!("{name}.ply"));
             let (topology, unit) = (&self.template.mesh.topology, self.template.unit);
             write_ply(&path, topology, shape.vertices, unit, &extras)?;
             if let Some(structures) = &self.structures {
-                let places = structures.carry(shape.vertices, None)?;
+                let places = structures.carry(shape.vertices, shape.expected_error)?;
                 structures.write(&self.args.output, &name, self.template, &places)?;
             }
         }

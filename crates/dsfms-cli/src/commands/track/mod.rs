@@ -170,7 +170,7 @@ fn options(args: &TrackArgs, global: &Global) -> anyhow::Result<TrackOptions> {
         Some(path) => inputs::options(path, |text| base.with_toml(text))?,
         None => base,
     };
-    options.reconstruct.seed = global.seed;
+    options.reconstruct.seed = global.seed.unwrap_or(options.reconstruct.seed);
     if let Some(prior) = args.prior.map(Prior::from) {
         let solves = &mut options.reconstruct;
         (solves.register.prior.kind, solves.joint.prior.kind) = (prior, prior);

@@ -5,6 +5,8 @@ use crate::args::VERSION;
 use crate::inputs;
 use crate::outputs::write_json;
 use anyhow::Context;
+use dsfms::checkpoint::Digest;
+use dsfms::guard;
 use dsfms::track::TrackOptions;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -94,43 +96,24 @@ pub fn target() -> String {
 /// Digest of a file, or of the names and contents of the files of a folder, 16 hexadecimal digits: it tells
 /// a change, not a forgery.
 pub fn digest(path: &Path) -> anyhow::Result<String> {
-    let mut state = Fnv::default();
+    let mut state = Digest::default();
     add(path, &mut state).with_context(|| format!("cannot read {}", path.display()))?;
-    Ok(format!("{:016x}", state.0))
+    Ok(format!("{:016x}", state.finish()))
 }
 
-fn add(path: &Path, state: &mut Fnv) -> std::io::Result<()> {
+fn add(path: &Path, state: &mut Digest) -> std::io::Result<()> {
     if !path.is_dir() {
-        let bytes = std::fs::read(path)?;
-        state.add(&(bytes.len() as u64).to_le_bytes());
-        state.add(&bytes);
+        state.bytes(&guard::read(path)?);
         return Ok(());
     }
     let entries: std::io::Result<Vec<_>> = std::fs::read_dir(path)?.collect();
     let mut paths: Vec<PathBuf> = entries?.iter().map(std::fs::DirEntry::path).collect();
     paths.sort();
     for path in paths {
-        state.add(path.file_name().unwrap_or_default().to_string_lossy().as_bytes());
+        state.bytes(path.file_name().unwrap_or_default().to_string_lossy().as_bytes());
         add(&path, state)?;
     }
     Ok(())
-}
-
-/// FNV-1a of 64 bits.
-struct Fnv(u64);
-
-impl Default for Fnv {
-    fn default() -> Self {
-        Self(0xcbf2_9ce4_8422_2325)
-    }
-}
-
-impl Fnv {
-    fn add(&mut self, bytes: &[u8]) {
-        for &byte in bytes {
-            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-        }
-    }
 }
 
 #[cfg(test)]
@@ -139,9 +122,6 @@ mod tests {
 
     #[test]
     fn a_digest_tells_contents_and_names() {
-        let mut known = Fnv::default();
-        known.add(b"foobar");
-        assert_eq!(known.0, 0x8594_4171_f739_67e8, "the published value");
         let folder = tempfile::tempdir().unwrap();
         let of = || digest(folder.path()).unwrap();
         std::fs::write(folder.path().join("a"), "1").unwrap();

@@ -1,7 +1,7 @@
 //! As much of HTTP as one page needs: bounded requests, for this server and from its own page alone.
 
 use std::io::{Read, Write};
-use std::net::TcpStream;
+use std::net::{Shutdown, TcpStream};
 use std::time::{Duration, Instant};
 
 /// Longest head of a request that is read, bytes.
@@ -12,6 +12,8 @@ pub const LONGEST_BODY: usize = 1 << 20;
 pub const PATIENCE: Duration = Duration::from_secs(10);
 /// An answer must have been taken by then.
 const LONGEST_ANSWER: Duration = Duration::from_secs(120);
+/// What a client still sends is read for so long after the answer.
+const LINGER: Duration = Duration::from_secs(1);
 /// Bytes written between two looks at the clock.
 const CHUNK: usize = 1 << 16;
 
@@ -140,7 +142,15 @@ impl Answer {
             stream.set_write_timeout(Some(left.min(PATIENCE)))?;
             stream.write_all(part)?;
         }
-        Ok(stream.flush()?)
+        stream.flush()?;
+        // What is left unread would make the system reset the connection, and the answer with it.
+        stream.shutdown(Shutdown::Write)?;
+        let (end, mut taken, mut rest) = (Instant::now() + LINGER, 0, Vec::new());
+        while taken <= LONGEST_BODY && more(stream, end, &mut rest).is_ok() {
+            taken += rest.len();
+            rest.clear();
+        }
+        Ok(())
     }
 }
 

@@ -74,7 +74,7 @@ impl MarkPlace {
 pub fn read_pairs(path: &Path) -> Result<Vec<PickedPair>, InputError> {
     let text = read_text(path)?;
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    match extension.as_str() {
+    let pairs = match extension.as_str() {
         "csv" => table::pairs(path, &text),
         "json" => pairs_of_json(path, &parse_json(path, &text)?),
         _ => Err(InputError::format(
@@ -82,6 +82,10 @@ pub fn read_pairs(path: &Path) -> Result<Vec<PickedPair>, InputError> {
             "expected pairs as .csv or .json; points of one surface (.mrk.json, .fcsv, .pp) need the file of the \
              other surface beside them",
         )),
+    }?;
+    match pairs.is_empty() {
+        true => Err(InputError::format(path, "it holds no pair; three or more are needed")),
+        false => Ok(pairs),
     }
 }
 

@@ -194,3 +194,35 @@ fn lengths_are_brought_to_another_unit_where_both_scales_are_known() {
     assert!(refused.to_string().contains("template_units and in mm"), "{refused}");
     assert!(file(Some(mm)).in_unit(MeshUnit::TemplateUnit).is_err());
 }
+
+const SOLID: &str = "solid\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1 0 0\n  vertex 0 1 0\n \
+                     endloop\nendfacet\nendsolid\n";
+
+#[test]
+fn text_of_several_solids_is_one_mesh() {
+    let second =
+        SOLID.replace("vertex 0 1 0", "vertex 1 1 0").replace("vertex 0 0 0", "VERTEX 0 1 0");
+    let file = read_text("a.stl", SOLID.to_owned() + &second).unwrap();
+    assert_eq!((file.mesh.positions.len(), file.mesh.topology.faces.len()), (4, 2));
+    for text in [SOLID.to_uppercase(), format!("\u{feff}{SOLID}"), format!("  {SOLID}")] {
+        assert_eq!(read_text("a.stl", text).unwrap().mesh.topology.faces, [[0, 1, 2]]);
+    }
+    let error = |text: String| read_text("a.stl", text).unwrap_err().to_string();
+    assert!(error(SOLID.replace("1 0 0", "1 zero 0")).contains("line 5: expected three numbers"));
+    assert!(error(SOLID.replace("  vertex 0 1 0\n", "")).contains("2 corners"));
+    assert!(error(SOLID.replace("endsolid\n", "")).contains("endsolid"));
+}
+
+#[test]
+fn a_mark_before_the_text_is_no_vertex() {
+    let file = read_text("a.obj", "\u{feff}v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    assert_eq!((file.mesh.positions.len(), file.mesh.topology.faces.len()), (3, 1));
+    assert!(read_text("a.ply", format!("\u{feff}{SQUARE_PLY}")).is_ok());
+}
+
+#[test]
+fn a_unit_that_is_not_known_draws_a_warning() {
+    let file = read_text("a.ply", SQUARE_PLY.replace("units mm", "units inch")).unwrap();
+    assert_eq!(file.unit, None);
+    assert!(file.warnings.iter().any(|w| w.contains("'inch'")), "{:?}", file.warnings);
+}

@@ -1,6 +1,6 @@
 //! Legacy `.vtk`: a title, then keywords with arrays, as text or as big-endian numbers.
 
-use super::super::raw_mesh::{FormatError, MeshUnit, RawMesh};
+use super::super::raw_mesh::{FormatError, RawMesh};
 use super::{MOST, malformed, surface};
 
 /// The bytes that are left.
@@ -47,7 +47,7 @@ pub(in super::super) fn read(bytes: &[u8]) -> Result<RawMesh, FormatError> {
     let Some(points) = points else { return malformed("it has no POINTS") };
     let Some((corners, ends)) = polygons else { return malformed("it has no POLYGONS") };
     let mut mesh = surface(&points, &corners, &ends)?;
-    mesh.unit = MeshUnit::from_comment(&title);
+    mesh.state_unit(&title);
     Ok(mesh)
 }
 

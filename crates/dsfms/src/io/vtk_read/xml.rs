@@ -1,7 +1,7 @@
 //! XML `.vtp`: one piece with points and polygons. Tags are looked for in order, nothing else of XML.
 
 use super::super::base64::from_base64;
-use super::super::raw_mesh::{FormatError, MeshUnit, RawMesh};
+use super::super::raw_mesh::{FormatError, RawMesh};
 use super::{MOST, malformed, surface};
 use flate2::read::ZlibDecoder;
 use std::io::Read;
@@ -50,7 +50,7 @@ pub(in super::super) fn read(bytes: &[u8]) -> Result<RawMesh, FormatError> {
         &whole(layout.numbers(ends)?),
     )?;
     let comment = text.split("<!--").nth(1).and_then(|rest| rest.split("-->").next());
-    mesh.unit = comment.and_then(MeshUnit::from_comment);
+    comment.iter().for_each(|comment| mesh.state_unit(comment));
     Ok(mesh)
 }
 

@@ -4,6 +4,7 @@ use super::TemplateError;
 use crate::camera::{Camera, CameraModel};
 use crate::dense::DepthMap;
 use crate::geometry::{Isometry, Point2, Point3};
+use crate::image::names::position_named;
 use crate::mesh::Mesh;
 use crate::mesh::components::components;
 use crate::raster::rasterize;
@@ -25,12 +26,8 @@ pub(super) fn frame_named<'a>(
     frame: Option<&str>,
     poses: &[(&'a str, Isometry)],
 ) -> Result<(&'a str, Isometry), TemplateError> {
-    let stem = |name: &str| name.rsplit_once('.').map(|(stem, _)| stem.to_string());
-    let wanted = |name: &str| match frame {
-        Some(frame) => name == frame || stem(frame).is_some_and(|s| s == name),
-        None => true,
-    };
-    let found = poses.iter().find(|(name, _)| wanted(name)).copied();
+    let at = frame.map_or(Some(0), |name| position_named(poses.iter().map(|p| p.0), name));
+    let found = at.and_then(|at| poses.get(at)).copied();
     found.ok_or_else(|| TemplateError::OutlineFrame { frame: frame.unwrap_or_default().into() })
 }
 

@@ -8,7 +8,7 @@ use crate::image::ToneCurve;
 use crate::light::Coat;
 use crate::mesh::Mesh;
 use crate::pipeline::Progress;
-use crate::sfm::{self, Features2d};
+use crate::sfm::{self, Features2d, SfmError};
 use crate::template::{LengthUnit, SurfaceTexels, Template};
 
 /// Build a template on a given mesh, whose frame is the world of the given poses
@@ -43,7 +43,11 @@ pub fn template_from_posed_frames(
     if poses.iter().flatten().next().is_none() {
         return Err(TemplateError::NoPoses { frames: exploration.frames.len() });
     }
-    let valid = valid_masks(exploration, &options.sfm);
+    let (found, frames) = (poses.len(), exploration.frames.len());
+    if found != frames {
+        return Err(SfmError::Count { what: "poses", found, frames }.into());
+    }
+    let valid = valid_masks(exploration, &options.sfm)?;
     let exploration = &Exploration { valid: &valid, ..*exploration };
     let usable = usable_masks(exploration);
     let count = exploration.frames.len();

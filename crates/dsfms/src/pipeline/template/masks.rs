@@ -2,19 +2,26 @@
 
 use super::Exploration;
 use crate::image::{Mask, viewport};
-use crate::sfm::SfmOptions;
+use crate::sfm::{SfmError, SfmOptions, check_sizes};
 
 /// The given valid masks inside the viewport, which holds for every stage: its rim moves with the
 /// camera and what lies beyond it is black, neither of which is tissue.
-pub(super) fn valid_masks(exploration: &Exploration, options: &SfmOptions) -> Vec<Option<Mask>> {
+///
+/// # Errors
+/// A frame or a mask of another size than the camera.
+pub(super) fn valid_masks(
+    exploration: &Exploration,
+    options: &SfmOptions,
+) -> Result<Vec<Option<Mask>>, SfmError> {
+    for masks in [exploration.valid, exploration.organ] {
+        check_sizes(exploration.frames, masks, exploration.camera)?;
+    }
     let lit = if options.find_viewport { viewport(exploration.frames) } else { None };
     let one = |i: usize| match (exploration.valid.get(i).and_then(Option::as_ref), &lit) {
-        // A mask of another size is for the stages to refuse, by name.
-        (Some(own), Some(lit)) if own.size == lit.size => Some(own.and(lit)),
-        (Some(own), _) => Some(own.clone()),
-        (None, lit) => lit.clone(),
+        (Some(own), Some(lit)) => Some(own.and(lit)),
+        (own, lit) => own.or(lit.as_ref()).cloned(),
     };
-    (0..exploration.frames.len()).map(one).collect()
+    Ok((0..exploration.frames.len()).map(one).collect())
 }
 
 /// Where a frame is both valid and organ.

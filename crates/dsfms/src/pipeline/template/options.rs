@@ -111,7 +111,7 @@ impl TemplateOptions {
             ("light.refractive_index", light.refractive_index >= 1.0, "at least 1"),
             ("albedo.texels_per_px", positive(&[albedo.texels_per_px]), "positive"),
             ("albedo.max_resolution", (1..=256).contains(&albedo.max_resolution), "from 1 to 256"),
-            ("albedo.max_texels", albedo.max_texels >= 1, "at least 1"),
+            ("albedo.max_texels", (1..=1 << 28).contains(&albedo.max_texels), "from 1 to 2^28"),
             ("albedo.gain_sigma", positive(&[albedo.gain_sigma]), "positive"),
             ("albedo.refractive_index", albedo.refractive_index >= 1.0, "at least 1"),
             (

@@ -4,6 +4,7 @@ use super::TemplateError;
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3};
 use crate::image::Mask;
+use crate::image::names::position_named;
 use crate::mesh::Mesh;
 use crate::mesh::components::components;
 use crate::raster::rasterize;
@@ -34,11 +35,10 @@ pub(super) fn trim(
     let faces = mesh.topology.faces.len();
     let (mut inside, mut seen, mut outlined) = (vec![true; faces], vec![0u32; faces], 0);
     for outline in outlines {
-        let stem = outline.frame.rsplit_once('.').map_or(outline.frame.as_str(), |(s, _)| s);
-        let pose = poses.iter().find(|(name, _)| *name == outline.frame || *name == stem);
-        let Some((_, pose)) = pose else {
+        let Some(at) = position_named(poses.iter().map(|p| p.0), &outline.frame) else {
             return Err(TemplateError::OutlineFrame { frame: outline.frame.clone() });
         };
+        let pose = &poses[at].1;
         let polygon = Mask::polygon(camera.size, &outline.corners);
         outlined += polygon.data.iter().filter(|&&p| p).count();
         let positions: Vec<Point3> = mesh.positions.iter().map(|p| pose * p).collect();

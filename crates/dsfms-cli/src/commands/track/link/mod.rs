@@ -30,13 +30,13 @@ const WAITING: usize = 4;
 pub struct LinkArgs {
     /// Serve surface, pose, picture and verdict of every frame by OpenIGTLink; a port alone takes
     /// clients of this machine only. Nothing is encrypted.
-    #[arg(long, value_name = "[ADDR:]PORT", value_parser = address)]
+    #[arg(long, value_name = "[ADDR:]PORT", value_parser = address, group = "link")]
     pub igtl: Option<SocketAddr>,
     /// Send the same to an OpenIGTLink server.
-    #[arg(long, value_name = "HOST:PORT", value_parser = place)]
+    #[arg(long, value_name = "HOST:PORT", value_parser = place, group = "link")]
     pub igtl_connect: Option<String>,
     /// The picture that OpenIGTLink sends.
-    #[arg(long, value_enum, default_value_t = Picture::Frame, value_name = "PICTURE")]
+    #[arg(long, value_enum, default_value_t = Picture::Frame, value_name = "PICTURE", requires = "link")]
     pub igtl_image: Picture,
 }
 
