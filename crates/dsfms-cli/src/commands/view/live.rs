@@ -10,6 +10,9 @@ const SCRIPT: &str = include_str!("../../../assets/live.js");
 const BEFORE: &str = "<script type=\"application/json\" id=\"data\">";
 /// A folder of thousands of frames is looked through once in this time.
 const FRESH: Duration = Duration::from_millis(700);
+/// A command that begins anew takes away the page of its last run, and writes frames before the next page:
+/// so long the open page waits for it in place of a page made of those frames.
+const BETWEEN: Duration = Duration::from_secs(20);
 
 /// A path, and what it held when it was last looked at.
 #[derive(Clone)]
@@ -50,6 +53,12 @@ impl Watched {
             return Ok(look.clone());
         }
         let source = Arc::new(Source::of(&self.path)?);
+        let was_page = last.as_ref().filter(|l| matches!(*l.source, Source::Report(_)));
+        if was_page.is_some_and(|l| l.when.elapsed() < BETWEEN)
+            && !matches!(*source, Source::Report(_))
+        {
+            anyhow::bail!("{} has frames and no page yet", self.path.display());
+        }
         let version = version(&source);
         Ok(last.insert(Look { when: Instant::now(), source, version }).clone())
     }
@@ -82,6 +91,26 @@ mod tests {
         let served = live(page, "7", false);
         assert!(served.contains("connect-src 'self'") && served.contains("\"7\""), "{served}");
         assert!(served.contains("\"false\" === \"true\""), "no organ to draw: {served}");
+    }
+
+    #[test]
+    fn the_page_of_a_run_that_begins_anew_is_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let (page, frame) =
+            (folder.path().join("report.html"), folder.path().join("frame_001.ply"));
+        std::fs::write(&page, "").unwrap();
+        let watched = Watched::new(folder.path());
+        assert!(matches!(*watched.look().unwrap().source, Source::Report(_)));
+        std::fs::remove_file(&page).unwrap();
+        std::fs::write(&frame, "").unwrap();
+        std::thread::sleep(FRESH);
+        assert!(watched.look().is_err(), "a page of frames would take the place of the report");
+        std::fs::write(&page, "").unwrap();
+        assert!(matches!(*watched.look().unwrap().source, Source::Report(_)));
+        // Who comes to frames alone sees them.
+        std::fs::remove_file(&page).unwrap();
+        let come = Watched::new(folder.path()).look().unwrap();
+        assert!(matches!(*come.source, Source::Meshes(_)));
     }
 
     #[test]
