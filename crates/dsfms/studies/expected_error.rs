@@ -89,10 +89,11 @@ fn fit_and_test(out: &Path, files: &[&str]) -> Result<(), Box<dyn Error>> {
     }
     let mut fit = ModelRows::default();
     FIT.iter().filter_map(|set| sets.remove(*set)).for_each(|rows| append(&mut fit, rows));
-    let fitted: Vec<([f64; COUNT], f64)> = fit.iter().map(|rows| regress(rows)).collect();
+    let fitted: Vec<([f64; COUNT], [f64; 2])> = fit.iter().map(|rows| regress(rows)).collect();
     println!("    // {}", NAMES.join(", "));
-    for (w, bound) in &fitted {
-        println!("    [{}], // {bound:.2}", w.map(|w| format!("{w:.3}")).join(", "));
+    for (w, [vertices, zones]) in &fitted {
+        let w = w.map(|w| format!("{w:.3}")).join(", ");
+        println!("    [{w}], // vertices {vertices:.2}, zones {zones:.2}");
     }
     let errors = fit.iter().flatten().map(|row| row.error);
     println!("largest error of the fit: {:.3} R", errors.fold(0.0, f64::max));
@@ -100,8 +101,8 @@ fn fit_and_test(out: &Path, files: &[&str]) -> Result<(), Box<dyn Error>> {
     for (set, test) in &sets {
         let mut reliability = EQUAL.to_owned();
         println!("\n{set}\n\n{}", FitReport::HEAD);
-        for ((model, rows), (w, bound)) in Model::ALL.iter().zip(test).zip(&fitted) {
-            let report = FitReport::of(rows, w, *bound);
+        for ((model, rows), (w, [vertices, zones])) in Model::ALL.iter().zip(test).zip(&fitted) {
+            let report = FitReport::of(rows, w, vertices.max(*zones));
             println!("| {model:?} | {} |", report.line());
             for [predicted, actual] in &report.deciles {
                 writeln!(reliability, "{model:?},{predicted:.6},{actual:.6}")?;

@@ -3,7 +3,7 @@
 
 use super::{Camera, CameraModel};
 use crate::geometry::Point2;
-use crate::image::{Frame, Mask};
+use crate::image::{Bilinear, Frame, Mask};
 use rayon::prelude::*;
 
 /// A frame of `from` as `to` would have taken it (encoded values, the mean over each pixel's footprint),
@@ -17,7 +17,7 @@ pub fn resampled(frame: &Frame, from: &CameraModel, to: &CameraModel) -> (Frame,
             let offset = |k: usize| (k as f64 + 0.5) / taps as f64 - 0.5;
             let [x, y] = [(i % to.size[0]) as f64, (i / to.size[0]) as f64];
             let at = Point2::new(x + offset(tap % taps), y + offset(tap / taps));
-            let rgb = bilinear(frame, &moved(&at, from, to)?)?;
+            let rgb = Bilinear::at(&moved(&at, from, to)?, frame.size)?.colour(|i| frame.rgb[i]);
             (0..3).for_each(|c| sum[c] += rgb[c]);
         }
         Some(sum.map(|v| (v / (taps * taps) as f64).round() as u8))
@@ -44,22 +44,6 @@ fn moved(at: &Point2, from: &CameraModel, to: &CameraModel) -> Option<Point2> {
     Some(from.project(&to.unproject(at)?.into())?.pixel)
 }
 
-/// `None` outside the pixel centres.
-fn bilinear(frame: &Frame, p: &Point2) -> Option<[f64; 3]> {
-    let [w, h] = frame.size;
-    let inside = p.x >= 0.0 && p.y >= 0.0 && p.x <= w as f64 - 1.0 && p.y <= h as f64 - 1.0;
-    if !inside {
-        return None;
-    }
-    let (x, y) = (p.x as usize, p.y as usize);
-    let (u, v) = (p.x - x as f64, p.y - y as f64);
-    let at = |x: usize, y: usize| frame.rgb[y.min(h - 1) * w + x.min(w - 1)].map(f64::from);
-    let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)];
-    let mix = |k: usize| (1.0 - u) * a[k] + u * b[k];
-    let low = |k: usize| (1.0 - u) * c[k] + u * d[k];
-    Some([0, 1, 2].map(|k| (1.0 - v) * mix(k) + v * low(k)))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -81,17 +65,6 @@ mod tests {
             })
             .collect();
         Frame { name: "f".into(), size: camera.size, rgb }
-    }
-
-    #[test]
-    fn bilinear_by_hand() {
-        let rgb = [[0, 40, 80], [100, 40, 80], [200, 0, 80], [60, 0, 180]].to_vec();
-        let frame = Frame { name: "f".into(), size: [2, 2], rgb };
-        assert_eq!(bilinear(&frame, &Point2::new(0.25, 0.0)), Some([25.0, 40.0, 80.0]));
-        assert_eq!(bilinear(&frame, &Point2::new(0.25, 0.75)), Some([130.0, 10.0, 98.75]));
-        assert_eq!(bilinear(&frame, &Point2::new(1.0, 1.0)), Some([60.0, 0.0, 180.0]));
-        assert_eq!(bilinear(&frame, &Point2::new(1.01, 1.0)), None);
-        assert_eq!(bilinear(&frame, &Point2::new(0.5, -0.01)), None);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use crate::geometry::Point2;
 
+mod bilinear;
 pub mod clahe;
 pub mod corners;
 pub mod distance;
@@ -18,6 +19,7 @@ mod polygon;
 pub mod tone;
 pub mod viewport;
 
+pub(crate) use bilinear::Bilinear;
 pub use clahe::clahe;
 pub use exposure::{halo, saturation};
 pub use mask::Mask;

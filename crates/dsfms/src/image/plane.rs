@@ -1,5 +1,6 @@
 //! One- and three-channel images of `f32` with bilinear sampling and its exact gradient.
 
+use super::Bilinear;
 use crate::geometry::{Point2, Vector2};
 
 /// A one-channel image, row major.
@@ -20,16 +21,6 @@ pub struct ColorImage {
     pub data: Vec<[f32; 3]>,
 }
 
-/// Where a place lies among the pixels.
-struct FourPixels<'a> {
-    /// The nearest place inside the image.
-    inside: Point2,
-    /// The four pixels about it, row by row.
-    pixels: [&'a [f32; 3]; 4],
-    /// From the first towards the others, px.
-    between: [f64; 2],
-}
-
 impl ColorImage {
     /// Mean of the three channels: the grey of the photometric terms (linear light).
     pub fn grey(&self) -> Plane {
@@ -48,42 +39,28 @@ impl ColorImage {
     /// px). Outside the image the edge goes on, without slope across it; `None` where `p` is not a
     /// number.
     pub fn mixed(&self, p: &Point2, weights: &[f64; 3]) -> Option<(f64, Vector2)> {
-        let FourPixels { inside, pixels, between: [u, v] } = self.around(p)?;
-        let at = |pixel: &[f32; 3]| -> f64 {
-            weights.iter().zip(pixel).map(|(w, &c)| w * f64::from(c)).sum()
+        let (inside, four) = self.around(p)?;
+        let at = |pixel: [f32; 3]| -> f64 {
+            weights.iter().zip(pixel).map(|(w, c)| w * f64::from(c)).sum()
         };
-        let [a, b, c, d] = pixels.map(at);
-        let value = (1.0 - v) * ((1.0 - u) * a + u * b) + v * ((1.0 - u) * c + u * d);
-        let slope = |outside: bool, slope: f64| if outside { 0.0 } else { slope };
-        let gradient = Vector2::new(
-            slope(p.x != inside.x, (1.0 - v) * (b - a) + v * (d - c)),
-            slope(p.y != inside.y, (1.0 - u) * (c - a) + u * (d - b)),
-        );
-        Some((value, gradient))
+        let values = four.pixels.map(|i| at(self.data[i]));
+        let slope = four.slope(values);
+        let within = |outside: bool, slope: f64| if outside { 0.0 } else { slope };
+        let gradient =
+            Vector2::new(within(p.x != inside.x, slope.x), within(p.y != inside.y, slope.y));
+        Some((four.value(values), gradient))
     }
 
     /// Bilinear value of every channel; outside the image and for no number as [`mixed`](Self::mixed).
     pub fn sampled(&self, p: &Point2) -> Option<[f64; 3]> {
-        let FourPixels { pixels: [a, b, c, d], between: [u, v], .. } = self.around(p)?;
-        Some(std::array::from_fn(|k| {
-            let [a, b, c, d] = [a, b, c, d].map(|pixel| f64::from(pixel[k]));
-            (1.0 - v) * ((1.0 - u) * a + u * b) + v * ((1.0 - u) * c + u * d)
-        }))
+        Some(self.around(p)?.1.colour(|i| self.data[i]))
     }
 
-    fn around(&self, p: &Point2) -> Option<FourPixels<'_>> {
+    /// The nearest place inside the image, and the pixels about it.
+    fn around(&self, p: &Point2) -> Option<(Point2, Bilinear)> {
         let [w, h] = self.size.map(|n| n as f64 - 1.0);
         let inside = Point2::new(p.x.clamp(0.0, w), p.y.clamp(0.0, h));
-        if inside.x.is_nan() || inside.y.is_nan() {
-            return None;
-        }
-        let [width, height] = self.size;
-        let (x, y) = (inside.x as usize, inside.y as usize);
-        let (x, y) = (x.min(width.saturating_sub(2)), y.min(height.saturating_sub(2)));
-        let (right, below) = ((x + 1).min(width - 1), (y + 1).min(height - 1));
-        let at = |x: usize, y: usize| &self.data[y * width + x];
-        let pixels = [at(x, y), at(right, y), at(x, below), at(right, below)];
-        Some(FourPixels { inside, pixels, between: [inside.x - x as f64, inside.y - y as f64] })
+        Some((inside, Bilinear::at(&inside, self.size)?))
     }
 
     /// Channel `c` (0 red, 1 green, 2 blue).
@@ -106,20 +83,9 @@ impl Plane {
     /// Bilinear value at a sub-pixel position and its gradient (per px), exact for the bilinear
     /// interpolant; `None` outside the rectangle of pixel centres.
     pub fn sample(&self, p: &Point2) -> Option<(f64, Vector2)> {
-        let [w, h] = self.size;
-        if !(p.x >= 0.0 && p.y >= 0.0 && p.x <= (w as f64 - 1.0) && p.y <= (h as f64 - 1.0)) {
-            return None;
-        }
-        let (x0, y0) =
-            ((p.x as usize).min(w.saturating_sub(2)), (p.y as usize).min(h.saturating_sub(2)));
-        let (x1, y1) = ((x0 + 1).min(w - 1), (y0 + 1).min(h - 1));
-        let (u, v) = (p.x - x0 as f64, p.y - y0 as f64);
-        let (a, b) = (self.at(x0, y0) as f64, self.at(x1, y0) as f64);
-        let (c, d) = (self.at(x0, y1) as f64, self.at(x1, y1) as f64);
-        let value = (1.0 - v) * ((1.0 - u) * a + u * b) + v * ((1.0 - u) * c + u * d);
-        let gradient =
-            Vector2::new((1.0 - v) * (b - a) + v * (d - c), (1.0 - u) * (c - a) + u * (d - b));
-        Some((value, gradient))
+        let four = Bilinear::at(p, self.size)?;
+        let values = four.pixels.map(|i| f64::from(self.data[i]));
+        Some((four.value(values), four.slope(values)))
     }
 }
 

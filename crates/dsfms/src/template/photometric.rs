@@ -4,7 +4,7 @@
 
 use crate::camera::{Camera, CameraModel, PosedFrame};
 use crate::geometry::{Point2, Point3, Vector3};
-use crate::image::{Mask, distance::distance_to, nearest_pixel, saturation, within_centres};
+use crate::image::{Bilinear, Mask, distance::distance_to, nearest_pixel, saturation};
 use crate::light::{Light, LightModel};
 use crate::mesh::Mesh;
 use crate::raster::{OCCLUSION_TOLERANCE, Raster, rasterize};
@@ -182,21 +182,8 @@ fn footprints(camera: &CameraModel, raster: &Raster, faces: usize) -> Vec<f64> {
 /// Bilinear RGB in linear light; `None` outside the rectangle of pixel centres.
 fn sample_rgb(view: &AlbedoView, p: &Point2) -> Option<[f64; 3]> {
     let frame = view.posed.frame;
-    let [w, h] = frame.size;
-    if !within_centres(p, frame.size) {
-        return None;
-    }
-    let (x0, y0) = (p.x as usize, p.y as usize);
-    let (x1, y1) = ((x0 + 1).min(w - 1), (y0 + 1).min(h - 1));
-    let (u, v) = (p.x - x0 as f64, p.y - y0 as f64);
-    let corners = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)];
-    let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
-    let mut rgb = [0.0; 3];
-    for ((x, y), weight) in corners.into_iter().zip(weights) {
-        let pixel = frame.rgb[y * w + x].map(|v| view.tone[v as usize]);
-        (0..3).for_each(|c| rgb[c] += weight * f64::from(pixel[c]));
-    }
-    Some(rgb)
+    let four = Bilinear::at(p, frame.size)?;
+    Some(four.colour(|i| frame.rgb[i].map(|v| view.tone[v as usize])))
 }
 
 #[cfg(test)]

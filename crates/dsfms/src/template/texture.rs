@@ -2,8 +2,8 @@
 //! over all views.
 
 use crate::camera::{Camera, PosedFrame};
-use crate::geometry::{Point2, Point3, area_normal, point_at};
-use crate::image::{Frame, saturation, within_centres};
+use crate::geometry::{Point3, area_normal, point_at};
+use crate::image::{Bilinear, saturation};
 use crate::mesh::Mesh;
 use crate::raster::{OCCLUSION_TOLERANCE, rasterize};
 use rayon::prelude::*;
@@ -94,26 +94,14 @@ impl<'a> TexturedView<'a> {
         let cosine = -area_normal(a, b, c).try_normalize(0.0)?.dot(&point.coords.normalize());
         let pixel = self.view.camera.project(&point)?.pixel;
         let size = self.view.camera.size;
-        if cosine < MIN_COSINE || !within_centres(&pixel, size) {
+        if cosine < MIN_COSINE {
             return None;
         }
+        let four = Bilinear::at(&pixel, size)?;
         let nearest = pixel.y.round() as usize * size[0] + pixel.x.round() as usize;
         let seen = point.z <= f64::from(self.depth[nearest]) * (1.0 + OCCLUSION_TOLERANCE);
-        seen.then(|| (cosine / (point.z * point.z), bilinear(self.view.frame, &pixel)))
+        seen.then(|| (cosine / (point.z * point.z), four.colour(|i| self.view.frame.rgb[i])))
     }
-}
-
-/// Encoded colour at a position inside the rectangle of pixel centres.
-fn bilinear(frame: &Frame, p: &Point2) -> [f64; 3] {
-    let [w, h] = frame.size;
-    let (x0, y0) = (p.x as usize, p.y as usize);
-    let (x1, y1) = ((x0 + 1).min(w - 1), (y0 + 1).min(h - 1));
-    let (u, v) = (p.x - x0 as f64, p.y - y0 as f64);
-    let at = |x: usize, y: usize, c: usize| f64::from(frame.rgb[y * w + x][c]);
-    std::array::from_fn(|c| {
-        (1.0 - v) * ((1.0 - u) * at(x0, y0, c) + u * at(x1, y0, c))
-            + v * ((1.0 - u) * at(x0, y1, c) + u * at(x1, y1, c))
-    })
 }
 
 #[cfg(test)]
@@ -121,6 +109,7 @@ mod tests {
     use super::*;
     use crate::camera::CameraModel;
     use crate::geometry::Isometry;
+    use crate::image::Frame;
     use crate::mesh::shapes;
 
     #[test]

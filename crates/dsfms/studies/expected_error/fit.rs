@@ -18,11 +18,15 @@ const NOTHING: f64 = 1e-3;
 /// weights are those that tell vertices of one case apart.
 const CASE: f64 = 3.0;
 
+/// A frame in which nothing moved by more than this multiple of `features::SMALL` (a fiftieth of the visible
+/// radius) has no zone.
+const MOVED: f64 = 1.0;
+
 /// Gamma regression with a logarithmic link, so that every error counts relative to its size; every case counts
 /// the same and has its own level of spread [`CASE`]; weights but the constant are at least 0, those of
 /// distances [`LEAST`]. The constant is such that the mean is predicted. With the multiple of the prediction
 /// that nine errors of ten stay below.
-pub fn regress(rows: &[Row]) -> ([f64; COUNT], f64) {
+pub fn regress(rows: &[Row]) -> ([f64; COUNT], [f64; 2]) {
     let cases: Vec<&[Row]> = rows.chunk_by(|a, b| a.case == b.case).collect();
     let mean = rows.iter().map(|r| r.error).sum::<f64>() / rows.len().max(1) as f64;
     let (mut w, mut levels) = ([0.0; COUNT], vec![0.0; cases.len()]);
@@ -50,9 +54,30 @@ pub fn regress(rows: &[Row]) -> ([f64; COUNT], f64) {
     let all: f64 = cases.iter().map(|case| case_mean(case, |r| r.error)).sum();
     let told: f64 = cases.iter().map(|case| case_mean(case, |r| predict(&w, &r.features))).sum();
     w[0] += (all / told.max(f64::MIN_POSITIVE)).max(f64::MIN_POSITIVE).ln();
-    let mut ratios: Vec<f64> = rows.iter().map(|r| r.error / predict(&w, &r.features)).collect();
+    let vertices = rows.iter().map(|r| r.error / predict(&w, &r.features)).collect();
+    (w, [vertices, zones(&w, rows)].map(nine_of_ten))
+}
+
+/// What nine of ten stay below.
+fn nine_of_ten(mut ratios: Vec<f64>) -> f64 {
     ratios.sort_unstable_by(f64::total_cmp);
-    (w, ratios.get(ratios.len() * 9 / 10).copied().unwrap_or(1.0))
+    ratios.get(ratios.len() * 9 / 10).copied().unwrap_or(1.0)
+}
+
+/// Of every frame that moved: error over prediction, as root mean squares over what is seen and moved by at
+/// least half of what moved most. The errors there go together: a frame is one draw, not many.
+fn zones(w: &[f64; COUNT], rows: &[Row]) -> Vec<f64> {
+    let column = NAMES.iter().position(|n| *n == "displacement").unwrap_or_default();
+    let moved = |r: &Row| r.features[column].exp() - 1.0;
+    let zone = |case: &[Row]| {
+        let seen: Vec<&Row> = case.iter().filter(|r| r.visible).collect();
+        let most = seen.iter().map(|r| moved(r)).fold(0.0, f64::max);
+        let zone = || seen.iter().filter(|r| moved(r) >= 0.5 * most);
+        let error: f64 = zone().map(|r| r.error.powi(2)).sum();
+        let told: f64 = zone().map(|r| predict(w, &r.features).powi(2)).sum();
+        (most > MOVED && told > 0.0).then(|| (error / told).sqrt())
+    };
+    rows.chunk_by(|a, b| a.case == b.case).filter_map(zone).collect()
 }
 
 fn dot(w: &[f64; COUNT], f: &[f64; COUNT]) -> f64 {
@@ -88,8 +113,8 @@ pub struct FitReport {
     /// Mean predicted and mean actual error of every tenth by prediction.
     pub deciles: Vec<[f64; 2]>,
     means: [f64; 2],
-    /// Share of errors below the bound, and of frames in which 80 to 95 % are.
-    covered: [f64; 2],
+    /// Share of errors below the bound, of frames in which 80 to 95 % are, of frames whose zone is.
+    covered: [f64; 3],
 }
 
 impl FitReport {
@@ -118,6 +143,10 @@ impl FitReport {
             let share = within(&rows.iter().map(|r| pair(r)).collect::<Vec<_>>());
             f64::from(u8::from((0.8..=0.95).contains(&share)))
         };
+        let zones = zones(w, rows);
+        let below = |ratios: &[f64]| {
+            ratios.iter().filter(|r| **r <= bound).count() as f64 / ratios.len().max(1) as f64
+        };
         let mut sorted = all.clone();
         sorted.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let mean = |rows: &[[f64; 2]]| {
@@ -127,7 +156,7 @@ impl FitReport {
             ranks: [spearman(&all), frames(&rank), spearman(&seen), frames(&of_seen)],
             deciles: sorted.chunks(sorted.len().div_ceil(10).max(1)).map(mean).collect(),
             means: mean(&all),
-            covered: [within(&all), frames(&usual)],
+            covered: [within(&all), frames(&usual), below(&zones)],
         }
     }
 
@@ -137,9 +166,9 @@ impl FitReport {
         let [predicted, actual] = self.means;
         let deciles: Vec<String> =
             self.deciles.iter().map(|[p, a]| format!("{:.2}", p / a)).collect();
-        let [all, usual] = self.covered.map(|share| 100.0 * share);
+        let [all, usual, zones] = self.covered.map(|share| 100.0 * share);
         format!(
-            "{ranks} | {actual:.4} | {predicted:.4} | {all:.0} %; 80 to 95 % in {usual:.0} % of frames | {}",
+            "{ranks} | {actual:.4} | {predicted:.4} | {all:.0} %; 80 to 95 % in {usual:.0} % of frames; {zones:.0} % of zones | {}",
             deciles.join(" ")
         )
     }
