@@ -58,6 +58,11 @@ pub struct TrackOptions {
     /// sought by descriptors near where the surface has them; 0 = none. A part is 96 px of a picture of at most
     /// 1000 px across its diagonal, and is looked at where a third of its places or more have no match.
     pub seek: usize,
+    /// They are sought in every so many frames.
+    pub seek_every: usize,
+    /// A surface that is found from nothing is solved by the blurs after a gap and the few steps of `video`, in
+    /// place of the joint solve of a single frame: the frames after it do the rest.
+    pub brief_search: bool,
     /// One more thread does not sleep while a frame is solved, and frames are prepared on it: less time a
     /// frame for more of the processor, where it has the cores.
     pub awake: bool,
@@ -72,6 +77,8 @@ impl Default for TrackOptions {
             patience: 10,
             search_every: 10,
             seek: 2,
+            seek_every: 1,
+            brief_search: false,
             awake: false,
         }
     }
@@ -80,7 +87,8 @@ impl Default for TrackOptions {
 impl TrackOptions {
     /// For a live source: coarser and about twice as fast.
     pub fn realtime() -> Self {
-        Self { video: VideoOptions::realtime(), seek: 1, awake: true, ..Self::default() }
+        let video = VideoOptions::realtime();
+        Self { video, seek: 1, seek_every: 4, brief_search: true, awake: true, ..Self::default() }
     }
 
     /// Options from TOML; what the text does not name keeps its default.
@@ -110,7 +118,11 @@ impl TrackOptions {
                 "false for a video: the printed equations have no start from the last shape",
             ),
             ("correlation", (-1.0..=1.0).contains(&self.correlation), "from -1 to 1"),
-            ("search_every", self.search_every >= 1, "at least 1"),
+            (
+                "search_every, seek_every",
+                self.search_every >= 1 && self.seek_every >= 1,
+                "at least 1",
+            ),
         ])
     }
 

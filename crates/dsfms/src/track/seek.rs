@@ -24,7 +24,8 @@ const MOST_PLACES: usize = 600;
 impl Tracker<'_> {
     /// Seek what the surface of this frame lacks; what is found is followed from the next on.
     pub(super) fn seek(&mut self, frame: &Frame, view: &View, surface: &Surface) {
-        if self.options.seek == 0 || self.places.len() >= MOST_PLACES {
+        let due = self.count.is_multiple_of(self.options.seek_every);
+        if self.options.seek == 0 || !due || self.places.len() >= MOST_PLACES {
             return;
         }
         let size = self.working.camera.size;

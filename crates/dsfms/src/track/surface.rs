@@ -1,15 +1,15 @@
 //! The surface that matches give: with nothing known, or from the shape of the previous frame.
 
-use super::Origin;
 use super::exposed::Shown;
 use super::look::edge_px;
 use super::prepare::View;
 use super::tracker::{Clock, Draft, Last, Tracker};
+use super::{Origin, TrackOptions};
 use crate::camera::Camera;
 use crate::geometry::{Isometry, Point2, Point3, align_rigid_robust};
 use crate::image::diagonal;
 use crate::pipeline::{Method, joined};
-use crate::refine::{Near, NearFrame, Photograph, VideoMemory, join_near};
+use crate::refine::{Joined, Near, NearFrame, Photograph, VideoMemory, join_near};
 use crate::register::solve::{depth_tolerance, errors_px, explained, kept_matches};
 use crate::register::{
     Body, Match, Posed, RegisterError, Registered, Scene, pose, pose_near, posed_from, register_in,
@@ -42,14 +42,19 @@ impl Tracker<'_> {
             register_in(memory, body.scene(), &on_body, &posed, &options.register)
         });
         let mut draft = Draft::of(&body, &posed, &matches, &coarse);
+        let mut video = std::mem::take(&mut self.memory.video);
         if let Some(photo) = self.photograph(view, &draft.vertices) {
-            let kept = kept_matches(&on_body, &coarse.kept);
-            let joined = clock.time("joint", || joined(&body, &coarse, &kept, &photo, options));
+            let (kept, options) = (kept_matches(&on_body, &coarse.kept), &self.options);
+            let joined = clock.time("joint", || match options.brief_search {
+                false => joined(&body, &coarse, &kept, &photo, &options.reconstruct),
+                true => joined_briefly(&mut video, &body, &coarse, &kept, &photo, options),
+            });
             draft.shown = Shown { at_matches: joined.at_matches, changed: joined.exposure_changed };
             (draft.vertices, draft.ambient) = (joined.vertices, joined.ambient);
             draft.photometric = (joined.samples > 0).then_some(joined.residual);
             draft.measure(&scene);
         }
+        self.memory.video = video;
         Ok(draft)
     }
 
@@ -261,6 +266,21 @@ impl Tracker<'_> {
             exposure: self.expected_exposure(),
         })
     }
+}
+
+/// The joint solve from eq. 3 by the steps of a followed frame.
+fn joined_briefly(
+    memory: &mut VideoMemory,
+    body: &Body,
+    coarse: &Registered,
+    kept: &[Match],
+    photo: &Photograph,
+    options: &TrackOptions,
+) -> Joined {
+    let (scene, depth_sigma) = (body.scene(), coarse.depth_sigma);
+    let frame = NearFrame { body, matches: kept, posed: &scene.posed, depth_sigma, photo };
+    let near = Near { shape: &coarse.vertices, ambient: 0.0, gap: true };
+    join_near(memory, &frame, near, &options.reconstruct.joint, &options.video).settled(body)
 }
 
 /// Where the solve of a frame begins.
