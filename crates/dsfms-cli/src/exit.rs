@@ -3,6 +3,7 @@
 use dsfms::experiment::ExperimentError;
 use dsfms::io::InputError;
 use dsfms::io::mesh::MeshFileError;
+use dsfms::mesh::topology::TopologyError;
 use dsfms::pipeline::{ReconstructError, TemplateError};
 use dsfms::register::RegisterError;
 use dsfms::voxels::VoxelError;
@@ -102,13 +103,16 @@ fn option(cause: &(dyn Error + 'static)) -> Option<&'static str> {
         Some(InputError::CameraForPoses(_)) => return Some("it belongs to --camera"),
         _ => {}
     }
-    if let Some(MeshFileError::Topology { .. } | MeshFileError::ZeroArea { .. }) =
-        cause.downcast_ref::<MeshFileError>()
-    {
-        return Some(
-            "--repair (of `dsfms template` and `dsfms register-ct`) merges vertices, removes such faces and turns \
-             those that run against their neighbours, and says what it did",
-        );
+    match cause.downcast_ref::<MeshFileError>() {
+        // Where there is no face, there is nothing to mend.
+        Some(MeshFileError::Topology { source: TopologyError::NoFaces, .. }) => return None,
+        Some(MeshFileError::Topology { .. } | MeshFileError::ZeroArea { .. }) => {
+            return Some(
+                "--repair (of `dsfms template` and `dsfms register-ct`) merges vertices, removes such faces and \
+                 turns those that run against their neighbours, and says what it did",
+            );
+        }
+        _ => {}
     }
     match cause.downcast_ref::<TemplateError>() {
         Some(TemplateError::NoPoints { .. }) => return Some("leave --poses out to estimate them"),
@@ -155,6 +159,17 @@ mod tests {
         let inner = anyhow::anyhow!("disk full");
         let quoted = inner.context("cannot write a: disk full").context("output");
         assert_eq!(describe(&quoted), "output: cannot write a: disk full");
+    }
+
+    #[test]
+    fn a_mesh_without_faces_has_nothing_to_repair() {
+        let hint = |source| {
+            let error = MeshFileError::Topology { path: "m.ply".into(), source };
+            super::hint(&anyhow::Error::from(error))
+        };
+        assert_eq!(hint(TopologyError::NoFaces), None);
+        let twice = TopologyError::DuplicateFace { first: 0, second: 1 };
+        assert!(hint(twice).unwrap().contains("--repair"));
     }
 
     #[test]

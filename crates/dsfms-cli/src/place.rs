@@ -1,6 +1,6 @@
 //! The output folder: apart from the input, and without files of an older run.
 
-use crate::exit::Usage;
+use crate::exit::{Usage, describe};
 use crate::outputs::{check_folder, prepare_folder, write_json};
 use anyhow::Context;
 use dsfms::image::names;
@@ -134,6 +134,15 @@ pub fn renew(output: &Path, command: &str) -> anyhow::Result<()> {
     entries(output)?.into_iter().filter(|path| is_ours(path)).try_for_each(remove)?;
     let generator = concat!("dsfms ", env!("CARGO_PKG_VERSION"));
     write_json(&output.join(MARK), &Mark { generator, command })
+}
+
+/// An error before anything is written, with the word that what an older run left is still there.
+pub fn untouched(output: &Path, error: anyhow::Error) -> anyhow::Error {
+    if !output.join(MARK).is_file() {
+        return error;
+    }
+    let text = format!("{}; what {} holds is of an older run", describe(&error), output.display());
+    error.context(text)
 }
 
 /// Whether a file has a name that runs give.

@@ -32,7 +32,16 @@ fn the_camera_of_a_synthetic_chessboard_comes_back() {
     let synth = "synth --chessboard 7x5 --square 4mm --frames 12 --size 480x360 --seed 4 -o board";
     let told = dsfms(at, synth).success();
     let told = String::from_utf8_lossy(&told.get_output().stdout).into_owned();
+    // Of an earlier run and of the user.
+    fs::create_dir_all(path("camera.calibration/corners")).unwrap();
+    let older = r#"{"images": [{"image": "old_1"}, {"image": "board_001"}]}"#;
+    fs::write(path("camera.calibration/report.json"), older).unwrap();
+    for name in ["old_1", "mine"] {
+        fs::write(path(&format!("camera.calibration/corners/{name}.png")), "x").unwrap();
+    }
     dsfms(at, "calibrate board --board 7x5 --square 4mm -o camera.json --quiet").success();
+    let corners = |name: &str| path(&format!("camera.calibration/corners/{name}.png")).exists();
+    assert!(!corners("old_1") && corners("mine") && corners("board_001"));
     let found = read_camera(&path("camera.json")).unwrap().camera;
     let truth = read_camera(&path("board/truth/camera.json")).unwrap().camera;
     assert!(told.contains(&format!("fx  {:>12.2}", truth.focal[0])), "{told}");

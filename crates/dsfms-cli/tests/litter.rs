@@ -93,6 +93,9 @@ fn track() {
     }
     run(&["frames", "gone.mp4"], &[], NOTHING, &["gone.mp4"]);
     run(&["-"], &[], USAGE, &["--size"]);
+    run(&["-"], &["--size", "160x120", "--input-format", "mjpeg"], USAGE, &["--size", "raw"]);
+    run(&["frames"], &["--size", "160x120"], USAGE, &["--size", "standard input"]);
+    run(&["frames"], &["--input-format", "raw"], USAGE, &["--input-format", "standard input"]);
     run(&["frames"], &["--record", "small"], USAGE, &["small", "not empty"]);
     run(&["igtl://nowhere"], &[], USAGE, &["igtl://nowhere"]);
 }

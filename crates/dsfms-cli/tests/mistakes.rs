@@ -45,6 +45,7 @@ fn prepared() -> Case {
     save(&case.path("small_masks/organ_003.png"), [80, 60], |i| [if i < 900 { 255 } else { 0 }; 3]);
     save(&case.path("albedo.png"), [64, 64], |_| [120; 3]);
     write("tumour.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n");
+    write("strip.obj", "v 0 0 0\nv 9 0 0\nv 0 9 0\nf 1 2 3\n");
     write("truth.ply", "ply\nformat ascii 1.0\nelement vertex 3\n");
     case
 }
@@ -162,6 +163,13 @@ fn other_commands() {
         ("figure truth --y x -o a.svg", USAGE, &["TABLE.csv"]),
         ("figure organ.ply --truth tumour.obj -o a.svg", NOTHING, &["tumour.obj"]),
         ("register-ct organ.template notes.txt -o o", NOTHING, &["notes.txt"]),
+        ("synth --tone linear --count 1 -o o", USAGE, &["--tone linear", "sRGB"]),
+        ("synth --square 3mm -o o", USAGE, &["--square belongs to --chessboard"]),
+        ("synth --video --square 3mm -o o", USAGE, &["--square belongs to --chessboard"]),
+        ("synth --video --size 32x32 -o o", USAGE, &["64x64"]),
+        ("synth --organ tumour.obj --count 1 -o o", NOTHING, &["tumour.obj", "no faces"]),
+        ("synth --organ strip.obj --count 1 -o o", NOTHING, &["strip.obj", "no part"]),
+        ("synth --video --organ strip.obj -o o", NOTHING, &["strip.obj", "no part"]),
         ("synth --organ gone.ply --count 1 -o o", USAGE, &["gone.ply", "uterus"]),
         ("track gone frames --camera camera.json -o o", NOTHING, &["gone"]),
         ("reconstrct organ.template frames", USAGE, &["reconstruct"]),
@@ -182,6 +190,7 @@ fn careless() -> Case {
     copy("organ.ply", "second/organ.ply");
     let pose = r#"{"image": "organ_003.png", "R": [[1,0,0],[0,1,0],[0,0,1]], "t": [0, 0, "#;
     write("twice.json", &format!("[{pose}75]}}, {pose}80]}}]"));
+    write("below.csv", "frame,depth\n0,-1\n1,0\n");
     write("none.json", r#"{"pairs": []}"#);
     write("blur.toml", "[refine]\nblur = 1e300");
     let transparent = image::RgbaImage::from_pixel(160, 120, image::Rgba([0, 0, 0, 40]));
@@ -221,6 +230,11 @@ fn nothing_of_the_user_is_overwritten_or_ignored() {
             NOTHING,
             &["twice.json", "two different poses of organ_003.png"],
         ),
+        (
+            "template --mesh organ.ply --camera camera.json -o t",
+            USAGE,
+            &["--camera belongs to frames"],
+        ),
         ("export organ.template --mesh organ.template/template.ply", USAGE, &["template itself"]),
         ("export organ.template --mesh albedo.obj", USAGE, &["albedo.png"]),
         (
@@ -229,6 +243,20 @@ fn nothing_of_the_user_is_overwritten_or_ignored() {
             &["notes.txt", "folder"],
         ),
         ("register-ct organ.template organ.ply --landmarks none.json -o ct", NOTHING, &["no pair"]),
+        (
+            "register-ct organ.template organ.ply --rigid --max-deformation 5mm -o ct",
+            USAGE,
+            &["--rigid", "--max-deformation"],
+        ),
+        ("register-ct organ.template organ.ply -o two", NOTHING, &["\"organ_003.png\"", "lost"]),
+        ("figure organ.ply --frame 3 -o a.svg", USAGE, &["--frame", "output folder"]),
+        ("figure matches.csv --y x --frame 3 -o a.svg", USAGE, &["--frame", "output folder"]),
+        (
+            "figure below.csv --y depth --log y -o a.svg",
+            NOTHING,
+            &["--y depth", "row 1: -1", "above zero"],
+        ),
+        ("evaluate organ.ply tumour.obj --json new/a.json", NOTHING, &["tumour.obj"]),
         (
             "track organ.template frames --camera camera.json --igtl-image overlay -o out",
             USAGE,
@@ -245,6 +273,29 @@ fn one_file_of_matches_for_several_frames_draws_a_warning() {
     let done = case.dsfms(&line.split(' ').collect::<Vec<_>>()).output().unwrap();
     let said = String::from_utf8_lossy(&done.stderr);
     assert!(said.contains("all of 2 frames"), "{said}");
+}
+
+#[test]
+fn an_evaluation_without_a_pair_writes_nothing() {
+    let case = prepared();
+    fs::create_dir(case.path("found")).unwrap();
+    fs::copy(case.path("organ.ply"), case.path("found/frame_099.ply")).unwrap();
+    let done =
+        case.dsfms(&["evaluate", "found", "truth", "--json", "new/a.json"]).output().unwrap();
+    let said = String::from_utf8_lossy(&done.stderr);
+    assert_eq!(done.status.code(), Some(NOTHING), "{said}");
+    assert!(said.contains("frame_099.ply") && !case.path("new").exists(), "{said}");
+}
+
+#[test]
+fn what_decades_cannot_show_is_counted() {
+    let case = prepared();
+    fs::write(case.path("some.csv"), "frame,error\n0,0.5\n1,0\n2,3\n").unwrap();
+    let line = "figure some.csv --y error --log y -o a.svg";
+    let done = case.dsfms(&line.split(' ').collect::<Vec<_>>()).output().unwrap();
+    let said = String::from_utf8_lossy(&done.stderr);
+    assert_eq!(done.status.code(), Some(0), "{said}");
+    assert!(said.contains("error: 1 of 3 rows") && said.contains("row 2: 0"), "{said}");
 }
 
 #[test]

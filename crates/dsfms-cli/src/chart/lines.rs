@@ -68,7 +68,7 @@ fn line(axes: &Axes, k: usize, series: &Series) -> Vec<Item> {
     let said = format!(" data-label=\"{label}\" data-points=\"{}\"", values.join(" "));
     let mut items = Vec::new();
     for (p, end) in series.points.iter().zip(&series.whiskers) {
-        if end.is_finite() && p.1.is_finite() {
+        if end.is_finite() && shown(&p) {
             // Side by side where series share their places.
             let x = axes.x(p.0) + 2.5 * (k as f64 - 2.0);
             let points = vec![[x, axes.y(p.1)], [x, axes.y(*end)]];

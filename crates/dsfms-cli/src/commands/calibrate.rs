@@ -10,6 +10,7 @@ use crate::progress::Reporter;
 use anyhow::Context;
 use clap::Args;
 use dsfms::calibrate::{Board, CalibrateOptions, Calibration, calibrate};
+use dsfms::guard;
 use dsfms::image::Frame;
 use dsfms::image::names::EXTENSIONS;
 use dsfms::io::camera::{CameraFile, write_camera};
@@ -147,11 +148,31 @@ fn write_pictures(folder: &Path, frames: &[Frame], found: &Calibration) -> anyho
     let corners = folder.join("corners");
     std::fs::create_dir_all(&corners)
         .with_context(|| format!("cannot create {}", corners.display()))?;
+    let own: BTreeSet<&str> = found.views.iter().map(|v| frames[v.frame].name.as_str()).collect();
+    remove_older(folder, &corners, &own)?;
     for view in &found.views {
         let frame = &frames[view.frame];
         write_png(&corners.join(format!("{}.png", frame.name)), &pictures::corners(frame, view))?;
     }
     write_png(&folder.join("residuals.png"), &pictures::residuals(found))
+}
+
+/// Remove the pictures that the report of an earlier run names, and that this one does not write anew.
+fn remove_older(folder: &Path, corners: &Path, own: &BTreeSet<&str>) -> anyhow::Result<()> {
+    let Ok(text) = guard::read_text(&folder.join("report.json")) else { return Ok(()) };
+    let older: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
+    let images = older["images"].as_array().into_iter().flatten();
+    let names = images.filter_map(|image| image["image"].as_str()).filter(|n| !own.contains(n));
+    let files: BTreeSet<String> = names.map(|name| format!("{name}.png")).collect();
+    // Of files that lie here: a report may name any.
+    for entry in std::fs::read_dir(corners)?.flatten() {
+        if files.contains(&*entry.file_name().to_string_lossy()) {
+            let path = entry.path();
+            std::fs::remove_file(&path)
+                .with_context(|| format!("cannot remove {} of an older run", path.display()))?;
+        }
+    }
+    Ok(())
 }
 
 fn report(frames: &[Frame], board: &Board, found: &Calibration) -> serde_json::Value {

@@ -112,7 +112,7 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<Outcome> {
         }
     }
     super::to_stdout(&table(&results))?;
-    if let Some(path) = &args.json {
+    if let Some(path) = args.json.as_ref().filter(|_| !results.is_empty()) {
         prepare_for(path)?;
         write_json(path, &results)?;
     }

@@ -152,9 +152,15 @@ impl FigureArgs {
 /// Run the command.
 pub fn run(args: &FigureArgs, reporter: &Reporter) -> anyhow::Result<Outcome> {
     let format = Format::of(&args.output)?;
+    if args.frame.is_some() && args.paths.iter().all(|path| path.is_file()) {
+        let text = "--frame chooses from an output folder, and none is given; leave it out";
+        return Err(Usage(text.into()).into());
+    }
     let sheet = match args.paths.as_slice() {
         [table] if is_table(table) => {
-            Sheet { unit_mm: args.width / crate::chart::WIDTH, ..args.chart.chart(table)?.paper() }
+            let (chart, left_out) = args.chart.chart(table)?;
+            left_out.iter().for_each(|words| reporter.warn(&format!("{words}; left out")));
+            Sheet { unit_mm: args.width / crate::chart::WIDTH, ..chart.paper() }
         }
         paths => match paths.iter().find(|path| is_table(path)) {
             Some(table) => {

@@ -98,7 +98,8 @@ pub struct RegisterCtArgs {
     #[arg(help_heading = "Method", long)]
     rigid: bool,
     /// Farthest that the CT surface may bend.
-    #[arg(help_heading = "Method", long, value_name = "LENGTH", default_value = "15mm", value_parser = length_mm)]
+    #[arg(help_heading = "Method", long, value_name = "LENGTH", default_value = "15mm", value_parser = length_mm,
+        conflicts_with = "rigid")]
     max_deformation: f64,
     /// Standard deviation of a picked pair.
     #[arg(help_heading = "Method", long, value_name = "LENGTH", default_value = "4mm", value_parser = length_mm)]

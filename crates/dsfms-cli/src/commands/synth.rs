@@ -6,7 +6,7 @@ mod video;
 use super::calibrate::{board_size, length_mm};
 use super::experiment::pace::Paced;
 use super::experiment::series::{SeriesArgs, percent};
-use crate::args::Global;
+use crate::args::{Global, Tone};
 use crate::draw::picture;
 use crate::exit::{Outcome, Usage};
 use crate::outputs::{prepare_folder, write_json, write_png, write_text};
@@ -91,10 +91,9 @@ pub struct SynthArgs {
     #[arg(long, value_name = "COLUMNSxROWS", group = "pictures", value_parser = board_size,
         conflicts_with_all = OF_CASES)]
     chessboard: Option<[usize; 2]>,
-    /// Side of a square of the chessboard, as 3mm or 0.3cm; a plain number is mm.
-    #[arg(long, value_name = "LENGTH", default_value = "3mm", value_parser = length_mm,
-        requires = "chessboard")]
-    square: f64,
+    /// Side of a square of the chessboard, as 3mm or 0.3cm; a plain number is mm; default 3mm.
+    #[arg(long, value_name = "LENGTH", value_parser = length_mm)]
+    square: Option<f64>,
     /// Frames of the clip, 25 a second, or pictures of the chessboard; default 500, and 15.
     #[arg(long, value_name = "N", value_parser = frames, requires = "pictures")]
     frames: Option<usize>,
@@ -130,9 +129,10 @@ const ALBEDO_SIDE: usize = 1024;
 
 /// Run the command.
 pub fn run(args: &SynthArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
+    check(args, global)?;
     if let Some(corners) = args.chessboard {
         let options = ChessboardOptions {
-            board: Board { corners, square: args.square },
+            board: Board { corners, square: args.square.unwrap_or(3.0) },
             size: args.size,
             pictures: args.frames.unwrap_or(15),
             seed: global.seed(),
@@ -140,11 +140,13 @@ pub fn run(args: &SynthArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
         return chessboard::make(&options, &args.output, global, reporter);
     }
     let organ = args.series.organ()?;
-    prepare_folder(&args.output)?;
     if args.video {
         return clip(args, &organ, global, reporter);
     }
     let protocol = args.series.protocol(global.seed());
+    // A surface without a part that can be used is told before anything is made.
+    organ.part(protocol.vertices, protocol.case_seed(0))?;
+    prepare_folder(&args.output)?;
     // More cases and other extensions of the same series may be added.
     let of = serde_json::json!({ "organ": organ.name(), "protocol": protocol });
     claim(&args.output.join("series.json"), &of, "cases of another series")?;
@@ -182,6 +184,21 @@ pub fn run(args: &SynthArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     Ok(Outcome::Ok)
 }
 
+/// What clap lets pass: it asks for no option that another one rules out.
+fn check(args: &SynthArgs, global: &Global) -> Result<(), Usage> {
+    let wrong = |text: &str| Err(Usage(text.into()));
+    if matches!(global.tone, Some(Tone::Linear)) {
+        return wrong("--tone linear: synth writes sRGB pictures; leave it out");
+    }
+    if args.square.is_some() && args.chessboard.is_none() {
+        return wrong("--square belongs to --chessboard");
+    }
+    if args.video && args.size.iter().any(|s| *s < 64) {
+        return wrong("--size: a clip needs at least 64x64");
+    }
+    Ok(())
+}
+
 /// `--frames`.
 fn frames(text: &str) -> Result<usize, String> {
     match text.parse() {
@@ -214,9 +231,6 @@ fn clip(
     global: &Global,
     reporter: &Reporter,
 ) -> anyhow::Result<Outcome> {
-    if args.size.iter().any(|s| *s < 64) {
-        return Err(Usage("--size: a clip needs at least 64x64".into()).into());
-    }
     let (frames, size, seed) = (args.frames.unwrap_or(500), args.size, global.seed());
     let arguments = video::VideoArgs {
         organ,

@@ -50,14 +50,15 @@ pub enum CalibrateError {
     },
     /// Not enough images with a board.
     #[error(
-        "the board was found in {found} of {frames} images, at least {MIN_VIEWS} are needed (10 or more are advised): {reasons}"
+        "the board was found in {found} of {frames} images, at least {MIN_VIEWS} are needed (10 or more are advised){}",
+        behind_colon(reasons)
     )]
     TooFewViews {
         /// Images with the board.
         found: usize,
         /// All images.
         frames: usize,
-        /// Names of some of the others with their reasons.
+        /// Names of some of the others with their reasons; empty where the board is in all of them.
         reasons: String,
     },
     /// The board positions do not fix the intrinsics.
@@ -65,6 +66,10 @@ pub enum CalibrateError {
         "the images do not determine the focal length: the board has the same tilt in all of them; tilt it by 20 to 45 degrees in different directions"
     )]
     Degenerate,
+}
+
+fn behind_colon(reasons: &str) -> String {
+    if reasons.is_empty() { String::new() } else { format!(": {reasons}") }
 }
 
 /// Images whose reasons are said; the others look much the same.
@@ -107,5 +112,8 @@ mod tests {
         let text = CalibrateError::too_few(0, &frames, &rejected, &board).to_string();
         assert!(text.contains("0 of 40 images") && text.ends_with("and 36 more"), "{text}");
         assert!(text.len() < 700, "{}", text.len());
+        // The board is in all of too few images.
+        let text = CalibrateError::too_few(2, &frames[..2], &[], &board).to_string();
+        assert!(text.ends_with("advised)"), "{text}");
     }
 }

@@ -19,10 +19,11 @@ pub fn check_folder_target(path: &Path, content: &[&str]) -> Result<(), WriteErr
         Ok(entries) => entries,
         Err(error) => return Err(WriteError::new(path, error)),
     };
-    let names: Vec<String> =
+    let mut names: Vec<String> =
         entries.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
     match names.iter().find(|name| !content.contains(&name.as_str())) {
-        Some(name) => refuse(format!("it holds {name}, which would be lost")),
+        Some(name) => refuse(format!("it holds {name:?}, which would be lost")),
         None if names.is_empty()
             || content.first().is_some_and(|mark| names.iter().any(|n| n == mark)) =>
         {

@@ -49,11 +49,14 @@ impl PoseList {
     }
 }
 
+/// No camera is a kilometre away from what it looks at, mm.
+const FARTHEST: f64 = 1e6;
+
 /// Read the poses of a file; the format is told from its content. A folder is taken for a COLMAP
 /// model.
 ///
 /// # Errors
-/// A file that is missing, of no known format, or without a pose.
+/// A file that is missing, of no known format, without a pose, or with a translation of more than 1e6.
 pub fn read_poses(path: &Path, list: PoseList) -> Result<Vec<NamedPose>, InputError> {
     if path.is_dir() {
         return read_poses(&file_in(path, "images")?, list);
@@ -66,6 +69,16 @@ pub fn read_poses(path: &Path, list: PoseList) -> Result<Vec<NamedPose>, InputEr
     };
     if poses.is_empty() {
         return Err(InputError::format(path, "holds no pose; expected one per frame"));
+    }
+    let far = |v: &&f64| !(-FARTHEST..=FARTHEST).contains(*v);
+    for pose in &poses {
+        if let Some(value) = pose.camera_from_world.translation.vector.iter().find(far) {
+            let name = &pose.name;
+            let reason = format!(
+                "the translation of {name:?} holds {value:e}; expected at most {FARTHEST:e}, a kilometre in mm"
+            );
+            return Err(InputError::format(path, reason));
+        }
     }
     // The same pose told twice is one.
     let first: BTreeMap<&str, &Isometry> =
@@ -287,6 +300,12 @@ mod tests {
             (entry("[[1,0,0],[0,1,0],[0,0,null]]"), "holds null"),
             (entry("[[1,0,0],[0,1,0],[0,0,NaN]]"), "NaN and Infinity"),
             ("{\"deformed\": []}".into(), "field exploration: is missing"),
+            (
+                r#"[{"image": "f_3.png", "R": [[1,0,0],[0,1,0],[0,0,1]], "t": [0,0,-1e300]}]"#
+                    .into(),
+                "poses.txt: the translation of \"f_3.png\" holds -1e300; expected",
+            ),
+            ("1 1 0 0 0 0 2e6 0 1 a.png\n\n".into(), "\"a.png\" holds 2e6"),
             ("[]".into(), "no pose"),
             ("[{\"R\": 1}]".into(), "pose 0"),
             ("1 2 0 0 0 0 0 0 1 a.png\n".into(), "line 1: the quaternion of \"a.png\""),

@@ -44,8 +44,8 @@ impl ChartArgs {
         self.x.is_some() || !self.y.is_empty()
     }
 
-    /// The chart of a table.
-    pub fn chart(&self, path: &Path) -> anyhow::Result<Chart> {
+    /// The chart of a table, and what is left out of it.
+    pub fn chart(&self, path: &Path) -> anyhow::Result<(Chart, Vec<String>)> {
         let table = Table::read(path)?;
         if self.y.is_empty() {
             let text = format!("--y says what of the table is drawn; {}", table.offers());
@@ -57,6 +57,7 @@ impl ChartArgs {
         }
         let along = self.x.as_deref().unwrap_or(table.first());
         let (places, ticks) = places(&table.column(along, "--x")?);
+        let left_out = self.left_out(&table, along, &ticks)?;
         let series = self.series(&table, &places)?;
         let title = self.title.clone().unwrap_or_else(|| self.y.join(", "));
         let spans = spans(&table, &places);
@@ -74,7 +75,24 @@ impl ChartArgs {
             strip: &strip,
             ..Plot::default()
         };
-        Ok(line_chart(&plot, &series))
+        Ok((line_chart(&plot, &series), left_out))
+    }
+
+    /// What decades leave out; places that are names have none.
+    fn left_out(
+        &self,
+        table: &Table,
+        along: &str,
+        names: &[String],
+    ) -> anyhow::Result<Vec<String>> {
+        let mut words = Vec::new();
+        if self.log.contains(&Axis::X) && names.is_empty() {
+            words.extend(not_positive(table, along, "--x")?);
+        }
+        for column in self.y.iter().filter(|_| self.log.contains(&Axis::Y)) {
+            words.extend(not_positive(table, column, "--y")?);
+        }
+        Ok(words)
     }
 
     /// A line for every column of `--y`, and of it for every value of `--by`.
@@ -120,6 +138,23 @@ impl ChartArgs {
 /// Numbers; what is none is left out of a line.
 fn numbers(values: &[&str]) -> Vec<f64> {
     values.iter().map(|value| value.trim().parse().unwrap_or(f64::NAN)).collect()
+}
+
+/// How many numbers of a column have no place on an axis in decades; an error where none has one.
+fn not_positive(table: &Table, column: &str, option: &str) -> anyhow::Result<Option<String>> {
+    let words = table.column(column, option)?;
+    let values = numbers(&words);
+    let Some(first) = values.iter().position(|v| *v <= 0.0) else { return Ok(None) };
+    let (row, value) = (first + 1, words[first].trim());
+    anyhow::ensure!(
+        values.iter().any(|v| *v > 0.0),
+        "{option} {column}: an axis in decades (--log) shows numbers above zero, and no row has one (row {row}: {value})"
+    );
+    let (count, all) = (values.iter().filter(|v| **v <= 0.0).count(), values.len());
+    Ok(Some(format!(
+        "{option} {column}: {count} of {all} rows are not above zero (the first is row {row}: {value}), and have no \
+         place on an axis in decades"
+    )))
 }
 
 /// Where the rows lie: at their numbers, or side by side under their names.
@@ -182,7 +217,7 @@ mod tests {
     fn drawn(args: &ChartArgs, text: &str) -> anyhow::Result<String> {
         let file = tempfile::NamedTempFile::with_suffix(".csv")?;
         std::fs::write(file.path(), text)?;
-        svg::paper(&args.chart(file.path())?.paper())
+        svg::paper(&args.chart(file.path())?.0.paper())
     }
 
     #[test]
@@ -204,6 +239,25 @@ mod tests {
         for word in [">x</text>", ">y</text>", ">a</text>", ">b</text>", ">case</text>"] {
             assert_eq!(svg.matches(word).count(), 1, "{word}: {svg}");
         }
+    }
+
+    #[test]
+    fn decades_have_no_place_for_zero() {
+        let mut args = args("frame", &["error"]);
+        args.log = vec![Axis::Y];
+        let file = tempfile::NamedTempFile::with_suffix(".csv").unwrap();
+        let read = |text: &str| {
+            std::fs::write(file.path(), text).unwrap();
+            args.chart(file.path()).map(|found| found.1)
+        };
+        assert!(read("frame,error\n0,0.5\n1,\n").unwrap().is_empty());
+        let said = read("frame,error\n0,0.5\n1,0\n2,-3\n").unwrap();
+        assert!(said[0].contains("error: 2 of 3 rows") && said[0].contains("row 2: 0"), "{said:?}");
+        let error = read("frame,error\n0,-1\n1,0\n").unwrap_err().to_string();
+        assert!(error.contains("--y error") && error.contains("row 1: -1"), "{error}");
+        args.log = vec![Axis::X];
+        std::fs::write(file.path(), "frame,error\n0,1\n1,2\n").unwrap();
+        assert!(args.chart(file.path()).unwrap().1[0].contains("--x frame: 1 of 2"));
     }
 
     #[test]

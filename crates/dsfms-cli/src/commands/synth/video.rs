@@ -75,13 +75,14 @@ impl VideoArgs<'_> {
 
 /// Make the clip; frames that lie in the folder already are kept.
 pub fn make(args: &VideoArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
+    let seed = args.options.seed;
+    let part = args.organ.part(args.vertices, seed)?;
     prepare_folder(args.folder)?;
     claim(args)?;
     for part in ["frames", "exploration", "truth/instruments", "truth"] {
         prepare_folder(&args.path(part))?;
     }
-    let seed = args.options.seed;
-    let clip = Clip::new(&args.organ.part(args.vertices, seed)?, &args.options);
+    let clip = Clip::new(&part, &args.options);
     let tone = Some(ToneCurve::Srgb);
     let camera = CameraFile { camera: clip.camera.clone(), tone, light: None, vignetting: None };
     write_camera(&args.path("camera.json"), &camera)?;

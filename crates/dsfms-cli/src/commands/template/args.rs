@@ -172,6 +172,7 @@ impl TemplateArgs {
     /// The first option that is given and says something of frames alone.
     pub fn of_frames(&self) -> Option<&'static str> {
         let given = [
+            (self.camera.is_some(), "--camera"),
             (self.masks.is_some(), "--masks"),
             (self.organ.organ_masks.is_some(), "--organ-masks"),
             (self.organ.organ_click.is_some(), "--organ-click"),

@@ -117,9 +117,9 @@ pub struct TrackArgs {
     /// Write the last good surface for lost frames too; their status stays lost.
     #[arg(help_heading = "Method", long)]
     pub keep_lost: bool,
-    /// What standard input holds: RGB of 8 bits a channel (with --size), or JPEG pictures.
-    #[arg(help_heading = "Input", long, value_enum, default_value_t = InputFormat::Raw)]
-    pub input_format: InputFormat,
+    /// What standard input holds: RGB of 8 bits a channel (with --size), or JPEG pictures; default raw.
+    #[arg(help_heading = "Input", long, value_enum)]
+    pub input_format: Option<InputFormat>,
     /// Size of the raw frames on standard input, px.
     #[arg(help_heading = "Input", long, value_name = "WxH", value_parser = size)]
     pub size: Option<[usize; 2]>,
@@ -188,6 +188,7 @@ impl TrackArgs {
     /// Surfaces and figures alone, of every frame, as fast as it goes.
     pub fn without_outputs(&mut self) {
         (self.device, self.record, self.live_vertices) = (None, None, false);
+        (self.input_format, self.size) = (None, None);
         (self.link.igtl, self.link.igtl_connect) = (None, None);
         (self.ply, self.overlay, self.view, self.no_report) = (false, false, false, true);
         self.formats.clear();
@@ -240,15 +241,20 @@ pub fn check(args: &TrackArgs, live: bool) -> anyhow::Result<()> {
     if args.realtime && args.volume.volume.is_some() {
         return wrong("--volume takes seconds a frame, and cannot keep up; leave --realtime out");
     }
-    match (live, args.input_format) {
-        (true, InputFormat::Raw) if args.size.is_none() => {
-            wrong("raw frames on standard input need --size WxH")
-        }
-        (false, _) if args.input.contains(&PathBuf::from("-")) => {
+    let raw = live && args.input_format.unwrap_or_default() == InputFormat::Raw;
+    match live {
+        true if raw && args.size.is_none() => wrong("raw frames on standard input need --size WxH"),
+        false if args.input.contains(&PathBuf::from("-")) => {
             wrong("- (standard input) stands alone, not beside files")
         }
-        (false, _) if args.live_vertices => {
+        false if args.live_vertices => {
             wrong("--live-vertices belongs to frames on standard input (-)")
+        }
+        false if args.input_format.is_some() => {
+            wrong("--input-format belongs to frames on standard input (-)")
+        }
+        _ if args.size.is_some() && !raw && args.device.is_none() => {
+            wrong("--size belongs to raw frames on standard input (-), and to --device")
         }
         _ => Ok(()),
     }

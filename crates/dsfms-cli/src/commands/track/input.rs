@@ -6,9 +6,10 @@ use std::path::Path;
 use std::time::SystemTime;
 
 /// What standard input holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum InputFormat {
     /// RGB, 8 bits a channel, row by row, of the size that --size says.
+    #[default]
     Raw,
     /// JPEG pictures one after the other.
     Mjpeg,

@@ -90,7 +90,8 @@ fn follow(
     let rate = args.rate.or_else(|| source.rate()).unwrap_or(RATE);
     interrupt::end_softly();
     // A source without a frame leaves nothing, and what an older run left stays.
-    let reading = source.start(rate, tracker.preparation()).with_first()?;
+    let reading = source.start(rate, tracker.preparation()).with_first();
+    let reading = reading.map_err(|error| place::untouched(&args.output, error))?;
     place::renew(&args.output, "track")?;
     run.write(&args.output)?;
     let vertices = template.mesh.positions.len();
@@ -119,8 +120,7 @@ fn follow(
         recording,
         run,
     };
-    let mut plan = again.map(|again| Plan(&again.run.frames));
-    let ended = job.all(reading, &mut plan);
+    let ended = job.all(reading, &mut again.map(|again| Plan(&again.run.frames)));
     job.conclude(ended)
 }
 
@@ -218,7 +218,7 @@ fn source(
         inputs: if files { args.input.clone() } else { Vec::new() },
         stream,
         recorder,
-        format: args.input_format,
+        format: args.input_format.unwrap_or_default(),
         size: args.size.unwrap_or_default(),
         masks: MaskFiles {
             instrument: args.instrument_masks.clone(),
