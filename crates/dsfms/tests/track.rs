@@ -159,8 +159,11 @@ fn another_organ_is_never_good() {
 }
 
 fn joint(clip: &Clip, threads: usize) -> Vec<Tracked> {
+    joint_by(TrackOptions::default(), clip, threads)
+}
+
+fn joint_by(mut options: TrackOptions, clip: &Clip, threads: usize) -> Vec<Tracked> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    let mut options = TrackOptions::default();
     // The frames bend one way; what the first might be mistaken for is another test's.
     options.reconstruct.joint.mirrors = 0;
     let (template, camera, tone) = (&clip.template, &clip.camera, ToneCurve::Srgb);
@@ -179,11 +182,7 @@ fn joint_from_the_last_shape_is_as_good_as_alone_survives_black_and_ignores_thre
         all.iter().map(|t| t.surface.as_ref().map(|s| s.vertices.clone())).collect()
     };
     assert!(shapes(&one) == shapes(&two), "threads change the bits");
-    let error = |k: usize, shape: &[Point3]| {
-        let truth = clip.truth[k].as_ref().unwrap();
-        let squares = shape.iter().zip(truth).map(|(a, b)| (a - b).norm_squared());
-        (squares.sum::<f64>() / truth.len() as f64).sqrt()
-    };
+    let error = |k: usize, shape: &[Point3]| error(&clip, k, shape);
     let surface = |k: usize| one[k].surface.as_ref().unwrap();
     assert_eq!(surface(3).origin, Origin::Followed);
     assert!(surface(3).photometric.is_some_and(|r| r < 0.1));
@@ -199,6 +198,27 @@ fn joint_from_the_last_shape_is_as_good_as_alone_survives_black_and_ignores_thre
         assert!(warm < 1.2 * cold + 0.05, "frame {k}: {warm:.3} mm, alone {cold:.3} mm");
     }
     assert_eq!(one[4].status, TrackStatus::Lost);
+}
+
+/// Root mean square distance from the truth of a frame, mm.
+fn error(clip: &Clip, frame: usize, shape: &[Point3]) -> f64 {
+    let truth = clip.truth[frame].as_ref().unwrap();
+    let squares = shape.iter().zip(truth).map(|(a, b)| (a - b).norm_squared());
+    (squares.sum::<f64>() / truth.len() as f64).sqrt()
+}
+
+#[test]
+fn a_brief_search_and_the_frames_after_it_are_nearly_as_good_as_the_solve_of_single_frames() {
+    let mut clip = clip();
+    clip.frames.truncate(4);
+    let options = TrackOptions { awake: false, ..TrackOptions::realtime() };
+    assert!(options.brief_search);
+    let (brief, whole) = (joint_by(options, &clip, 2), joint(&clip, 2));
+    for (k, (brief, whole)) in brief.iter().zip(&whole).enumerate() {
+        let [brief, whole] =
+            [brief, whole].map(|t| error(&clip, k, &t.surface.as_ref().unwrap().vertices));
+        assert!(brief < 1.3 * whole + 0.05, "frame {k}: {brief:.3} mm, whole {whole:.3} mm");
+    }
 }
 
 /// The frame through smoke that is denser to the right.

@@ -39,8 +39,8 @@ pub fn resampled_mask(mask: &Mask, from: &CameraModel, to: &CameraModel) -> Mask
     Mask { size: to.size, data }
 }
 
-/// Where `from` sees what `to` sees at a pixel.
-fn moved(at: &Point2, from: &CameraModel, to: &CameraModel) -> Option<Point2> {
+/// Where `from` sees what `to`, at the same place, sees at a pixel.
+pub(crate) fn moved(at: &Point2, from: &CameraModel, to: &CameraModel) -> Option<Point2> {
     Some(from.project(&to.unproject(at)?.into())?.pixel)
 }
 

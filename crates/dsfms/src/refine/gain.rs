@@ -149,7 +149,8 @@ impl AtMatches {
         let one = |(m, motion): (&Match, f64)| {
             let corners = scene.face(m).into_iter().zip(m.barycentric);
             let normal: Vector3 = corners.map(|(v, b)| normals[v as usize] * b).sum();
-            let seen = look.at(&scene.point(m, shape), &m.pixel, &normal.try_normalize(0.0)?)?;
+            let pixel = look.of_frame(scene.camera, m.pixel)?;
+            let seen = look.at(&scene.point(m, shape), &pixel, &normal.try_normalize(0.0)?)?;
             let log = seen.log_ratio();
             log.is_finite().then_some((motion, log))
         };
@@ -189,7 +190,12 @@ fn median_stretch(scene: &Scene, shape: &[Point3]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::samples::look;
+    use super::super::{JointOptions, Photograph};
     use super::*;
+    use crate::camera::CameraModel;
+    use crate::camera::resample::resampled;
+    use crate::image::Picture;
     use crate::synth::Case;
 
     fn of(spread: f64, seen: f64, at: Option<[f64; 2]>) -> GainPrior {
@@ -215,6 +221,33 @@ mod tests {
         assert_eq!(of(f64::INFINITY, 0.0, None), GainPrior::free(0.0, 0.1, 0.02));
         let unknown = GainPrior::of(None, 0.7, None, &PhotometricModel::default());
         assert_eq!(unknown, GainPrior::free(0.7, 0.1, 0.02));
+    }
+
+    /// The log gain at the matches, at the true shape, in a picture of the size of a camera at the same place.
+    fn gain_in(case: &Case, camera: &CameraModel) -> AtMatches {
+        let (frame, usable) = resampled(&case.frame, &case.camera, camera);
+        let photo = &Photograph {
+            camera,
+            picture: &Picture::of(&frame, &case.template.tone),
+            usable: &usable,
+            outline: None,
+            light: &case.template.lighting(),
+            albedo: case.template.albedo.as_ref().unwrap(),
+            exposure: None,
+        };
+        let rest = &case.template.mesh;
+        let scene = Scene::new(&case.camera, rest, case.truth.clone());
+        let look = look(photo, rest, &case.truth, 0.0045, &JointOptions::default());
+        AtMatches::of(&look, &scene, &case.matches, [&case.truth; 2]).unwrap()
+    }
+
+    #[test]
+    fn matches_are_pixels_of_the_frame_in_a_picture_of_any_size() {
+        let case = Case::example(1);
+        let whole = gain_in(&case, &case.camera);
+        let half = gain_in(&case, &case.camera.halved());
+        assert!((half.log_gain - whole.log_gain).abs() < 0.01, "{half:?}, whole {whole:?}");
+        assert!(half.count.abs_diff(whole.count) <= 1, "{half:?}, whole {whole:?}");
     }
 
     #[test]

@@ -3,7 +3,8 @@
 use super::Photograph;
 use super::glare::{Channels, pale};
 use super::occluders::occluders;
-use crate::camera::Camera;
+use crate::camera::resample::moved;
+use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point2, Point3, Vector3, point_at};
 use crate::image::filter::blur_masked_all;
 use crate::image::{ColorImage, Mask, Plane};
@@ -156,6 +157,13 @@ impl<'a> FrameLook<'a> {
     /// Where the camera sees a point, px.
     pub(super) fn project(&self, point: &Point3) -> Option<Point2> {
         Some(self.photo.camera.project(point)?.pixel)
+    }
+
+    /// A pixel of the frame, which `camera` took, in the picture that shading is read from: of a video it is a
+    /// smaller one.
+    pub(super) fn of_frame(&self, camera: &CameraModel, pixel: Point2) -> Option<Point2> {
+        let own = self.photo.camera;
+        if own == camera { Some(pixel) } else { moved(&pixel, own, camera) }
     }
 
     /// What the channels say of a point; `None` where it is hidden, grazing, near a contour, or

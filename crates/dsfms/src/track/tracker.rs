@@ -151,8 +151,9 @@ impl<'a> Tracker<'a> {
         }
         let features = template.features.as_ref().ok_or(TrackError::NoDescriptors)?;
         let search = Search::new(&template.mesh, features);
-        let blurs = options.reconstruct.joint.blurs.iter();
-        let finest = blurs.copied().fold(options.video.blur, f64::min);
+        // A brief search does not read shading at the blurs of single frames.
+        let single = if options.brief_search { &[][..] } else { &options.reconstruct.joint.blurs };
+        let finest = single.iter().copied().fold(options.video.blur, f64::min);
         let working = Working::of(camera, finest, options.video.least_blur_px);
         let preparation = Preparation::new(camera, tone, &working, options.awake);
         Ok(Self {
