@@ -9,7 +9,7 @@ use dsfms::mesh::Mesh;
 use dsfms::pipeline::Method;
 use dsfms::register::find::find;
 use dsfms::sfm::{SfmOptions, detect};
-use dsfms::synth::{Case, CaseOptions, Draw, RenderOptions, render};
+use dsfms::synth::{Case, CaseOptions, Draw, LightKind, RenderOptions, render};
 use dsfms::template::anchor::{AnchorOptions, FeatureView, anchor_features};
 use dsfms::template::{SurfaceTexels, Template};
 use dsfms::track::{Origin, TrackOptions, TrackStatus, Tracked, Tracker};
@@ -198,6 +198,26 @@ fn joint_from_the_last_shape_is_as_good_as_alone_survives_black_and_ignores_thre
         assert!(warm < 1.2 * cold + 0.05, "frame {k}: {warm:.3} mm, alone {cold:.3} mm");
     }
     assert_eq!(one[4].status, TrackStatus::Lost);
+}
+
+/// Nothing but the matches holds the distance of motion alone: a shape that is held to its own last one drifts.
+#[test]
+fn motion_alone_does_not_drift_off_in_depth() {
+    let mut clip = clip();
+    // Motion alone does not look at brightness, whatever a light could tell of distance.
+    clip.template.light = Some(LightKind::Near.model());
+    let there_and_back = [0, 1, 2, 3, 2, 1];
+    clip.frames =
+        there_and_back.repeat(8).iter().map(|&k: &usize| clip.frames[k].clone()).collect();
+    let tracked = track(&clip);
+    let errors: Vec<f64> = tracked
+        .iter()
+        .zip(there_and_back.repeat(8))
+        .map(|(t, k)| error(&clip, k, &t.surface.as_ref().unwrap().vertices))
+        .collect();
+    let worst = |errors: &[f64]| errors.iter().copied().fold(0.0, f64::max);
+    let [first, last] = [worst(&errors[..6]), worst(&errors[42..])];
+    assert!(last < 1.5 * first + 0.05, "{first:.3} mm at first, {last:.3} mm at last");
 }
 
 /// Root mean square distance from the truth of a frame, mm.

@@ -136,8 +136,9 @@ impl Tracker<'_> {
         let visible = last.look.visible.clone();
         let rest = &self.template.mesh.positions;
         // A near light tells the distance of everything, so the shape knows the pose better than the
-        // matches do; under a distant one only they hold it.
-        let base = if self.light.light.tells_distance() && !posed.at_rest {
+        // matches do; under a distant one, and for motion alone, only they hold it.
+        let by_shading = self.method == Method::Joint && self.light.light.tells_distance();
+        let base = if by_shading && !posed.at_rest {
             let seen = |shape: &[Point3]| -> Vec<Point3> {
                 shape.iter().zip(&visible).filter(|s| *s.1).map(|s| *s.0).collect()
             };
