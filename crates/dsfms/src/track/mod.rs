@@ -87,6 +87,7 @@ impl Default for TrackOptions {
 impl TrackOptions {
     /// For a live source: coarser and about twice as fast.
     pub fn realtime() -> Self {
+        // A look for places takes as long as half a frame; a sixth of a second is soon enough.
         let video = VideoOptions::realtime();
         Self { video, seek: 1, seek_every: 4, brief_search: true, awake: true, ..Self::default() }
     }
