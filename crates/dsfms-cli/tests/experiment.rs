@@ -55,7 +55,7 @@ fn a_ring_light_goes_from_synth_to_reconstruct() {
         (&camera["light"]["kind"], &camera["light"]["radius"]),
         (&"ring".into(), &4.0.into())
     );
-    let all = rms_mm(&case, "--albedo albedo.png --camera camera.json", "joint");
+    let all = rms_mm(&case, "--albedo albedo.png", "joint");
     assert!(all < 2.0, "{all} mm");
 }
 
