@@ -67,19 +67,12 @@ fn a_source_without_a_frame_leaves_nothing() {
     std::fs::create_dir(&out).unwrap();
     std::fs::write(out.join("dsfms.json"), "{}").unwrap();
     std::fs::write(out.join("summary.csv"), "of an older run").unwrap();
-    for input in ["-", "igtl://127.0.0.1:9"] {
+    for input in [&["-", "--size", "320x180"][..], &["igtl://127.0.0.1:9"]] {
         let done = assert_cmd::Command::cargo_bin("dsfms")
             .unwrap()
             .current_dir(clip::CLIP.path().join("clip"))
-            .args([
-                "track",
-                "organ.template",
-                input,
-                "--camera",
-                "camera.json",
-                "--size",
-                "320x180",
-            ])
+            .args(["track", "organ.template", "--camera", "camera.json"])
+            .args(input)
             .arg("--record")
             .arg(&record)
             .arg("-o")
@@ -88,9 +81,9 @@ fn a_source_without_a_frame_leaves_nothing() {
             .output()
             .unwrap();
         let said = String::from_utf8_lossy(&done.stderr).into_owned();
-        assert_eq!(done.status.code(), Some(1), "{input}: {said}");
-        assert_eq!(std::fs::read_dir(&out).unwrap().count(), 2, "{input}: {said}");
-        assert!(out.join("summary.csv").is_file() && !record.exists(), "{input}: {said}");
+        assert_eq!(done.status.code(), Some(1), "{input:?}: {said}");
+        assert_eq!(std::fs::read_dir(&out).unwrap().count(), 2, "{input:?}: {said}");
+        assert!(out.join("summary.csv").is_file() && !record.exists(), "{input:?}: {said}");
     }
 }
 
