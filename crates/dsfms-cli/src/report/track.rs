@@ -331,8 +331,13 @@ mod tests {
             let status = if k == 7 { TrackStatus::Lost } else { TrackStatus::Ok };
             let reasons =
                 if k == 7 { vec![Reason::NoSurface { why: "<dark>".into() }] } else { Vec::new() };
-            let tracked =
-                Tracked { status, reasons, surface: None, stages: vec![("prepare", 0.001)] };
+            let tracked = Tracked {
+                status,
+                reasons,
+                surface: None,
+                answered: false,
+                stages: vec![("prepare", 0.001)],
+            };
             let (answer_ms, frame, tracked) = (Some(9.0), &frame, &tracked);
             let entry = RunEntry { number: k, frame, tracked, ms: 5.0, answer_ms, expected: None };
             report.add(&entry).unwrap();

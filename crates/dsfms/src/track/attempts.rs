@@ -1,10 +1,11 @@
 //! How a frame gets its surface: followed from the last one, found again, or both.
 
-use super::candidate::Candidate;
+use super::beside::{Beside, Need};
+use super::candidate::{Candidate, Last};
 use super::follow::FollowedMatches;
 use super::places::FollowedPlace;
 use super::prepare::View;
-use super::tracker::{Clock, Last, Tracker};
+use super::tracker::{Clock, Tracker};
 use super::{Origin, TrackStatus};
 use crate::geometry::Isometry;
 use crate::image::Frame;
@@ -19,6 +20,9 @@ const MOST_FEATURES: usize = 2000;
 /// most.
 const RAREST: usize = 16;
 
+/// Why a frame has no surface while another is searched.
+const SEARCHED_ELSEWHERE: &str = "an earlier frame is being searched";
+
 impl Tracker<'_> {
     /// Follow, and find where that is not good enough; the better of both.
     pub(super) fn attempts(
@@ -29,43 +33,29 @@ impl Tracker<'_> {
     ) -> Result<Candidate, String> {
         let fresh =
             |last: &Last| (self.count - last.frame <= self.options.patience).then_some(last.frame);
-        let followed = match self.last.as_ref().and_then(fresh) {
+        let all_search = self.beside.as_ref().is_some_and(Beside::all_search);
+        let followed = match self.last.as_ref().filter(|_| !all_search).and_then(fresh) {
             Some(_) => {
                 let found = clock.time("follow", || self.followed(view));
                 self.on_from_last(view, found, Origin::Followed, clock)
             }
             None => Err("not found yet".to_owned()),
         };
-        let due = |at: usize| self.count >= at + self.rarer * self.options.search_every;
-        match &followed {
-            // Where a surface jumped, the last shape is no better a start than the rest shape.
-            Ok(c) if c.jumped => {}
-            Ok(c) if c.verdict.level == TrackStatus::Ok => {
-                self.rarer = 1;
-                return followed;
-            }
-            Ok(c) if c.verdict.level == TrackStatus::Degraded => {
-                // What covers a part, or veils all, is no matter of where the template is.
-                let veil =
-                    |r: &Reason| matches!(r, Reason::RegionContradicted(_) | Reason::Faint { .. });
-                if c.verdict.reasons.iter().all(veil) || !self.searched.is_none_or(due) {
-                    return followed;
-                }
-            }
-            _ => {}
+        let need = self.need(&followed);
+        if need.held {
+            self.rarer = 1;
         }
-        if matches!(&followed, Ok(c) if c.verdict.level == TrackStatus::Degraded) {
+        if need.search && need.degraded {
             self.searched = Some(self.count);
         }
-        let seed = self.options.reconstruct.seed;
-        let matches = clock.time("find", || {
-            let seen = view.features(frame, &self.working, MOST_FEATURES);
-            let options = &self.options.reconstruct.register;
-            self.search.matches(self.camera, &seen, options, seed)
-        });
-        let found = matches
-            .map_err(|error| error.to_string())
-            .and_then(|matches| self.found(view, matches, clock));
+        let found = match self.beside.take() {
+            None => need.search.then(|| self.sought(frame, view, clock)),
+            Some(beside) => self.sought_beside(beside, &need, frame, view, clock),
+        };
+        let Some(found) = found else {
+            let nothing = |why| if need.search { SEARCHED_ELSEWHERE.to_owned() } else { why };
+            return followed.map_err(nothing);
+        };
         let keep = match (&followed, &found) {
             (Ok(a), Ok(b)) => a.verdict.level < TrackStatus::Lost && !b.beats(a),
             (Ok(a), Err(_)) => a.verdict.level < TrackStatus::Lost,
@@ -73,6 +63,42 @@ impl Tracker<'_> {
         };
         self.rarer = if keep { (2 * self.rarer).min(RAREST) } else { 1 };
         if keep { followed } else { found }
+    }
+
+    /// What a followed surface, or none, leaves to a search.
+    fn need(&self, followed: &Result<Candidate, String>) -> Need {
+        let due = |at: usize| self.count >= at + self.rarer * self.options.search_every;
+        // What covers a part, or veils all, is no matter of where the template is.
+        let veil = |r: &Reason| matches!(r, Reason::RegionContradicted(_) | Reason::Faint { .. });
+        let level = followed.as_ref().map_or(TrackStatus::Lost, |c| c.verdict.level);
+        // Where a surface jumped, the last shape is no better a start than the rest shape.
+        let jumped = matches!(followed, Ok(c) if c.jumped);
+        let bad =
+            |c: &Candidate| !c.verdict.reasons.iter().all(veil) && self.searched.is_none_or(due);
+        let search = match (level, followed) {
+            (TrackStatus::Degraded, Ok(c)) => c.jumped || bad(c),
+            (TrackStatus::Ok, _) => jumped,
+            _ => true,
+        };
+        let held = level == TrackStatus::Ok && !jumped;
+        Need { search, held, degraded: level == TrackStatus::Degraded }
+    }
+
+    /// The template found by descriptors in a frame.
+    pub(super) fn sought(
+        &mut self,
+        frame: &Frame,
+        view: &View,
+        clock: &mut Clock,
+    ) -> Result<Candidate, String> {
+        let seed = self.options.reconstruct.seed;
+        let matches = clock.time("find", || {
+            let seen = view.features(frame, &self.working, MOST_FEATURES);
+            let options = &self.options.reconstruct.register;
+            self.search.matches(self.camera, &seen, options, seed)
+        });
+        let matches = matches.map_err(|error| error.to_string())?;
+        self.found(view, matches, clock)
     }
 
     /// The surface where the template was found: bent as it was last, or from nothing.
@@ -142,20 +168,8 @@ impl Tracker<'_> {
         if first.verdict.level == TrackStatus::Lost {
             return first;
         }
-        let vertices = first.surface.vertices.clone();
-        let earlier = self.last.replace(Last {
-            frame: self.count,
-            ahead: vertices.clone(),
-            vertices,
-            pose: first.surface.pose,
-            ambient: first.ambient,
-            look: first.look.clone(),
-            earlier: self.as_earlier(view, &first.surface.vertices),
-        });
-        let places = std::mem::replace(&mut self.places, first.places.clone());
-        let found = clock.time("follow", || self.followed(view));
-        let again = self.on_from_last(view, found, Origin::Found, clock);
-        (self.last, self.places) = (earlier, places);
+        let last = self.as_last(view, &first);
+        let again = self.followed_from(view, last, first.places.clone(), Origin::Found, clock);
         match again {
             // Places that anchors cover now may be wanted in the next frames.
             Ok(again) if again.verdict.level <= first.verdict.level => {
@@ -163,5 +177,35 @@ impl Tracker<'_> {
             }
             _ => first,
         }
+    }
+
+    /// A surface of this frame as later ones follow it.
+    pub(super) fn as_last(&self, view: &View, found: &Candidate) -> Last {
+        let vertices = found.surface.vertices.clone();
+        Last {
+            frame: self.count,
+            ahead: vertices.clone(),
+            pose: found.surface.pose,
+            ambient: found.ambient,
+            look: found.look.clone(),
+            earlier: self.as_earlier(view, &vertices),
+            vertices,
+        }
+    }
+
+    /// The surface of this frame that another than the last one and its places lead to.
+    pub(super) fn followed_from(
+        &mut self,
+        view: &View,
+        last: Last,
+        places: Vec<FollowedPlace>,
+        origin: Origin,
+        clock: &mut Clock,
+    ) -> Result<Candidate, String> {
+        let kept = (self.last.replace(last), std::mem::replace(&mut self.places, places));
+        let found = clock.time("follow", || self.followed(view));
+        let again = self.on_from_last(view, found, origin, clock);
+        (self.last, self.places) = kept;
+        again
     }
 }

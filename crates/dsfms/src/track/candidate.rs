@@ -1,9 +1,11 @@
-//! A surface that one of the attempts on a frame gave, and which of two shows the frame better.
+//! A surface that one of the attempts on a frame gave, which of two shows the frame better, and the one that
+//! the next frame is followed from.
 
 use super::Surface;
 use super::exposed::Shown;
 use super::look::Look;
-use super::places::FollowedPlace;
+use super::places::{Earlier, FollowedPlace};
+use crate::geometry::{Isometry, Point3};
 use crate::verdict::Verdict;
 use std::cmp::Ordering;
 use std::sync::Arc;
@@ -35,4 +37,19 @@ impl Candidate {
             Ordering::Equal => alike(),
         }
     }
+}
+
+/// The last surface that was not lost.
+#[derive(Clone)]
+pub(super) struct Last {
+    pub(super) frame: usize,
+    pub(super) vertices: Vec<Point3>,
+    /// `camera_from_template` of its matches.
+    pub(super) pose: Isometry,
+    pub(super) ambient: f64,
+    pub(super) look: Arc<Look>,
+    /// Where the next frame may show it.
+    pub(super) ahead: Vec<Point3>,
+    /// Some frames before, or this one.
+    pub(super) earlier: Arc<Earlier>,
 }

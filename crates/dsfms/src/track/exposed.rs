@@ -25,7 +25,7 @@ pub(super) struct Shown {
 }
 
 /// The exposure of the frames of one video.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Exposed {
     /// Log gains of the last frames at rest.
     at_rest: RecentMedian<REMEMBERED, ENOUGH>,

@@ -1,11 +1,12 @@
 //! Matches of a frame from the last shape: places of the rendered template carried on by its motion and
 //! then by their look, and those that descriptors found, by the look of the frame that they were found in.
 
+use super::candidate::Last;
 use super::covered::CoveredCells;
 use super::look::{Anchor, Look};
 use super::places::{Earlier, FollowedPlace, stays};
 use super::prepare::View;
-use super::tracker::{Last, Tracker};
+use super::tracker::Tracker;
 use crate::camera::Camera;
 use crate::geometry::{Isometry, Neighbours, Point2, Point3, Vector2, align_rigid_robust, median};
 use crate::image::Plane;

@@ -75,6 +75,7 @@ impl Working {
 
 /// A frame at working size: square root of linear light, whose noise is even, and what of it may be
 /// used.
+#[derive(Clone)]
 pub struct Seen {
     /// Brightness and its halves.
     pub pyramid: Arc<Pyramid>,

@@ -7,6 +7,7 @@
 //! with the albedo rendered at it, it is not shown as good.
 
 mod attempts;
+mod beside;
 mod busy_wait;
 mod candidate;
 mod covered;
@@ -21,6 +22,7 @@ mod places;
 mod prepare;
 mod recent;
 mod reduce;
+mod searcher;
 mod seek;
 pub mod shapes;
 mod surface;
@@ -35,6 +37,7 @@ use crate::refine::VideoOptions;
 use crate::register::Match;
 use crate::verdict::{Reason, Region};
 pub use prepare::{Preparation, Prepared, Regions};
+pub use searcher::Searcher;
 use serde::{Deserialize, Serialize};
 pub use tracker::Tracker;
 
@@ -63,6 +66,9 @@ pub struct TrackOptions {
     /// A surface that is found from nothing is solved by the blurs after a gap and the few steps of `video`, in
     /// place of the joint solve of a single frame: the frames after it do the rest.
     pub brief_search: bool,
+    /// Searches are made on a thread of their own where the program runs one ([`Tracker::searcher`]), but for
+    /// the first: frames go on meanwhile, and what is found is followed into the frame that is at hand by then.
+    pub search_beside: bool,
     /// One more thread does not sleep while a frame is solved, and frames are prepared on it: less time a
     /// frame for more of the processor, where it has the cores.
     pub awake: bool,
@@ -79,6 +85,7 @@ impl Default for TrackOptions {
             seek: 2,
             seek_every: 1,
             brief_search: false,
+            search_beside: false,
             awake: false,
         }
     }
@@ -89,7 +96,15 @@ impl TrackOptions {
     pub fn realtime() -> Self {
         // A look for places takes as long as half a frame; a sixth of a second is soon enough.
         let video = VideoOptions::realtime();
-        Self { video, seek: 1, seek_every: 4, brief_search: true, awake: true, ..Self::default() }
+        Self {
+            video,
+            seek: 1,
+            seek_every: 4,
+            brief_search: true,
+            search_beside: true,
+            awake: true,
+            ..Self::default()
+        }
     }
 
     /// Options from TOML; what the text does not name keeps its default.
@@ -224,6 +239,8 @@ pub struct Tracked {
     pub reasons: Vec<Reason>,
     /// The surface; `None` where lost.
     pub surface: Option<Surface>,
+    /// What a search beside the video found was taken in this frame.
+    pub answered: bool,
     /// Wall time of every stage that ran, seconds, in order; last `other`, all that is in none.
     pub stages: Vec<(&'static str, f64)>,
 }
@@ -232,7 +249,13 @@ impl Tracked {
     /// A frame that could not be read, so that nothing was solved.
     pub fn unread(why: String) -> Self {
         let reasons = vec![Reason::Input { why }];
-        Self { status: TrackStatus::Lost, reasons, surface: None, stages: Vec::new() }
+        Self {
+            status: TrackStatus::Lost,
+            reasons,
+            surface: None,
+            answered: false,
+            stages: Vec::new(),
+        }
     }
 
     /// Say of a surface that its frame is not as it was taken.

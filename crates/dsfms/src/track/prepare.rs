@@ -88,6 +88,7 @@ pub struct Prepared {
 }
 
 /// What a frame offers to every attempt.
+#[derive(Clone)]
 pub(super) struct View {
     pub(super) seen: Seen,
     /// What shading is read from.
@@ -97,6 +98,7 @@ pub(super) struct View {
 }
 
 /// A frame at one size.
+#[derive(Clone)]
 pub(super) struct Shot {
     /// Linear light.
     pub(super) picture: Picture,

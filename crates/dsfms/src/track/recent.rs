@@ -3,8 +3,18 @@
 use crate::geometry::median;
 use std::collections::VecDeque;
 
+/// Good frames that are remembered: four seconds, so that smoke which thickens slowly is not taken
+/// for the new usual.
+const REMEMBERED: usize = 100;
+
+/// Fewer tell nothing: from the fourth good frame on the median of a clip stays within a fifth.
+const ENOUGH: usize = 4;
+
+/// The photometric residual of the last good frames: the measure for smoke, blur and glare.
+pub(super) type UsualResidual = RecentMedian<REMEMBERED, ENOUGH>;
+
 /// The last `MOST` values; fewer than `ENOUGH` tell nothing.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct RecentMedian<const MOST: usize, const ENOUGH: usize>(VecDeque<f64>);
 
 impl<const MOST: usize, const ENOUGH: usize> RecentMedian<MOST, ENOUGH> {

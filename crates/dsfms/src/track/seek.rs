@@ -42,7 +42,7 @@ impl Tracker<'_> {
         let probes = self.visible(view, surface, &self.seeker.probes);
         let probes: Vec<(Point2, bool)> = probes.iter().map(|p| (p.1, lacks(p.1))).collect();
         for part in self.seeker.worst(&probes, self.count, self.options.seek) {
-            let found = self.sought(frame, view, surface, part, &lacks);
+            let found = self.sought_in(frame, view, surface, part, &lacks);
             self.seeker.looked(part, self.count, !found.is_empty());
             // The newer stands for the older of the same place.
             let near = |p: &FollowedPlace| {
@@ -63,7 +63,7 @@ impl Tracker<'_> {
     }
 
     /// What is found in one part of the picture.
-    fn sought(
+    fn sought_in(
         &self,
         frame: &Frame,
         view: &View,

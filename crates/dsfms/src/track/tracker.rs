@@ -1,14 +1,15 @@
 //! The state between frames, and one frame's way through find, follow and verdict.
 
+use super::beside::Beside;
 use super::busy_wait::busy_wait;
-use super::candidate::Candidate;
+use super::candidate::{Candidate, Last};
 use super::exposed::{Exposed, Shown};
-use super::look::{Look, Working};
+use super::look::Working;
 use super::mips::Mips;
 use super::parts::Seeker;
-use super::places::{Earlier, FollowedPlace};
+use super::places::FollowedPlace;
 use super::prepare::{Preparation, Prepared, Regions, View};
-use super::recent::RecentMedian;
+use super::recent::UsualResidual;
 use super::{Origin, Surface, TrackError, TrackOptions, TrackStatus, Tracked};
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point3, align_rigid_robust};
@@ -21,15 +22,7 @@ use crate::register::find::Search;
 use crate::register::{Deformable, Match, RegisterMemory};
 use crate::template::{Exposure, Template};
 use crate::verdict::{Reason, Thresholds};
-use std::sync::Arc;
 use std::time::Instant;
-
-/// Good frames that are remembered: four seconds, so that smoke which thickens slowly is not taken
-/// for the new usual.
-const REMEMBERED: usize = 100;
-
-/// Fewer tell nothing: from the fourth good frame on the median of a clip stays within a fifth.
-const ENOUGH: usize = 4;
 
 /// Follows a template through the frames of one camera.
 ///
@@ -73,8 +66,12 @@ pub struct Tracker<'a> {
     pub(super) places: Vec<FollowedPlace>,
     pub(super) seeker: Seeker,
     /// Photometric residuals of the last good frames: the measure for smoke, blur and glare.
-    pub(super) usual: RecentMedian<REMEMBERED, ENOUGH>,
-    exposed: Exposed,
+    pub(super) usual: UsualResidual,
+    pub(super) exposed: Exposed,
+    /// Who searches on another thread.
+    pub(super) beside: Option<Beside>,
+    /// What it found was taken in this frame.
+    pub(super) answered: bool,
     /// See [`other_camera`]; of the last search by descriptors.
     pub(super) other_camera: Option<(f64, [f64; 2])>,
     /// Frames given.
@@ -90,20 +87,6 @@ pub struct Tracker<'a> {
 pub(super) struct Memory {
     pub(super) register: RegisterMemory,
     pub(super) video: VideoMemory,
-}
-
-/// The last surface that was not lost.
-pub(super) struct Last {
-    pub(super) frame: usize,
-    pub(super) vertices: Vec<Point3>,
-    /// `camera_from_template` of its matches.
-    pub(super) pose: Isometry,
-    pub(super) ambient: f64,
-    pub(super) look: Arc<Look>,
-    /// Where the next frame may show it.
-    pub(super) ahead: Vec<Point3>,
-    /// Some frames before, or this one.
-    pub(super) earlier: Arc<Earlier>,
 }
 
 /// A surface before anybody has looked at it.
@@ -122,6 +105,7 @@ pub(super) struct Draft {
 }
 
 /// Wall times.
+#[derive(Default)]
 pub(super) struct Clock(Vec<(&'static str, f64)>);
 
 impl Clock {
@@ -149,13 +133,32 @@ impl<'a> Tracker<'a> {
         if !matches!(method, Method::Dsfm | Method::Joint) {
             return Err(TrackError::Method(method));
         }
-        let features = template.features.as_ref().ok_or(TrackError::NoDescriptors)?;
-        let search = Search::new(&template.mesh, features);
         // A brief search does not read shading at the blurs of single frames.
         let single = if options.brief_search { &[][..] } else { &options.reconstruct.joint.blurs };
         let finest = single.iter().copied().fold(options.video.blur, f64::min);
         let working = Working::of(camera, finest, options.video.least_blur_px);
         let preparation = Preparation::new(camera, tone, &working, options.awake);
+        Self::of(template, camera, method, options, working, preparation)
+    }
+
+    /// Another tracker of the same, which has seen nothing.
+    pub(super) fn twin(&self) -> Self {
+        let (options, working) = (self.options.clone(), self.working.clone());
+        let preparation = self.preparation.clone();
+        Self::of(self.template, self.camera, self.method, options, working, preparation)
+            .expect("the template was enough for this one")
+    }
+
+    fn of(
+        template: &'a Template,
+        camera: &'a CameraModel,
+        method: Method,
+        options: TrackOptions,
+        working: Working,
+        preparation: Preparation,
+    ) -> Result<Self, TrackError> {
+        let features = template.features.as_ref().ok_or(TrackError::NoDescriptors)?;
+        let search = Search::new(&template.mesh, features);
         Ok(Self {
             template,
             albedo: Mips::new(template.albedo.as_ref().ok_or(TrackError::NoAlbedo)?),
@@ -172,8 +175,10 @@ impl<'a> Tracker<'a> {
             preparation,
             last: None,
             places: Vec::new(),
-            usual: RecentMedian::default(),
+            usual: UsualResidual::default(),
             exposed: Exposed::default(),
+            beside: None,
+            answered: false,
             other_camera: None,
             count: 0,
             searched: None,
@@ -204,11 +209,10 @@ impl<'a> Tracker<'a> {
     /// The next frame, prepared by [`preparation`](Self::preparation).
     pub fn solve(&mut self, prepared: &Prepared) -> Tracked {
         let start = Instant::now();
-        let mut tracked = if self.options.awake {
-            busy_wait(|| self.solve_here(prepared))
-        } else {
-            // On a thread of the pool its many small parallel loops cost no hand-over.
-            rayon::scope(|_| self.solve_here(prepared))
+        let pool = self.beside.as_ref().and_then(Beside::pool);
+        let mut tracked = match pool {
+            Some(pool) => pool.install(|| self.solve_on_pool(prepared)),
+            None => self.solve_on_pool(prepared),
         };
         let named: f64 = tracked.stages.iter().map(|s| s.1).sum();
         let all = prepared.seconds + start.elapsed().as_secs_f64();
@@ -223,20 +227,40 @@ impl<'a> Tracker<'a> {
         tracked
     }
 
+    fn solve_on_pool(&mut self, prepared: &Prepared) -> Tracked {
+        if self.options.awake {
+            busy_wait(|| self.solve_here(prepared))
+        } else {
+            // On a thread of the pool its many small parallel loops cost no hand-over.
+            rayon::scope(|_| self.solve_here(prepared))
+        }
+    }
+
+    /// The same as in an earlier run, in which what [`searcher`](Self::searcher) found was taken in this
+    /// frame, or not ([`Tracked::answered`]).
+    pub fn solve_again(&mut self, prepared: &Prepared, answered: bool) -> Tracked {
+        if let Some(beside) = &mut self.beside {
+            beside.as_before = Some(answered);
+        }
+        self.solve(prepared)
+    }
+
     fn solve_here(&mut self, prepared: &Prepared) -> Tracked {
         self.count += 1;
+        self.answered = false;
         let mut clock = Clock(vec![("prepare", prepared.seconds)]);
         let Some(view) = &prepared.view else {
             let brightest = prepared.brightest;
             let reasons = vec![Reason::Black { brightest }];
-            return Tracked { status: TrackStatus::Lost, reasons, surface: None, stages: clock.0 };
+            let (status, answered) = (TrackStatus::Lost, false);
+            return Tracked { status, reasons, surface: None, answered, stages: clock.0 };
         };
         let outcome = self.attempts(&prepared.frame, view, &mut clock);
         let (status, reasons, surface) = self.settle(outcome, view);
         if let Some(surface) = surface.as_ref().filter(|s| s.origin == Origin::Followed) {
             clock.time("seek", || self.seek(&prepared.frame, view, surface));
         }
-        Tracked { status, reasons, surface, stages: clock.0 }
+        Tracked { status, reasons, surface, answered: self.answered, stages: clock.0 }
     }
 
     /// Where this frame may show the last shape.

@@ -125,11 +125,14 @@ fn run(clip: &Clip, args: &Args, count: usize) -> Result<Run, Box<dyn std::error
     let tone = clip.template.tone.clone();
     let mut tracker = Tracker::new(&clip.template, &clip.camera, &tone, args.method, options)?;
     let mut preparation = tracker.preparation();
+    let searcher = tracker.searcher();
     let (mut meter, mut kept) = (Meter::new(count), Vec::new());
     let (sender, receiver) = sync_channel(1);
     let start = Instant::now();
     let cpu = cpu_seconds();
     std::thread::scope(|scope| {
+        let mut tracker = tracker;
+        searcher.map(|searcher| scope.spawn(move || searcher.run()));
         scope.spawn(move || {
             for k in 0..count {
                 let frame = clip.frames[forth_and_back(k, clip.frames.len())].clone();

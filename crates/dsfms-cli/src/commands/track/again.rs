@@ -27,6 +27,7 @@ impl Plan<'_> {
             } else if let Some(mut own) = item.take_if(|item| item.number == next.number) {
                 if let Content::Frame(ready) = &mut own.content {
                     ready.reservation.clone_from(&next.reserved);
+                    ready.answered = Some(next.answered);
                 }
                 taken.push(own);
             }
@@ -52,6 +53,7 @@ mod tests {
             number,
             unread: unread.map(Into::into),
             reserved: None,
+            answered: false,
         };
         // 1 was damaged, 2 dropped, 4 damaged at the end.
         let all =

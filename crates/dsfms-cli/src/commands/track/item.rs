@@ -44,4 +44,6 @@ pub struct Ready {
     pub masks: FrameMasks,
     /// What must be said of it besides.
     pub reservation: Option<String>,
+    /// In an earlier run: whether what the search beside found was taken in it.
+    pub answered: Option<bool>,
 }

@@ -90,8 +90,14 @@ struct Done<'t> {
 }
 
 impl<'a> Job<'a> {
-    /// Every frame of the input, or of it what an earlier run took.
-    pub fn all(&mut self, mut reading: Reading, plan: &mut Option<Plan>) -> anyhow::Result<()> {
+    /// Every frame of the input, or of it what an earlier run took. Whatever ends it, what was done by then is
+    /// written.
+    pub fn finish(mut self, reading: Reading, mut plan: Option<Plan>) -> anyhow::Result<Outcome> {
+        let ended = self.all(reading, &mut plan);
+        self.conclude(ended)
+    }
+
+    fn all(&mut self, mut reading: Reading, plan: &mut Option<Plan>) -> anyhow::Result<()> {
         while !interrupt::asked() {
             let next = reading.next()?;
             let ended = next.is_none();
@@ -118,12 +124,16 @@ impl<'a> Job<'a> {
         warnings.iter().for_each(|w| self.reporter.warn(w));
         self.dropped += dropped;
         let start = Instant::now();
-        let mut taken = Taken { number, unread: None, reserved: None };
+        let mut taken = Taken { number, unread: None, reserved: None, answered: false };
         let (taken_frame, tracked, masks) = match content {
             Content::Frame(ready) => {
-                let Ready { prepared, masks, reservation } = *ready;
+                let Ready { prepared, masks, reservation, answered } = *ready;
                 taken.reserved.clone_from(&reservation);
-                let mut tracked = self.tracker.solve(&prepared);
+                let mut tracked = match answered {
+                    Some(answered) => self.tracker.solve_again(&prepared, answered),
+                    None => self.tracker.solve(&prepared),
+                };
+                taken.answered = tracked.answered;
                 reservation.into_iter().for_each(|why| tracked.reserve(why));
                 (TakenFrame::Whole(Box::new(prepared)), tracked, masks)
             }
@@ -287,8 +297,7 @@ impl<'a> Job<'a> {
         Formats { folder: &args.output, template, list: &args.formats }
     }
 
-    /// Whatever ended the run, what was done by then is written.
-    pub fn conclude(mut self, ended: anyhow::Result<()>) -> anyhow::Result<Outcome> {
+    fn conclude(mut self, ended: anyhow::Result<()>) -> anyhow::Result<Outcome> {
         self.reporter.finish();
         if let Some(link) = self.link.take() {
             link.finish(self.reporter);

@@ -87,6 +87,7 @@ mod tests {
             status: TrackStatus::Lost,
             reasons: vec![Reason::NoSurface { why: "why\nnot".into() }],
             surface: None,
+            answered: false,
             stages: Vec::new(),
         };
         let shape = [Point3::new(1.0, -2.0, 0.5), Point3::new(3.0, 4.0, 5.0)];

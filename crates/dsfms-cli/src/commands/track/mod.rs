@@ -37,7 +37,7 @@ use dsfms::pipeline::Method;
 use dsfms::register::Prior;
 use dsfms::template::Template;
 use dsfms::track::shapes::ShapeFile;
-use dsfms::track::{TrackOptions, Tracker};
+use dsfms::track::{Searcher, TrackOptions, Tracker};
 use incoming::Stream;
 use job::Job;
 use link::Link;
@@ -79,8 +79,9 @@ fn follow(
     let (camera, tone) = inputs::frame_camera(args.camera.as_deref(), global, &mut template)?;
     check_files(args, &sources, &camera)?;
     let run = run_file(args, global, again)?;
-    let method = Method::from(args.method);
-    let tracker = Tracker::new(&template, &camera, &tone, method, run.options.clone())?;
+    let (method, options) = (Method::from(args.method), run.options.clone());
+    let mut tracker = Tracker::new(&template, &camera, &tone, method, options)?;
+    let searcher = tracker.searcher();
     let structures = Structures::read(&args.structures, &template, reporter)?;
     let volume = CarriedVolume::read(&args.volume, &template, reporter)?;
     let link = Link::open(&args.link, &template, &camera, reporter)?;
@@ -94,11 +95,11 @@ fn follow(
     let reading = reading.map_err(|error| place::untouched(&args.output, error))?;
     place::renew(&args.output, "track")?;
     run.write(&args.output)?;
-    let vertices = template.mesh.positions.len();
-    let shapes = ShapeFile::create(&args.output.join("vertices.npz"), vertices)?;
+    let (shapes, vertices) = (args.output.join("vertices.npz"), template.mesh.positions.len());
+    let shapes = ShapeFile::create(&shapes, vertices)?;
     let report = report(args, &template, &camera, method)?;
     watch(args, live)?;
-    let mut job = Job {
+    let job = Job {
         args,
         report,
         kept: Vec::new(),
@@ -120,8 +121,17 @@ fn follow(
         recording,
         run,
     };
-    let ended = job.all(reading, &mut again.map(|again| Plan(&again.run.frames)));
-    job.conclude(ended)
+    beside(searcher, || job.finish(reading, again.map(|again| Plan(&again.run.frames))))
+}
+
+/// Work with somebody who searches on another thread; where that one panics, frames are searched as they come.
+fn beside<T>(searcher: Option<Searcher>, work: impl FnOnce() -> T) -> T {
+    std::thread::scope(|scope| {
+        let search = searcher.map(|searcher| scope.spawn(move || searcher.run()));
+        let ended = work();
+        search.map(|search| search.join().ok());
+        ended
+    })
 }
 
 /// What is written down of this run; of an earlier one its words and options.

@@ -120,6 +120,7 @@ mod tests {
             status: TrackStatus::Lost,
             reasons: vec![Reason::NotFinite, Reason::Black { brightest: 3 }],
             surface: None,
+            answered: false,
             stages: vec![("find", 0.25)],
         };
         let line = row(3, "frame_003", &tracked, 2, 250.0);

@@ -49,6 +49,9 @@ pub struct Taken {
     /// What was said of it besides.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reserved: Option<String>,
+    /// What the search beside the video found was taken in it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub answered: bool,
 }
 
 impl RunFile {
@@ -137,7 +140,8 @@ mod tests {
 
     #[test]
     fn a_frame_says_only_what_there_is_to_say() {
-        let taken = Taken { number: 3, unread: None, reserved: Some("why".into()) };
+        let taken =
+            Taken { number: 3, unread: None, reserved: Some("why".into()), answered: false };
         let text = serde_json::to_string(&taken).unwrap();
         assert_eq!(text, r#"{"number":3,"reserved":"why"}"#);
         assert_eq!(serde_json::from_str::<Taken>(&text).unwrap(), taken);

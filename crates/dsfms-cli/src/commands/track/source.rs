@@ -337,7 +337,8 @@ impl Reader<'_> {
             valid: valid.as_ref(),
         };
         let prepared = self.preparation.prepare(frame, regions)?;
-        let ready = Ready { prepared, masks: FrameMasks { instrument, organ }, reservation };
+        let masks = FrameMasks { instrument, organ };
+        let ready = Ready { prepared, masks, reservation, answered: None };
         let content = Content::Frame(Box::new(ready));
         Ok(Item { number, time, came, total, warnings, content })
     }

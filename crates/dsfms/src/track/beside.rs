@@ -1,0 +1,130 @@
+//! What goes between the thread that follows frames and the one that searches some of them.
+
+use super::candidate::{Candidate, Last};
+use super::exposed::Exposed;
+use super::prepare::View;
+use super::recent::UsualResidual;
+use crate::image::Frame;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A frame to search, and what is known before it.
+pub(super) struct Question {
+    pub(super) frame: Frame,
+    pub(super) view: View,
+    pub(super) known: KnownBefore,
+    /// Nothing is followed meanwhile.
+    pub(super) alone: bool,
+}
+
+/// What a search builds on.
+pub(super) struct KnownBefore {
+    /// The frame's number.
+    pub(super) count: usize,
+    pub(super) last: Option<Last>,
+    pub(super) usual: UsualResidual,
+    pub(super) exposed: Exposed,
+}
+
+/// What following a frame leaves to a search.
+pub(super) struct Need {
+    /// The frame is to be searched.
+    pub(super) search: bool,
+    /// The followed surface stays, whatever is found.
+    pub(super) held: bool,
+    /// It is shown, but degraded.
+    pub(super) degraded: bool,
+}
+
+/// What a search found in its frame.
+pub(super) struct Answer {
+    pub(super) outcome: Result<(Candidate, Last), String>,
+    pub(super) other_camera: Option<(f64, [f64; 2])>,
+}
+
+/// The tracker's end.
+pub(super) struct Beside {
+    ask: Sender<Question>,
+    /// Locked by nobody: threads that follow places share the tracker.
+    answers: Mutex<Receiver<Answer>>,
+    /// A question is out.
+    pub(super) pending: bool,
+    /// Nothing is followed until its answer is there.
+    alone: bool,
+    /// The threads that the search leaves for the frames.
+    pool: Option<Arc<ThreadPool>>,
+    /// No question has been asked yet.
+    first: bool,
+    /// Whether the answer is taken in this frame, as in an earlier run; `None`: when it is there.
+    pub(super) as_before: Option<bool>,
+}
+
+/// Nobody searches any more.
+pub(super) struct Gone;
+
+/// Threads apart from those of the whole program.
+pub(super) fn pool(threads: usize) -> Option<ThreadPool> {
+    ThreadPoolBuilder::new().num_threads(threads).build().ok()
+}
+
+impl Beside {
+    pub(super) fn new(ask: Sender<Question>, answers: Receiver<Answer>) -> Self {
+        let left = rayon::current_num_threads().saturating_sub(1).max(1);
+        Self {
+            ask,
+            answers: Mutex::new(answers),
+            pending: false,
+            alone: false,
+            pool: pool(left).map(Arc::new),
+            first: true,
+            as_before: None,
+        }
+    }
+
+    /// All threads search: a frame would only delay the answer.
+    pub(super) fn all_search(&self) -> bool {
+        self.pending && self.alone
+    }
+
+    /// Where frames are solved while another is searched.
+    pub(super) fn pool(&self) -> Option<Arc<ThreadPool>> {
+        self.pool.clone().filter(|_| self.pending && !self.alone)
+    }
+
+    fn answers(&mut self) -> &mut Receiver<Answer> {
+        self.answers.get_mut().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn wait(&mut self) -> Result<Answer, Gone> {
+        self.answers().recv().map_err(|_| Gone)
+    }
+
+    /// Ask about a frame. The first answer is waited for: there is nothing to go on with before.
+    pub(super) fn ask(&mut self, question: Question) -> Result<Option<Answer>, Gone> {
+        let alone = question.alone;
+        self.ask.send(question).map_err(|_| Gone)?;
+        if std::mem::take(&mut self.first) {
+            return self.wait().map(Some);
+        }
+        (self.pending, self.alone) = (true, alone);
+        Ok(None)
+    }
+
+    /// The answer, where it is there.
+    pub(super) fn answer(&mut self) -> Result<Option<Answer>, Gone> {
+        if !self.pending || self.as_before == Some(false) {
+            return Ok(None);
+        }
+        let answer = match self.as_before {
+            Some(_) => self.wait()?,
+            None => match self.answers().try_recv() {
+                Ok(answer) => answer,
+                Err(TryRecvError::Empty) => return Ok(None),
+                Err(TryRecvError::Disconnected) => return Err(Gone),
+            },
+        };
+        self.pending = false;
+        Ok(Some(answer))
+    }
+}

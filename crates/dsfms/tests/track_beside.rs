@@ -1,0 +1,66 @@
+//! Searches on a thread of their own.
+
+#[path = "common/clip.rs"]
+mod clip;
+
+use clip::{Clip, clip};
+use dsfms::image::ToneCurve;
+use dsfms::pipeline::Method;
+use dsfms::track::{Origin, TrackOptions, TrackStatus, Tracked, Tracker};
+use dsfms::verdict::Reason;
+
+/// Frames 0, 1, black, 2 and 3, searched on another thread; of the search in 2 the answer is taken in 3.
+fn searched_beside(clip: &Clip) -> Vec<Tracked> {
+    let options = TrackOptions { search_beside: true, patience: 1, ..TrackOptions::default() };
+    let mut tracker =
+        Tracker::new(&clip.template, &clip.camera, &ToneCurve::Srgb, Method::Dsfm, options)
+            .unwrap();
+    let searcher = tracker.searcher().unwrap();
+    let mut preparation = tracker.preparation();
+    std::thread::scope(|scope| {
+        scope.spawn(move || searcher.run());
+        let mut tracker = tracker;
+        let mut next = |(k, answered): (usize, bool)| {
+            let prepared = preparation.prepare(clip.frames[k].clone(), None).unwrap();
+            tracker.solve_again(&prepared, answered)
+        };
+        [(0, false), (1, false), (4, false), (2, false), (3, true)].map(&mut next).into()
+    })
+}
+
+#[test]
+fn a_late_answer_is_followed_into_the_frame_at_hand() {
+    let clip = clip();
+    let tracked = searched_beside(&clip);
+    let origin = |k: usize| tracked[k].surface.as_ref().map(|s| s.origin);
+    assert_eq!((origin(0), origin(1)), (Some(Origin::Found), Some(Origin::Followed)));
+    assert!(
+        matches!(&tracked[3].reasons[..], [Reason::NoSurface { why }] if why.contains("searched"))
+    );
+    let answered: Vec<bool> = tracked.iter().map(|t| t.answered).collect();
+    assert_eq!(answered, [false, false, false, false, true]);
+    assert_eq!((tracked[4].status, origin(4)), (TrackStatus::Ok, Some(Origin::Found)));
+    let vertices = |t: &Tracked| t.surface.as_ref().map(|s| s.vertices.clone()).unwrap();
+    let pairs: Vec<_> =
+        vertices(&tracked[4]).into_iter().zip(clip.truth[3].clone().unwrap()).collect();
+    let squares: f64 = pairs.iter().map(|(a, b)| (a - b).norm_squared()).sum();
+    let error = (squares / pairs.len() as f64).sqrt();
+    assert!(error < 0.5, "{error} mm from the frame at hand, not the one that was searched");
+    assert_eq!(vertices(&tracked[4]), vertices(&searched_beside(&clip)[4]));
+}
+
+#[test]
+fn where_nobody_searches_beside_the_tracker_does() {
+    let clip = clip();
+    let options = TrackOptions { search_beside: true, ..TrackOptions::default() };
+    let mut tracker =
+        Tracker::new(&clip.template, &clip.camera, &ToneCurve::Srgb, Method::Dsfm, options)
+            .unwrap();
+    drop(tracker.searcher().unwrap());
+    assert_eq!(tracker.next(&clip.frames[0], None).unwrap().status, TrackStatus::Ok);
+    let options = TrackOptions::default();
+    let mut usual =
+        Tracker::new(&clip.template, &clip.camera, &ToneCurve::Srgb, Method::Dsfm, options)
+            .unwrap();
+    assert!(usual.searcher().is_none());
+}
