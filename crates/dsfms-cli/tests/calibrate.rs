@@ -89,6 +89,7 @@ fn a_chessboard_that_is_none_is_refused_and_leaves_nothing() {
         ("--chessboard 14x10 --square 0mm", "positive length"),
         ("--chessboard 14x10 --ext 10", "--ext"),
         ("--chessboard 14x10 --video", "--video"),
+        ("--chessboard 14x10 --frame-format jpeg", "--frame-format"),
         ("--square 3mm", "--chessboard"),
         ("--frames 3", "--chessboard"),
     ] {

@@ -182,7 +182,8 @@ impl Surface {
         self.expected_error.clone().map(|values| array1(py, values))
     }
 
-    /// Nine vertices of ten are off by less than this multiple of their expected error; None where there is none.
+    /// Nine vertices of ten, and the deformed zone in nine frames of ten, are off by less than this multiple of their
+    /// expected error; None where there is none.
     #[getter]
     fn expected_error_bound(&self) -> Option<f64> {
         self.error_bound

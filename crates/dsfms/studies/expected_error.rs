@@ -101,8 +101,8 @@ fn fit_and_test(out: &Path, files: &[&str]) -> Result<(), Box<dyn Error>> {
     for (set, test) in &sets {
         let mut reliability = EQUAL.to_owned();
         println!("\n{set}\n\n{}", FitReport::HEAD);
-        for ((model, rows), (w, [bound, _])) in Model::ALL.iter().zip(test).zip(&fitted) {
-            let report = FitReport::of(rows, w, *bound);
+        for ((model, rows), (w, [vertices, zones])) in Model::ALL.iter().zip(test).zip(&fitted) {
+            let report = FitReport::of(rows, w, vertices.max(*zones));
             println!("| {model:?} | {} |", report.line());
             for [predicted, actual] in &report.deciles {
                 writeln!(reliability, "{model:?},{predicted:.6},{actual:.6}")?;

@@ -174,7 +174,7 @@ fn about_nine_errors_of_ten_stay_below_the_bound() {
         let below =
             |most: f64| ratios.iter().filter(|r| **r < most).count() as f64 / ratios.len() as f64;
         let [tight, share] = [below(0.5 * model.bound()), below(model.bound())];
-        // 0.91 and 0.86 are measured, 0.58 and 0.59 below half of the bound.
+        // 0.92 and 0.96 are measured, 0.62 and 0.74 below half of the bound, which is that of zones for joint.
         assert!(share > 0.8, "{method:?}: {share} below the bound");
         // A bound that everything stays below would say nothing.
         assert!(tight < 0.75, "{method:?}: {tight} below half of the bound");

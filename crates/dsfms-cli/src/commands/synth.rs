@@ -102,7 +102,8 @@ pub struct SynthArgs {
         requires = "pictures")]
     size: [usize; 2],
     /// Files of the clip's frames.
-    #[arg(long, value_enum, default_value_t = video::FrameFormat::Png, requires = "video")]
+    #[arg(long, value_enum, default_value_t = video::FrameFormat::Png, requires = "video",
+        conflicts_with = "chessboard")]
     frame_format: video::FrameFormat,
     /// Folder for the cases, the clip or the chessboard.
     #[arg(short, long, value_name = "DIR")]

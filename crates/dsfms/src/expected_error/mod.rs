@@ -36,7 +36,8 @@ pub struct Solved<'a> {
 pub struct ExpectedErrors {
     /// Expected distance from the truth, length units of the vertices; finite and positive.
     pub errors: Vec<f64>,
-    /// Nine vertices of ten are off by less than this multiple of their expected error.
+    /// Nine vertices of ten, and the deformed zone in nine frames of ten, are off by less than this multiple of
+    /// their expected error.
     pub bound: f64,
     /// `true` where the frame says something about the vertex: it is seen, and a kept match or a
     /// brightness that can be used lies within [`features::REACH`] visible radii along the surface.

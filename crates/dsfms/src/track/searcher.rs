@@ -63,8 +63,9 @@ impl Searcher<'_> {
 }
 
 impl<'a> Tracker<'a> {
-    /// Who searches for this tracker from here on; [`run`](Searcher::run) it on another thread, or no frame
-    /// without a surface ever finds one. `None` where the options do not ask for it.
+    /// Who searches for this tracker from here on; [`run`](Searcher::run) it on another thread, since the first
+    /// frame waits for it. Dropped, it leaves the searches to this tracker. `None` where the options do not ask for
+    /// it ([`TrackOptions::search_beside`](super::TrackOptions::search_beside)).
     pub fn searcher(&mut self) -> Option<Searcher<'a>> {
         if !self.options.search_beside {
             return None;
@@ -119,7 +120,7 @@ impl<'a> Tracker<'a> {
         };
         let alone = !need.held && !need.degraded;
         let question = Question { frame: frame.clone(), view: view.clone(), known, alone };
-        let Some(first) = clock.time("find", || beside.ask(question))? else { return Ok(found) };
+        let Some(first) = beside.ask(question)? else { return Ok(found) };
         self.other_camera = first.other_camera;
         Ok(Some(first.outcome.map(|(found, _)| found)))
     }

@@ -23,21 +23,21 @@ const CASE: f64 = 3.0;
 const MOVED: f64 = 1.0;
 
 /// Gamma regression with a logarithmic link, so that every error counts relative to its size; every case counts
-/// the same and has its own level of spread [`CASE`]; weights but the constant are at least 0, those of
+/// the same, in it its zone as much as all of it, and has its own level of spread [`CASE`]; weights but the constant are at least 0, those of
 /// distances [`LEAST`]. The constant is such that the mean is predicted. With the multiple of the prediction
 /// that nine errors of ten stay below, and that nine zones of ten do.
 pub fn regress(rows: &[Row]) -> ([f64; COUNT], [f64; 2]) {
     let cases: Vec<&[Row]> = rows.chunk_by(|a, b| a.case == b.case).collect();
     let mean = rows.iter().map(|r| r.error).sum::<f64>() / rows.len().max(1) as f64;
+    let shares: Vec<Vec<f64>> = cases.iter().map(|case| shares(case)).collect();
     let (mut w, mut levels) = ([0.0; COUNT], vec![0.0; cases.len()]);
     w[0] = mean.max(f64::MIN_POSITIVE).ln();
     for _ in 0..200 {
         let mut normal = [[0.0; COUNT]; COUNT];
         let mut right = [0.0; COUNT];
-        for (case, level) in cases.iter().zip(&mut levels) {
-            let weight = 1.0 / case.len() as f64;
+        for ((case, shares), level) in cases.iter().zip(&shares).zip(&mut levels) {
             let mut left = 0.0;
-            for r in *case {
+            for (r, weight) in case.iter().zip(shares) {
                 let eta: f64 = dot(&w, &r.features);
                 // Newton's step of the deviance has the weight error / prediction, bounded here.
                 let step = (r.error.max(NOTHING) / (eta + *level).exp() - 1.0).min(10.0);
@@ -64,20 +64,35 @@ fn nine_of_ten(mut ratios: Vec<f64>) -> f64 {
     ratios.get(ratios.len() * 9 / 10).copied().unwrap_or(1.0)
 }
 
-/// Of every frame that moved: error over prediction, as root mean squares over what is seen and moved by at
-/// least half of what moved most. The errors there go together: a frame is one draw, not many.
-fn zones(w: &[f64; COUNT], rows: &[Row]) -> Vec<f64> {
+/// Which vertices of a frame are its zone: seen, and moved by at least half of what moved most; none where
+/// nothing did.
+fn zone(case: &[Row]) -> Vec<bool> {
     let column = NAMES.iter().position(|n| *n == "displacement").unwrap_or_default();
     let moved = |r: &Row| r.features[column].exp() - 1.0;
-    let zone = |case: &[Row]| {
-        let seen: Vec<&Row> = case.iter().filter(|r| r.visible).collect();
-        let most = seen.iter().map(|r| moved(r)).fold(0.0, f64::max);
-        let zone = || seen.iter().filter(|r| moved(r) >= 0.5 * most);
+    let most = case.iter().filter(|r| r.visible).map(moved).fold(0.0, f64::max);
+    case.iter().map(|r| r.visible && most > MOVED && moved(r) >= 0.5 * most).collect()
+}
+
+/// How much every vertex of a case counts, in sum 1: its zone once more than the rest.
+fn shares(case: &[Row]) -> Vec<f64> {
+    let zone = zone(case);
+    let inside = zone.iter().filter(|z| **z).count();
+    let (all, whole) = (case.len() as f64, if inside > 0 { 2.0 } else { 1.0 });
+    let share = |z: &bool| (1.0 / all + if *z { 1.0 / inside as f64 } else { 0.0 }) / whole;
+    zone.iter().map(share).collect()
+}
+
+/// Of every frame that moved: error over prediction, as root mean squares over its zone. The errors there go
+/// together: a frame is one draw, not many.
+fn zones(w: &[f64; COUNT], rows: &[Row]) -> Vec<f64> {
+    let ratio = |case: &[Row]| {
+        let zone = zone(case);
+        let zone = || case.iter().zip(&zone).filter(|r| *r.1).map(|r| r.0);
         let error: f64 = zone().map(|r| r.error.powi(2)).sum();
         let told: f64 = zone().map(|r| predict(w, &r.features).powi(2)).sum();
-        (most > MOVED && told > 0.0).then(|| (error / told).sqrt())
+        (told > 0.0).then(|| (error / told).sqrt())
     };
-    rows.chunk_by(|a, b| a.case == b.case).filter_map(zone).collect()
+    rows.chunk_by(|a, b| a.case == b.case).filter_map(ratio).collect()
 }
 
 fn dot(w: &[f64; COUNT], f: &[f64; COUNT]) -> f64 {

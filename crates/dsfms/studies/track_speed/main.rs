@@ -10,7 +10,8 @@
 //! Frames are decoded first, so that decoding does not count; they are prepared on one thread and
 //! solved on another, as `dsfms track --realtime` does, whose options they are where `--options` names no
 //! others. `--rate 25` offers a frame every 40 ms, which gives the
-//! latency of a live source; without it frames follow as fast as they are solved. `--loop N` goes
+//! latency of a live source, with searches beside the frames; without it frames follow as fast as they are
+//! solved and wait for searches. `--loop N` goes
 //! forth and back through the frames until N have been tracked, and watches memory.
 
 mod clip;
@@ -125,7 +126,8 @@ fn run(clip: &Clip, args: &Args, count: usize) -> Result<Run, Box<dyn std::error
     let tone = clip.template.tone.clone();
     let mut tracker = Tracker::new(&clip.template, &clip.camera, &tone, args.method, options)?;
     let mut preparation = tracker.preparation();
-    let searcher = tracker.searcher();
+    // Where frames wait for their turn, none would be lost to a search that runs beside them.
+    let searcher = args.rate.and_then(|_| tracker.searcher());
     let (mut meter, mut kept) = (Meter::new(count), Vec::new());
     let (sender, receiver) = sync_channel(1);
     let start = Instant::now();

@@ -11,8 +11,8 @@ pub struct Meter {
     solve_ms: Vec<f64>,
     followed_ms: Vec<f64>,
     stages: BTreeMap<&'static str, Vec<f64>>,
-    /// Of the frames that were searched by descriptors.
-    searched: BTreeMap<&'static str, Vec<f64>>,
+    /// Of the frames that were not followed.
+    others: BTreeMap<&'static str, Vec<f64>>,
     /// Mean photometric residual and reprojection error of every surface.
     residuals: [Vec<f64>; 2],
     status: [usize; 3],
@@ -31,7 +31,7 @@ impl Meter {
             solve_ms: Vec::with_capacity(count),
             followed_ms: Vec::with_capacity(count),
             stages: BTreeMap::new(),
-            searched: BTreeMap::new(),
+            others: BTreeMap::new(),
             residuals: [Vec::new(), Vec::new()],
             status: [0; 3],
             found: 0,
@@ -46,17 +46,17 @@ impl Meter {
         self.latency_ms.push(1e3 * latency.as_secs_f64());
         self.solve_ms.push(1e3 * solve.as_secs_f64());
         self.status[tracked.status as usize] += 1;
-        self.found +=
-            usize::from(tracked.surface.as_ref().is_some_and(|s| s.origin == Origin::Found));
+        let origin = tracked.surface.as_ref().map(|s| s.origin);
+        self.found += usize::from(origin == Some(Origin::Found));
         if let Some(s) = &tracked.surface {
             self.residuals[0].extend(s.photometric.map(|r| 100.0 * r));
             self.residuals[1].push(s.reprojection_px);
         }
-        let searched = tracked.stages.iter().any(|s| s.0 == "find");
-        if !searched {
+        let followed = origin == Some(Origin::Followed);
+        if followed {
             self.followed_ms.push(1e3 * solve.as_secs_f64());
         }
-        let stages = if searched { &mut self.searched } else { &mut self.stages };
+        let stages = if followed { &mut self.stages } else { &mut self.others };
         for (name, seconds) in &tracked.stages {
             stages.entry(name).or_default().push(1e3 * seconds);
         }
@@ -93,8 +93,8 @@ impl Meter {
         for (name, times) in &self.stages {
             row(&format!("- {name}"), times);
         }
-        println!("frames searched by descriptors");
-        for (name, times) in &self.searched {
+        println!("other frames: searched, or without a surface");
+        for (name, times) in &self.others {
             row(&format!("- {name}"), times);
         }
         println!("residuals");

@@ -124,7 +124,8 @@ pub struct TrackArgs {
     #[arg(help_heading = "Input", long, value_name = "WxH", value_parser = size)]
     pub size: Option<[usize; 2]>,
     /// Keep up with the source: a frame that comes before the last is solved takes the place of the
-    /// one that waits, and shading is read more coarsely. Files play at their own rate, or at --rate.
+    /// one that waits, shading is read more coarsely, and where the organ is lost it is searched on another
+    /// thread. Files play at their own rate, or at --rate.
     #[arg(help_heading = "Method", long)]
     pub realtime: bool,
     /// Frames a second of the input; default what the video says, else 25.
