@@ -34,21 +34,22 @@ fn a_recorded_run_gives_the_same_bits_again_and_a_changed_one_is_told() {
     let numbers: Vec<u64> =
         value["frames"].as_array().unwrap().iter().map(|t| t["number"].as_u64().unwrap()).collect();
     assert!(numbers.iter().all(|n| n % 2 == 0 && (*n as usize) < FRAMES), "{numbers:?}");
-    // Another picture in the recording.
-    let [a, b] = [numbers[0], numbers[numbers.len() - 1]]
-        .map(|n| Path::new(record).join(format!("frame_{n:06}.png")));
-    let kept = std::fs::read(&b).unwrap();
-    std::fs::copy(&a, &b).unwrap();
+    // Another picture in the recording: of the first frame, whose search is waited for, so that it has a surface.
+    let first = numbers[0];
+    let picture = Path::new(record).join(format!("frame_{first:06}.png"));
+    let kept = std::fs::read(&picture).unwrap();
+    let other = CLIP.path().join(format!("clip/frames/frame_{:03}.png", FRAMES - 1));
+    std::fs::copy(other, &picture).unwrap();
     let again = replay(&out, &[]);
     assert_eq!(again.status.code(), Some(2), "{}", told(&again));
-    let named = format!("differs first in frame {}:", numbers[numbers.len() - 1]);
+    let named = format!("differs first in frame {first}:");
     assert!(told(&again).contains(&named), "{}", told(&again));
     // A frame that is missing, and one that was moved elsewhere.
-    std::fs::remove_file(&b).unwrap();
+    std::fs::remove_file(&picture).unwrap();
     let again = replay(&out, &[]);
     assert_eq!(again.status.code(), Some(1), "{}", told(&again));
     assert!(told(&again).contains("lacks 1 of"), "{}", told(&again));
-    std::fs::write(&b, kept).unwrap();
+    std::fs::write(&picture, kept).unwrap();
     let moved = folder.path().join("archive");
     std::fs::rename(record, &moved).unwrap();
     assert!(told(&replay(&out, &[])).contains("--frames"));
