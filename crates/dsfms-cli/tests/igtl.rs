@@ -254,7 +254,9 @@ fn assert_understood(found: &str, out: &Path) {
             checked[1] += 1;
         }
     }
-    assert!(checked.iter().all(|n| 2 * *n >= rows.len()), "{checked:?}");
+    let with_surface = status.iter().filter(|s| *s != "lost").count();
+    let enough = checked[0] > 0 && 2 * checked[0] >= with_surface && 2 * checked[1] >= rows.len();
+    assert!(enough, "{checked:?} of {status:?}");
 }
 
 #[test]
