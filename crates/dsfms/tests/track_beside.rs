@@ -9,29 +9,31 @@ use dsfms::pipeline::Method;
 use dsfms::track::{Origin, TrackOptions, TrackStatus, Tracked, Tracker};
 use dsfms::verdict::Reason;
 
-/// Frames 0, 1, black, 2 and 3, searched on another thread; of the search in 2 the answer is taken in 3.
-fn searched_beside(clip: &Clip) -> Vec<Tracked> {
+/// Frames of the clip, searched on another thread; `true` where the answer to a question is taken, and waited for.
+fn searched_beside(clip: &Clip, method: Method, frames: &[(usize, bool)]) -> Vec<Tracked> {
     let options = TrackOptions { search_beside: true, patience: 1, ..TrackOptions::default() };
     let mut tracker =
-        Tracker::new(&clip.template, &clip.camera, &ToneCurve::Srgb, Method::Dsfm, options)
-            .unwrap();
+        Tracker::new(&clip.template, &clip.camera, &ToneCurve::Srgb, method, options).unwrap();
     let searcher = tracker.searcher().unwrap();
     let mut preparation = tracker.preparation();
     std::thread::scope(|scope| {
         scope.spawn(move || searcher.run());
         let mut tracker = tracker;
-        let mut next = |(k, answered): (usize, bool)| {
+        let next = |&(k, answered): &(usize, bool)| {
             let prepared = preparation.prepare(clip.frames[k].clone(), None).unwrap();
             tracker.solve_again(&prepared, answered)
         };
-        [(0, false), (1, false), (4, false), (2, false), (3, true)].map(&mut next).into()
+        frames.iter().map(next).collect()
     })
 }
+
+/// Frame 4 is black; of the search in 2 the answer is taken in 3.
+const BLACK: [(usize, bool); 5] = [(0, false), (1, false), (4, false), (2, false), (3, true)];
 
 #[test]
 fn a_late_answer_is_followed_into_the_frame_at_hand() {
     let clip = clip();
-    let tracked = searched_beside(&clip);
+    let tracked = searched_beside(&clip, Method::Dsfm, &BLACK);
     let origin = |k: usize| tracked[k].surface.as_ref().map(|s| s.origin);
     assert_eq!((origin(0), origin(1)), (Some(Origin::Found), Some(Origin::Followed)));
     assert!(
@@ -46,7 +48,7 @@ fn a_late_answer_is_followed_into_the_frame_at_hand() {
     let squares: f64 = pairs.iter().map(|(a, b)| (a - b).norm_squared()).sum();
     let error = (squares / pairs.len() as f64).sqrt();
     assert!(error < 0.5, "{error} mm from the frame at hand, not the one that was searched");
-    assert_eq!(vertices(&tracked[4]), vertices(&searched_beside(&clip)[4]));
+    assert_eq!(vertices(&tracked[4]), vertices(&searched_beside(&clip, Method::Dsfm, &BLACK)[4]));
 }
 
 #[test]
@@ -63,4 +65,16 @@ fn where_nobody_searches_beside_the_tracker_does() {
         Tracker::new(&clip.template, &clip.camera, &ToneCurve::Srgb, Method::Dsfm, options)
             .unwrap();
     assert!(usual.searcher().is_none());
+}
+
+#[test]
+fn frames_are_followed_while_another_is_searched() {
+    let clip = clip();
+    // The jump from 0 to 5 makes the template be sought, though the surface holds.
+    let frames = [(0, false), (5, false), (5, false), (5, true)];
+    let tracked = searched_beside(&clip, Method::Joint, &frames);
+    let ways: Vec<_> = tracked.iter().map(|t| t.surface.as_ref().map(|s| s.origin)).collect();
+    let followed = Some(Origin::Followed);
+    assert_eq!(ways, [Some(Origin::Found), followed, followed, followed]);
+    assert!(tracked[3].answered, "nothing was sought");
 }

@@ -45,7 +45,7 @@ impl Tracker<'_> {
         if need.held {
             self.rarer = 1;
         }
-        if need.search && need.degraded {
+        if need.search && need.level == TrackStatus::Degraded {
             self.searched = Some(self.count);
         }
         let found = match self.beside.take() {
@@ -81,7 +81,7 @@ impl Tracker<'_> {
             _ => true,
         };
         let held = level == TrackStatus::Ok && !jumped;
-        Need { search, held, degraded: level == TrackStatus::Degraded }
+        Need { search, held, level }
     }
 
     /// The template found by descriptors in a frame.

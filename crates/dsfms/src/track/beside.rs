@@ -1,5 +1,6 @@
 //! What goes between the thread that follows frames and the one that searches some of them.
 
+use super::TrackStatus;
 use super::candidate::{Candidate, Last};
 use super::exposed::Exposed;
 use super::prepare::View;
@@ -33,8 +34,8 @@ pub(super) struct Need {
     pub(super) search: bool,
     /// The followed surface stays, whatever is found.
     pub(super) held: bool,
-    /// It is shown, but degraded.
-    pub(super) degraded: bool,
+    /// What is to be said of it; lost where there is none.
+    pub(super) level: TrackStatus,
 }
 
 /// What a search found in its frame.

@@ -118,7 +118,7 @@ impl<'a> Tracker<'a> {
             usual: self.usual.clone(),
             exposed: self.exposed.clone(),
         };
-        let alone = !need.held && !need.degraded;
+        let alone = need.level == TrackStatus::Lost;
         let question = Question { frame: frame.clone(), view: view.clone(), known, alone };
         let Some(first) = beside.ask(question)? else { return Ok(found) };
         self.other_camera = first.other_camera;
