@@ -41,7 +41,8 @@ const BOUNDS: [f64; 4] = [3.16, 2.78, 2.16, 2.19];
 
 /// Made by the study `expected_error` on 30 synthetic cases and the choosing half of the generated scenes
 /// (`docs/results/expected_error.md`): gamma regression with a logarithmic link and a level of its own for every
-/// case, in which the zone counts as much as all of it, all distances to evidence at least 0.05; one row a model, columns as [`super::NAMES`].
+/// case, in which the zone counts as much as all of it, all distances to evidence at least 0.05; one row a model,
+/// columns as [`super::NAMES`].
 #[rustfmt::skip]
 pub const WEIGHTS: [[f64; COUNT]; 4] = [
     [-5.619, 1.007, 0.113, 0.350, 0.000, 0.000, 0.050, 0.648, 1.575, 0.234, 0.000, 0.000, 0.000, 0.000, 0.338, 0.000, 0.000],

@@ -236,8 +236,8 @@ impl<'a> Tracker<'a> {
         }
     }
 
-    /// The same as in an earlier run, in which what [`searcher`](Self::searcher) found was taken in this
-    /// frame, or not ([`Tracked::answered`]).
+    /// [`solve`](Self::solve) as in an earlier run: `answered` is [`Tracked::answered`] of this frame there. Where it
+    /// is `true`, what the [`searcher`](Self::searcher) finds is waited for.
     pub fn solve_again(&mut self, prepared: &Prepared, answered: bool) -> Tracked {
         if let Some(beside) = &mut self.beside {
             beside.as_before = Some(answered);

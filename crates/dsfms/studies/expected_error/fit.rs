@@ -23,8 +23,8 @@ const CASE: f64 = 3.0;
 const MOVED: f64 = 1.0;
 
 /// Gamma regression with a logarithmic link, so that every error counts relative to its size; every case counts
-/// the same, in it its zone as much as all of it, and has its own level of spread [`CASE`]; weights but the constant are at least 0, those of
-/// distances [`LEAST`]. The constant is such that the mean is predicted. With the multiple of the prediction
+/// the same, in it its zone as much as all of it, and has its own level of spread [`CASE`]; weights but the
+/// constant are at least 0, those of distances [`LEAST`]. The constant is such that the mean is predicted. With the multiple of the prediction
 /// that nine errors of ten stay below, and that nine zones of ten do.
 pub fn regress(rows: &[Row]) -> ([f64; COUNT], [f64; 2]) {
     let cases: Vec<&[Row]> = rows.chunk_by(|a, b| a.case == b.case).collect();
@@ -73,7 +73,7 @@ fn zone(case: &[Row]) -> Vec<bool> {
     case.iter().map(|r| r.visible && most > MOVED && moved(r) >= 0.5 * most).collect()
 }
 
-/// How much every vertex of a case counts, in sum 1: its zone once more than the rest.
+/// How much every vertex of a case counts, in sum 1: half for all of it, half for its zone where it has one.
 fn shares(case: &[Row]) -> Vec<f64> {
     let zone = zone(case);
     let inside = zone.iter().filter(|z| **z).count();

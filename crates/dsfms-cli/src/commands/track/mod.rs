@@ -95,8 +95,7 @@ fn follow(
     let reading = reading.map_err(|error| place::untouched(&args.output, error))?;
     place::renew(&args.output, "track")?;
     run.write(&args.output)?;
-    let (shapes, vertices) = (args.output.join("vertices.npz"), template.mesh.positions.len());
-    let shapes = ShapeFile::create(&shapes, vertices)?;
+    let shapes = shape_file(&args.output, &template)?;
     let report = report(args, &template, &camera, method)?;
     watch(args, live)?;
     let job = Job {
@@ -132,6 +131,12 @@ fn beside<T>(searcher: Option<Searcher>, work: impl FnOnce() -> T) -> T {
         search.map(|search| search.join().ok());
         ended
     })
+}
+
+/// The file that the surfaces of all frames go to.
+fn shape_file(output: &Path, template: &Template) -> anyhow::Result<ShapeFile> {
+    let vertices = template.mesh.positions.len();
+    Ok(ShapeFile::create(&output.join("vertices.npz"), vertices)?)
 }
 
 /// What is written down of this run; of an earlier one its words and options.
