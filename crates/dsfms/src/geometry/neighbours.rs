@@ -5,54 +5,61 @@
 #[doc(alias("kd-tree", "k nearest neighbours"))]
 #[derive(Clone, Debug)]
 pub struct Neighbours<const D: usize> {
-    points: Vec<[f64; D]>,
-    order: Vec<usize>,
-    /// Where every point stands in the order.
+    /// Points with their indices.
+    sorted: Vec<([f64; D], usize)>,
+    /// Where every point stands among them.
     place: Vec<usize>,
 }
 
 impl<const D: usize> Neighbours<D> {
     /// Of these points.
     pub fn of(points: Vec<[f64; D]>) -> Self {
-        let mut order: Vec<usize> = (0..points.len()).collect();
-        order.sort_by(|&a, &b| points[a][0].total_cmp(&points[b][0]));
-        let mut place = vec![0; points.len()];
-        order.iter().enumerate().for_each(|(at, &i)| place[i] = at);
-        Self { points, order, place }
+        let mut sorted: Vec<_> = points.into_iter().zip(0..).collect();
+        sorted.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
+        let mut place = vec![0; sorted.len()];
+        sorted.iter().enumerate().for_each(|(at, point)| place[point.1] = at);
+        Self { sorted, place }
     }
 
     /// Indices of the `count` points nearest to point `i`, the nearest first; of two as near, the
     /// earlier.
     pub fn nearest(&self, i: usize, count: usize) -> Vec<usize> {
         let mut found: Vec<(f64, usize)> = Vec::with_capacity(count + 1);
-        let at = &self.points[i];
-        let along = |other: usize| (self.points[other][0] - at[0]).powi(2);
-        let (mut before, mut after) = self.order.split_at(self.place[i]);
-        after = &after[1..];
+        let (mut before, after) = self.sorted.split_at(self.place[i]);
+        let own = after.split_first().filter(|_| count > 0);
+        let Some(((at, _), mut after)) = own else { return Vec::new() };
+        let along = |other: &([f64; D], usize)| (other.0[0] - at[0]).powi(2);
+        // What is farther than this is none of them.
+        let mut farthest = f64::INFINITY;
         loop {
             let other = match (before, after) {
-                ([rest @ .., b], [a, ..]) if along(*b) < along(*a) => {
+                ([rest @ .., b], [a, ..]) if along(b) < along(a) => {
                     before = rest;
-                    *b
+                    b
                 }
                 (_, [a, rest @ ..]) => {
                     after = rest;
-                    *a
+                    a
                 }
                 ([rest @ .., b], []) => {
                     before = rest;
-                    *b
+                    b
                 }
                 ([], []) => break,
             };
-            let farthest = found.last().map_or(f64::NEG_INFINITY, |f| f.0);
-            if found.len() >= count && along(other) > farthest {
+            if along(other) > farthest {
                 break;
             }
-            let away: f64 = (0..D).map(|k| (self.points[other][k] - at[k]).powi(2)).sum();
-            let place = found.partition_point(|f| *f < (away, other));
-            found.insert(place, (away, other));
+            let away: f64 = (0..D).map(|k| (other.0[k] - at[k]).powi(2)).sum();
+            if away > farthest {
+                continue;
+            }
+            let place = found.partition_point(|f| *f < (away, other.1));
+            found.insert(place, (away, other.1));
             found.truncate(count);
+            if let Some(last) = found.get(count - 1) {
+                farthest = last.0;
+            }
         }
         found.into_iter().map(|f| f.1).collect()
     }

@@ -45,11 +45,11 @@ use crate::geometry::{Isometry, Point3};
 use crate::image::{Frame, Mask, ToneCurve};
 use crate::light::LightModel;
 use crate::mesh::Mesh;
+use crate::preoperative::scale_on_surface;
 use crate::sfm::{self, FoundModel, SfmStage};
 use crate::template::flatten::flatten;
 use crate::template::light_fit::LightFit;
 use crate::template::scale::{Scale, ScaleError, ScaleScene, find_scale};
-use crate::template::scale_mesh::fit_to_mesh;
 use crate::template::{Flattening, LengthUnit, SparsePoint, Template};
 use masks::{usable_masks, valid_masks};
 use surface::{StereoSurface, dense_mesh};
@@ -319,7 +319,7 @@ fn measure(
     let poses = named(exploration.frames, poses);
     let known = find_scale(&ScaleScene { mesh, camera, poses: &poses }, &options.scale)?;
     match (known, exploration.metric) {
-        (None, Some(metric)) => fit_to_mesh(mesh, metric).map(Some),
+        (None, Some(metric)) => scale_on_surface(mesh, metric).map(Some),
         (known, _) => Ok(known),
     }
 }

@@ -4,7 +4,7 @@
 //! that much of the distance. Where the camera stands still its pose is known, and all that the matches share is motion of the
 //! tissue.
 
-use super::pose::rest_point;
+use super::pose::{median_of, residuals, rest_point};
 use super::{CameraMotion, Match, Posed, RegisterError, RegisterOptions};
 use crate::camera::CameraModel;
 use crate::geometry::{Point2, Point3};
@@ -31,33 +31,41 @@ pub fn posed_from(
     found: Posed,
     options: &RegisterOptions,
 ) -> Result<Posed, RegisterError> {
-    if options.camera_motion == CameraMotion::Moving {
+    // Nothing but rigid motion is what a camera that moves explains as well.
+    let moves = match options.camera_motion {
+        CameraMotion::Moving => true,
+        CameraMotion::Auto => found.shared_motion_px == 0.0,
+        CameraMotion::AtRest => false,
+    };
+    if moves {
         return Ok(found);
     }
     let points: Vec<Point3> = matches.iter().map(|m| rest_point(rest, m)).collect();
     let pixels: Vec<Point2> = matches.iter().map(|m| m.pixel).collect();
     let [coarse, fine] = options.robust_px;
-    let nearest = views
-        .iter()
-        .map(|view| Posed::at(camera, &points, &pixels, view.camera_from_template, coarse))
-        .min_by(|a, b| a.median_px().total_cmp(&b.median_px()));
-    let all = matches.len();
-    let within = |px: f64| nearest.as_ref().map_or(0, |there| there.within(px));
+    let there = |view: &TemplateView| {
+        let pose = view.camera_from_template;
+        (pose, residuals(camera, &pose, &points, &pixels))
+    };
+    let nearest =
+        views.iter().map(there).min_by(|a, b| median_of(&a.1).total_cmp(&median_of(&b.1)));
+    let (all, left) = (matches.len(), nearest.as_ref().map_or(&[][..], |n| &n.1));
+    let within = |px: f64| left.iter().filter(|&&r| r < px).count();
     let agree = within(0.5 * coarse);
     let stands = match options.camera_motion {
-        CameraMotion::Moving => false,
-        // Some share a motion that no rigid pose explains, and many do not move.
-        CameraMotion::Auto => {
-            let [near, nearer] = [0.5, 0.25].map(|share| within(share * fine) as f64);
-            found.shared_motion_px > 0.0
-                && near >= STILL * all as f64
-                && nearer >= STILL_WITHIN_HALF * near
-        }
         CameraMotion::AtRest if 3 * agree >= all => true,
         CameraMotion::AtRest => {
             return Err(RegisterError::NoView { agree, found: all, views: views.len() });
         }
+        // Many matches do not move.
+        _ => {
+            let [near, nearer] = [0.5, 0.25].map(|share| within(share * fine) as f64);
+            near >= STILL * all as f64 && nearer >= STILL_WITHIN_HALF * near
+        }
     };
-    let there = nearest.filter(|_| stands);
-    Ok(there.map_or(found, |there| Posed { at_rest: true, ..there }))
+    let pose = nearest.filter(|_| stands).map(|n| n.0);
+    Ok(pose.map_or(found, |pose| Posed {
+        at_rest: true,
+        ..Posed::at(camera, &points, &pixels, pose, coarse)
+    }))
 }

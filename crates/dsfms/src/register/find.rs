@@ -5,7 +5,7 @@ use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Neighbours, Point2, Point3, Vector2, median, point_at};
 use crate::image::{Frame, Mask};
 use crate::mesh::Mesh;
-use crate::sfm::matching::{DescriptorMatch, UnitDescriptors, distance};
+use crate::sfm::matching::{DescriptorMatch, UnitDescriptors, distance, product};
 use crate::sfm::places::{match_places, unique_places};
 use crate::sfm::random::Random;
 use crate::sfm::{Features2d, SfmOptions, detect, resect};
@@ -136,11 +136,10 @@ impl Search<'_> {
         let (ratio, most) = GUIDED;
         let a = UnitDescriptors::new(&seen.descriptors);
         let nearest = |i: usize| -> Option<DescriptorMatch> {
-            let within = expected.iter().filter(|e| (e.1 - seen.points[i]).norm() <= reach);
+            let near = |e: &&(u32, Point2)| (e.1 - seen.points[i]).norm_squared() <= reach * reach;
+            let within = expected.iter().filter(near);
             let of = |e: &(u32, Point2)| {
-                let dot = |(a, b): (&f32, &f32)| a * b;
-                let rows = a.row(i).iter().zip(self.descriptors.row(e.0 as usize));
-                (e.0, distance(rows.map(dot).sum()))
+                (e.0, distance(product(a.row(i), self.descriptors.row(e.0 as usize))))
             };
             let all: Vec<(u32, f32)> = within.map(of).collect();
             let (best, own) = all.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1))?;

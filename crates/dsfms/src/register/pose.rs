@@ -50,7 +50,7 @@ impl Posed {
 }
 
 /// 0 of nothing.
-fn median_of(values: &[f64]) -> f64 {
+pub(super) fn median_of(values: &[f64]) -> f64 {
     median(&mut values.to_vec()).unwrap_or(0.0)
 }
 
@@ -171,7 +171,8 @@ pub fn rest_point(rest: &Mesh, m: &Match) -> Point3 {
     point_at(rest.corners(m.face as usize), m.barycentric)
 }
 
-fn residuals(
+/// Reprojection errors under a pose, px; infinite behind the camera.
+pub(super) fn residuals(
     camera: &CameraModel,
     pose: &Isometry,
     points: &[Point3],

@@ -65,6 +65,15 @@ pub(crate) fn distance(dot: f32) -> f32 {
 /// Rows or columns compared at once: fixed-size arrays that the compiler turns into registers.
 const LANES: usize = 16;
 
+/// Scalar product of two descriptors.
+pub(crate) fn product(a: &[f32], b: &[f32]) -> f32 {
+    let mut sums = [0.0f32; LANES];
+    for (a, b) in a.chunks_exact(LANES).zip(b.chunks_exact(LANES)) {
+        (0..LANES).for_each(|l| sums[l] += a[l] * b[l]);
+    }
+    sums.iter().sum()
+}
+
 /// Largest and second largest product so far, and where the largest is, of [`LANES`] rows or columns.
 #[derive(Clone, Copy)]
 struct TwoBest {

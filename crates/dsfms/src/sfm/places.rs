@@ -55,10 +55,17 @@ pub(crate) fn match_places(
 
 /// Index of the largest admitted value; the first, when none is admitted.
 fn argmax(row: &[f32], admit: impl Fn(usize) -> bool) -> usize {
+    /// Values compared at once.
+    const LANES: usize = 16;
     let mut best = (0, f32::MIN);
-    for (j, &v) in row.iter().enumerate() {
-        if v > best.1 && admit(j) {
-            best = (j, v);
+    for (block, values) in row.chunks(LANES).enumerate() {
+        // Hardly any block holds a larger one.
+        if values.iter().fold(false, |any, &v| any | (v > best.1)) {
+            for (j, &v) in (block * LANES..).zip(values) {
+                if v > best.1 && admit(j) {
+                    best = (j, v);
+                }
+            }
         }
     }
     best.0

@@ -44,18 +44,25 @@ pub(super) fn sift(
     usable: &(dyn Fn(&Point2) -> bool + Sync),
 ) -> Vec<Keypoint> {
     let octaves = scale_space::octaves(grey);
-    let mut found: Vec<(usize, Extremum, f32)> = Vec::new();
+    let mut strongest: Vec<(usize, Extremum)> = Vec::new();
     for (o, octave) in octaves.iter().enumerate() {
-        let mut extrema = extrema::find(octave, contrast);
-        extrema.retain(|e| usable(&place(o, e)));
-        let angles: Vec<Vec<f32>> =
-            extrema.par_iter().map(|e| orientation::dominant(octave, e)).collect();
-        for (e, angles) in extrema.iter().zip(angles) {
-            found.extend(angles.into_iter().map(|angle| (o, *e, angle)));
-        }
+        let extrema = extrema::find(octave, contrast).into_iter();
+        strongest.extend(extrema.map(|e| (o, e)).filter(|(o, e)| usable(&place(*o, e))));
     }
     // Stable: equal responses stay in the order of octaves, rows and columns.
-    found.sort_by(|a, b| b.1.response.total_cmp(&a.1.response));
+    strongest.sort_by(|a, b| b.1.response.total_cmp(&a.1.response));
+    // Nearly every extremum has a direction, so that no more of them are asked than are wanted.
+    let mut found: Vec<(usize, Extremum, f32)> = Vec::new();
+    for some in strongest.chunks(most.max(1)) {
+        let directions = |(o, e): &(usize, Extremum)| orientation::dominant(&octaves[*o], e);
+        let angles: Vec<Vec<f32>> = some.par_iter().map(directions).collect();
+        for ((o, e), angles) in some.iter().zip(angles) {
+            found.extend(angles.into_iter().map(|angle| (*o, *e, angle)));
+        }
+        if found.len() >= most {
+            break;
+        }
+    }
     found.truncate(most);
     let describe = |(o, e, angle): &(usize, Extremum, f32)| Keypoint {
         point: place(*o, e),

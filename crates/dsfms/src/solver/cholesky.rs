@@ -1,7 +1,7 @@
 //! Sparse Cholesky factorisation with a symbolic factor that outlives the values.
 
 use faer::Par;
-use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
@@ -21,6 +21,9 @@ pub enum CholeskyError {
     /// Out of memory or index overflow in the symbolic phase.
     #[error("the symbolic factorisation failed: the system is too large")]
     Symbolic,
+    /// Out of memory in the numeric phase.
+    #[error("the factorisation failed: out of memory")]
+    OutOfMemory,
 }
 
 /// The symbolic factor of `A = LLᵀ` for matrices of one lower-triangular pattern, in the order
@@ -31,7 +34,8 @@ pub enum CholeskyError {
 pub struct Cholesky {
     pattern: SymbolicSparseColMat<usize>,
     symbolic: SymbolicCholesky<usize>,
-    memory: MemBuffer,
+    /// Memory that a factorisation needs.
+    scratch: StackReq,
 }
 
 /// The values of `L`.
@@ -63,8 +67,7 @@ impl Cholesky {
         )
         .map_err(|_| CholeskyError::Symbolic)?;
         let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default());
-        let memory = MemBuffer::try_new(scratch).map_err(|_| CholeskyError::Symbolic)?;
-        Ok(Self { pattern, symbolic, memory })
+        Ok(Self { pattern, symbolic, scratch })
     }
 
     /// Entries of the pattern.
@@ -78,11 +81,9 @@ impl Cholesky {
     }
 
     /// Factorise the values of the pattern's entries, in its order.
-    pub(crate) fn factorise(
-        &mut self,
-        values: &[f64],
-        into: &mut Factor,
-    ) -> Result<(), CholeskyError> {
+    pub(crate) fn factorise(&self, values: &[f64], into: &mut Factor) -> Result<(), CholeskyError> {
+        let memory = MemBuffer::try_new(self.scratch);
+        let mut memory = memory.map_err(|_| CholeskyError::OutOfMemory)?;
         into.values.resize(self.symbolic.len_val(), 0.0);
         self.symbolic
             .factorize_numeric_llt(
@@ -91,7 +92,7 @@ impl Cholesky {
                 Side::Lower,
                 LltRegularization::default(),
                 Par::Seq,
-                MemStack::new(&mut self.memory),
+                MemStack::new(&mut memory),
                 Spec::default(),
             )
             .map_err(|_| CholeskyError::NotPositiveDefinite)?;
@@ -243,7 +244,7 @@ mod tests {
     #[test]
     fn solves_a_small_system_by_hand() {
         // [[4, 2, 0], [2, 5, 1], [0, 1, 3]] x = [8, 15, 11] has x = [1, 2, 3].
-        let mut cholesky = Cholesky::analyse(3, vec![0, 2, 4, 5], vec![0, 1, 1, 2, 2]).unwrap();
+        let cholesky = Cholesky::analyse(3, vec![0, 2, 4, 5], vec![0, 1, 1, 2, 2]).unwrap();
         let mut factor = Factor::default();
         cholesky.factorise(&[4.0, 2.0, 5.0, 1.0, 3.0], &mut factor).unwrap();
         let mut x = [[8.0], [15.0], [11.0]];
@@ -280,7 +281,7 @@ mod tests {
                 }
             }
         }
-        let mut cholesky = Cholesky::analyse(n * n, col_ptr, row_idx).unwrap();
+        let cholesky = Cholesky::analyse(n * n, col_ptr, row_idx).unwrap();
         let mut factor = Factor::default();
         cholesky.factorise(&values, &mut factor).unwrap();
         cholesky.solve(&factor, &mut x);

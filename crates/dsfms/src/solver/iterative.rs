@@ -12,6 +12,7 @@ use super::matrix::Matrix;
 use super::ordering::Ordered;
 use super::panels::Panels;
 use nalgebra::{Cholesky as Dense, Dyn, Matrix3, Point3, Vector3};
+use rayon::prelude::*;
 
 /// More iterations than this renew a factor made at another linearisation or damping.
 const AGED: usize = 25;
@@ -21,7 +22,7 @@ const LIMIT: usize = 200;
 
 pub(super) struct Iterative {
     cholesky: Cholesky,
-    factor: Factor,
+    numeric: [Factor; 2],
     /// Along the surface, and across it: single precision is enough to precondition.
     factors: [Panels; 2],
     corner: Option<Dense<f64, Dyn>>,
@@ -32,7 +33,7 @@ pub(super) struct Iterative {
     values: [Vec<f64>; 2],
     along: [Vec<f32>; 2],
     across: [Vec<f32>; 1],
-    memory: [Vec<f32>; 2],
+    memory: [[Vec<f32>; 2]; 2],
 }
 
 impl Iterative {
@@ -42,7 +43,7 @@ impl Iterative {
         let values = [0, 1].map(|_| vec![0.0; cholesky.nnz()]);
         Ok(Self {
             cholesky,
-            factor: Factor::default(),
+            numeric: Default::default(),
             factors: Default::default(),
             corner: None,
             axes: vec![Matrix3::identity(); ordered.len()],
@@ -86,10 +87,13 @@ impl Iterative {
                 at += 1;
             }
         }
-        for (values, factor) in self.values.iter().zip(&mut self.factors) {
-            self.cholesky.factorise(values, &mut self.factor)?;
-            factor.set(self.cholesky.panels(&self.factor));
-        }
+        let cholesky = &self.cholesky;
+        let parts = self.values.par_iter().zip(&mut self.numeric).zip(&mut self.factors);
+        parts.try_for_each(|((values, numeric), factor)| {
+            cholesky.factorise(values, numeric)?;
+            factor.set(cholesky.panels(numeric));
+            Ok(())
+        })?;
         let mut corner = matrix.sums.corner.clone();
         for k in 0..corner.nrows() {
             corner[(k, k)] += damping * corner[(k, k)] + f64::MIN_POSITIVE;
@@ -110,8 +114,9 @@ impl Iterative {
             let [x, y, z] = [local.x, local.y, local.z].map(|c| (c * scale) as f32);
             (self.along[0][new], self.along[1][new], self.across[0][new]) = (x, y, z);
         }
-        self.factors[0].solve(&mut self.along, &mut self.memory);
-        self.factors[1].solve(&mut self.across, &mut self.memory);
+        let ([first, second], [mine, others]) = (&self.factors, &mut self.memory);
+        let (along, across) = (&mut self.along, &mut self.across);
+        rayon::join(|| first.solve(along, mine), || second.solve(across, others));
         for (new, &v) in ordered.order.iter().enumerate() {
             let local = [self.along[0][new], self.along[1][new], self.across[0][new]];
             let (local, v) = (Vector3::from(local.map(f64::from)), v as usize);

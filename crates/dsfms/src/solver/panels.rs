@@ -179,7 +179,7 @@ mod tests {
             }
             col_ptr.push(row_idx.len());
         }
-        let mut cholesky = Cholesky::analyse(n, col_ptr, row_idx).unwrap();
+        let cholesky = Cholesky::analyse(n, col_ptr, row_idx).unwrap();
         let mut factor = Factor::default();
         cholesky.factorise(&values, &mut factor).unwrap();
         let right = |i: usize| [((7 * i) % 11) as f64 - 5.0, ((5 * i) % 13) as f64];

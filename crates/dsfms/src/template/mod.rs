@@ -13,7 +13,6 @@ mod normal_map;
 pub mod photometric;
 mod relief;
 pub mod scale;
-pub mod scale_mesh;
 mod spots;
 pub mod statistics;
 #[cfg(test)]

@@ -88,6 +88,14 @@ pub enum ScaleError {
         /// Root mean square distance over the size of the reconstruction.
         misfit: f64,
     },
+    /// The metric surface fits at scales that differ.
+    #[error(
+        "the reconstructed surface fits the metric mesh as well at {ratio:.2} times the scale: its shape tells no one place; give a known distance (points or a camera step)"
+    )]
+    TwoScales {
+        /// The other scale over that of the best placement.
+        ratio: f64,
+    },
     /// The two ends coincide in the reconstruction.
     #[error(
         "the two ends of a scale reference coincide in the reconstruction; take points, or frames, further apart"

@@ -58,7 +58,7 @@ pub struct TrackOptions {
     /// search lies this many frames back.
     pub search_every: usize,
     /// Parts of the picture in which, after a followed frame, places of the template without a match are
-    /// sought by descriptors near where the surface has them; 0 = none. A part is 96 px of a picture of at most
+    /// sought by descriptors near where the surface has them; 0 = none. A part is 64 px of a picture of at most
     /// 1000 px across its diagonal, and is looked at where a third of its places or more have no match.
     pub seek: usize,
     /// They are sought in every so many frames.
@@ -82,7 +82,7 @@ impl Default for TrackOptions {
             correlation: 0.7,
             patience: 10,
             search_every: 10,
-            seek: 2,
+            seek: 4,
             seek_every: 1,
             brief_search: false,
             search_beside: false,
@@ -94,12 +94,12 @@ impl Default for TrackOptions {
 impl TrackOptions {
     /// For a live source: coarser and about twice as fast.
     pub fn realtime() -> Self {
-        // A look for places takes as long as half a frame; a sixth of a second is soon enough.
+        // A look for places takes as long as a quarter of a frame.
         let video = VideoOptions::realtime();
         Self {
             video,
             seek: 1,
-            seek_every: 4,
+            seek_every: 2,
             brief_search: true,
             search_beside: true,
             awake: true,

@@ -5,7 +5,7 @@ use super::prepare::WorkingWindow;
 use crate::geometry::{Point2, Point3};
 
 /// Side of a part, px of the working image.
-const PART: usize = 96;
+const PART: usize = 64;
 
 /// Margin about it, in which no features lie but what describes those in it.
 const MARGIN: usize = 16;

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 const REACH_PX: f64 = 24.0;
 
 /// Features of a part at most.
-const MOST_FEATURES: usize = 300;
+const MOST_FEATURES: usize = 150;
 
 /// Places that are followed at most.
 const MOST_PLACES: usize = 600;

@@ -264,7 +264,7 @@ impl Tracker<'_> {
             usable: &view.photo.usable,
             outline: None,
             light: &self.light,
-            albedo: &self.albedo.for_edge(2.0 * edge).texels,
+            albedo: &self.albedo.for_edge(edge).texels,
             exposure: self.expected_exposure(),
         })
     }

@@ -15,6 +15,7 @@ use crate::mesh::normals::vertex_normals;
 use crate::raster::{Raster, rasterize};
 use crate::template::SurfaceTexels;
 use crate::template::usual::Appearance;
+use rayon::prelude::*;
 
 /// Blocks along the diagonal, at most: a surface a third of a millimetre off must not look strange. A picture of
 /// that size says as much as a larger one.
@@ -170,9 +171,7 @@ impl Blocks {
         };
         let [w, h] = raster.size;
         let size = [w.div_ceil(block), h.div_ceil(block)];
-        let mut surface = vec![false; size[0] * size[1]];
-        let mut pairs = vec![None; size[0] * size[1]];
-        for at in 0..pairs.len() {
+        let one = |at: usize| {
             let (x, y) = (at % size[0] * block, at / size[0] * block);
             let (mut count, mut total, mut shown) = (0, 0, 0);
             let (mut seen, mut told) = ([0.0_f32; 3], [0.0_f32; 3]);
@@ -186,10 +185,11 @@ impl Blocks {
                     (0..3).for_each(|c| told[c] += predicted[i][c]);
                 }
             }
-            surface[at] = 2 * shown > total;
             let enough = count > 0 && count as f64 >= HALF * f64::from(total as u32);
-            pairs[at] = enough.then(|| [seen, told].map(|rgb| logs(rgb.map(|v| v / count as f32))));
-        }
+            let pair = enough.then(|| [seen, told].map(|rgb| logs(rgb.map(|v| v / count as f32))));
+            (2 * shown > total, pair)
+        };
+        let (surface, pairs) = (0..size[0] * size[1]).into_par_iter().map(one).unzip();
         Self { size, surface, pairs }
     }
 
