@@ -90,33 +90,33 @@ mod tests {
     fn the_worst_parts_come_first_and_rest_after_a_look() {
         let places: Vec<Point3> = (0..5000).map(|i| Point3::new(f64::from(i), 0.0, 0.0)).collect();
         let mut seeker = Seeker::new(&places, [300, 200]);
-        assert!((seeker.across, seeker.parts.len()) == (4, 12) && seeker.probes.len() <= PROBES);
+        assert!((seeker.across, seeker.parts.len()) == (5, 20) && seeker.probes.len() <= PROBES);
         let at = |x: f64, y: f64, lack: usize, all: usize| {
             (0..all).map(move |k| (Point2::new(x, y), k < lack))
         };
-        // PartState 0 lacks 5 of 9, part 1 9 of 40, part 5 8 of 8, part 11 3 of 3.
+        // Part 0 lacks 5 of 9, part 1 9 of 40, part 6 8 of 8, part 19 3 of 3.
         let all: Vec<_> = at(10.0, 10.0, 5, 9)
             .chain(at(100.0, 10.0, 9, 40))
             .chain(at(100.0, 100.0, 8, 8))
             .chain(at(299.0, 199.0, 3, 3))
             .collect();
-        assert_eq!(seeker.worst(&all, 1, 9), [5, 0]);
-        assert_eq!(seeker.worst(&all, 1, 1), [5]);
-        seeker.looked(5, 1, false);
+        assert_eq!(seeker.worst(&all, 1, 9), [6, 0]);
+        assert_eq!(seeker.worst(&all, 1, 1), [6]);
+        seeker.looked(6, 1, false);
         assert_eq!(seeker.worst(&all, 8, 9), [0]);
-        assert_eq!(seeker.worst(&all, 9, 9), [5, 0]);
-        (0..9).for_each(|_| seeker.looked(5, 100, false));
-        assert_eq!(seeker.parts[5].due, 100 + AGAIN[1]);
-        seeker.looked(5, 100, true);
-        assert_eq!(seeker.parts[5].due, 100 + AGAIN[0]);
+        assert_eq!(seeker.worst(&all, 9, 9), [6, 0]);
+        (0..9).for_each(|_| seeker.looked(6, 100, false));
+        assert_eq!(seeker.parts[6].due, 100 + AGAIN[1]);
+        seeker.looked(6, 100, true);
+        assert_eq!(seeker.parts[6].due, 100 + AGAIN[0]);
     }
 
     #[test]
     fn a_part_has_a_margin_within_the_image() {
         let seeker = Seeker::new(&[], [300, 200]);
         let window = |part| seeker.window(part, [300, 200]);
-        assert_eq!(window(0), WorkingWindow { corner: [0, 0], size: [112, 112] });
-        assert_eq!(window(5), WorkingWindow { corner: [80, 80], size: [128, 120] });
-        assert_eq!(window(11), WorkingWindow { corner: [272, 176], size: [28, 24] });
+        assert_eq!(window(0), WorkingWindow { corner: [0, 0], size: [80, 80] });
+        assert_eq!(window(6), WorkingWindow { corner: [48, 48], size: [96, 96] });
+        assert_eq!(window(19), WorkingWindow { corner: [240, 176], size: [60, 24] });
     }
 }
