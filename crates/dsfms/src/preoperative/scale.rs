@@ -6,7 +6,7 @@ use super::ambiguity::alternatives;
 use super::options::{PreoperativeOptions, ScaleRule};
 use super::starts::{StartSearch, search};
 use super::target::{Target, extent, samples};
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Topology};
 use crate::template::scale::{Scale, ScaleError};
 
 /// Points of the reconstruction that are laid on the metric surface.
@@ -26,6 +26,7 @@ const SAME: f64 = 0.05;
 #[doc(alias = "ICP")]
 pub(crate) fn scale_on_surface(found: &Mesh, metric: &Mesh) -> Result<Scale, ScaleError> {
     let options = PreoperativeOptions { scale: ScaleRule::Free, ..Default::default() };
+    let found = &within_rim(found);
     let points = samples(found, SAMPLES);
     let (_, size) = extent(points.iter().map(|s| &s.point));
     let schedule = Schedule {
@@ -48,6 +49,15 @@ pub(crate) fn scale_on_surface(found: &Mesh, metric: &Mesh) -> Result<Scale, Sca
         Some(other) => Err(ScaleError::TwoScales { ratio: other.scale }),
         None => Ok(Scale { factor, each: vec![factor] }),
     }
+}
+
+/// Without the faces at its boundary, where a reconstruction bends towards what lies behind; as it is where those are
+/// most of it.
+fn within_rim(mesh: &Mesh) -> Mesh {
+    let Topology { faces, boundary, .. } = &*mesh.topology;
+    let inner = |f: &usize| !faces[*f].iter().any(|&v| boundary[v as usize]);
+    let kept: Vec<usize> = (0..faces.len()).filter(inner).collect();
+    if 2 * kept.len() > faces.len() { mesh.subset(&kept).0 } else { mesh.clone() }
 }
 
 #[cfg(test)]
