@@ -39,6 +39,8 @@ fn a_late_answer_is_followed_into_the_frame_at_hand() {
     assert!(
         matches!(&tracked[3].reasons[..], [Reason::NoSurface { why }] if why.contains("searched"))
     );
+    let searched = |k: usize| tracked[k].stages.iter().any(|stage| stage.0 == "find");
+    assert_eq!([searched(0), searched(4)], [true, false], "what was waited for counts");
     let answered: Vec<bool> = tracked.iter().map(|t| t.answered).collect();
     assert_eq!(answered, [false, false, false, false, true]);
     assert_eq!((tracked[4].status, origin(4)), (TrackStatus::Ok, Some(Origin::Found)));

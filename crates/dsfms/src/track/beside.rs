@@ -5,6 +5,7 @@ use super::candidate::{Candidate, Last};
 use super::exposed::Exposed;
 use super::prepare::View;
 use super::recent::UsualResidual;
+use super::tracker::Clock;
 use crate::image::Frame;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError};
@@ -42,6 +43,8 @@ pub(super) struct Need {
 pub(super) struct Answer {
     pub(super) outcome: Result<(Candidate, Last), String>,
     pub(super) other_camera: Option<(f64, [f64; 2])>,
+    /// What it took.
+    pub(super) clock: Clock,
 }
 
 /// The tracker's end.

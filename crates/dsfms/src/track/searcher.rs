@@ -53,12 +53,13 @@ impl Searcher<'_> {
         let tracker = &mut self.tracker;
         (tracker.count, tracker.last) = (known.count, known.last.clone());
         (tracker.usual, tracker.exposed) = (known.usual.clone(), known.exposed.clone());
-        let found = tracker.sought(frame, view, &mut Clock::default());
+        let mut clock = Clock::default();
+        let found = tracker.sought(frame, view, &mut clock);
         let outcome = found.map(|found| {
             let last = tracker.as_last(view, &found);
             (found, last)
         });
-        Answer { outcome, other_camera: tracker.other_camera }
+        Answer { outcome, other_camera: tracker.other_camera, clock }
     }
 }
 
@@ -122,6 +123,7 @@ impl<'a> Tracker<'a> {
         let question = Question { frame: frame.clone(), view: view.clone(), known, alone };
         let Some(first) = beside.ask(question)? else { return Ok(found) };
         self.other_camera = first.other_camera;
+        clock.add(first.clock);
         Ok(Some(first.outcome.map(|(found, _)| found)))
     }
 

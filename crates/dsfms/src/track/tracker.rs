@@ -115,6 +115,11 @@ impl Clock {
         self.0.push((name, start.elapsed().as_secs_f64()));
         value
     }
+
+    /// What was waited for took this.
+    pub(super) fn add(&mut self, other: Self) {
+        self.0.extend(other.0);
+    }
 }
 
 impl<'a> Tracker<'a> {
