@@ -2,10 +2,11 @@
 
 use super::beside::{Beside, Need};
 use super::candidate::{Candidate, Last};
+use super::clock::Clock;
 use super::follow::FollowedMatches;
 use super::places::FollowedPlace;
 use super::prepare::View;
-use super::tracker::{Clock, Tracker};
+use super::tracker::Tracker;
 use super::{Origin, TrackStatus};
 use crate::geometry::Isometry;
 use crate::image::Frame;

@@ -2,10 +2,10 @@
 
 use super::TrackStatus;
 use super::candidate::{Candidate, Last};
+use super::clock::Clock;
 use super::exposed::Exposed;
 use super::prepare::View;
 use super::recent::UsualResidual;
-use super::tracker::Clock;
 use crate::image::Frame;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError};

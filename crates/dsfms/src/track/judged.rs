@@ -1,9 +1,10 @@
 //! A surface looked at in its frame, and judged.
 
 use super::candidate::Candidate;
+use super::clock::Clock;
 use super::look::{Look, edge_px};
 use super::prepare::View;
-use super::tracker::{Clock, Draft, Tracker};
+use super::tracker::{Draft, Tracker};
 use super::verdict::{Known, evidence};
 use super::{Origin, Surface};
 use crate::geometry::Point3;

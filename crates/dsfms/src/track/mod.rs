@@ -10,6 +10,7 @@ mod attempts;
 mod beside;
 mod busy_wait;
 mod candidate;
+mod clock;
 mod covered;
 mod expected;
 mod exposed;

@@ -3,8 +3,9 @@
 
 use super::beside::{Answer, Beside, Gone, KnownBefore, Need, Question, pool};
 use super::candidate::Candidate;
+use super::clock::Clock;
 use super::prepare::View;
-use super::tracker::{Clock, Tracker};
+use super::tracker::Tracker;
 use super::{Origin, TrackStatus};
 use crate::image::Frame;
 use std::sync::mpsc::{Receiver, Sender, channel};

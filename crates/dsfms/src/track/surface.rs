@@ -1,10 +1,11 @@
 //! The surface that matches give: with nothing known, or from the shape of the previous frame.
 
 use super::candidate::Last;
+use super::clock::Clock;
 use super::exposed::Shown;
 use super::look::edge_px;
 use super::prepare::View;
-use super::tracker::{Clock, Draft, Tracker};
+use super::tracker::{Draft, Tracker};
 use super::{Origin, TrackOptions};
 use crate::camera::Camera;
 use crate::geometry::{Isometry, Point2, Point3, align_rigid_robust};

@@ -3,6 +3,7 @@
 use super::beside::Beside;
 use super::busy_wait::busy_wait;
 use super::candidate::{Candidate, Last};
+use super::clock::Clock;
 use super::exposed::{Exposed, Shown};
 use super::look::Working;
 use super::mips::Mips;
@@ -102,24 +103,6 @@ pub(super) struct Draft {
     pub(super) shown: Shown,
     /// The matches moved on from the last shape by more than the blur of its solve.
     pub(super) jumped: bool,
-}
-
-/// Wall times.
-#[derive(Default)]
-pub(super) struct Clock(Vec<(&'static str, f64)>);
-
-impl Clock {
-    pub(super) fn time<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
-        let start = Instant::now();
-        let value = work();
-        self.0.push((name, start.elapsed().as_secs_f64()));
-        value
-    }
-
-    /// What was waited for took this.
-    pub(super) fn add(&mut self, other: Self) {
-        self.0.extend(other.0);
-    }
 }
 
 impl<'a> Tracker<'a> {
