@@ -92,6 +92,14 @@ mod tests {
     }
 
     #[test]
+    fn a_shape_that_fits_at_two_scales_is_refused() {
+        let metric = shapes::irregular_sheet(20);
+        let part = metric.with_positions(metric.positions.iter().map(|p| p * 0.2).collect());
+        let error = scale_on_surface(&part, &metric).unwrap_err();
+        assert!(matches!(error, ScaleError::TwoScales { .. }), "{error}");
+    }
+
+    #[test]
     fn another_shape_is_refused() {
         // A long thin tube lies on no hemisphere.
         let error = scale_on_surface(&shapes::tube(24, 80, 60.0), &bumpy()).unwrap_err();
