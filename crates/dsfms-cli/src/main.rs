@@ -27,6 +27,7 @@ mod draw;
 mod exit;
 mod figure;
 mod formats;
+mod frame_args;
 mod inputs;
 mod interrupt;
 mod log;

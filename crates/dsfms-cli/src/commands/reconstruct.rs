@@ -16,7 +16,7 @@ use crate::report::data::ShownFrame;
 use crate::report::template::{MOST_FRAMES, chosen};
 use crate::structures::{Placed, Structures};
 use crate::volume::CarriedVolume;
-pub use args::{MethodName, MotionName, PriorName, ReconstructArgs, method_name};
+pub use args::{MethodName, ReconstructArgs, method_name};
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
 use dsfms::image::{Frame, Mask, ToneCurve, diagonal};
@@ -27,7 +27,7 @@ use dsfms::pipeline::{
     Method, Observation, Progress, ReconstructError, ReconstructOptions, Reconstruction,
     reconstruct_with,
 };
-use dsfms::register::{Deformable, Match, Prior};
+use dsfms::register::{Deformable, Match};
 use dsfms::template::Template;
 use dsfms::verdict::intrinsics::apart_px;
 use dsfms::verdict::{Reason, Thresholds};
@@ -136,7 +136,7 @@ fn one_frame_each(args: &ReconstructArgs, frames: usize, reporter: &Reporter) {
 
 /// Folders and files of the input, apart from which results lie.
 fn places(args: &ReconstructArgs) -> Vec<&Path> {
-    let optional = [&args.matches, &args.instrument_masks, &args.organ_masks];
+    let optional = [&args.matches, &args.seen.instrument_masks, &args.seen.organ_masks];
     let optional = optional.into_iter().flatten().chain(args.volume.places());
     args.images.iter().chain([&args.template]).chain(optional).map(PathBuf::as_path).collect()
 }
@@ -148,31 +148,25 @@ fn prepare<'a>(
 ) -> anyhow::Result<Job<'a>> {
     let options = [
         (&args.matches, "--matches"),
-        (&args.instrument_masks, "--instrument-masks"),
-        (&args.organ_masks, "--organ-masks"),
+        (&args.seen.instrument_masks, "--instrument-masks"),
+        (&args.seen.organ_masks, "--organ-masks"),
     ];
     for (path, option) in options.iter().filter_map(|(p, o)| Some((p.as_ref()?, o))) {
         inputs::must_exist(path, option)?;
     }
     let mut template = read_template(&args.template)?;
-    let (camera, tone) = inputs::frame_camera(args.camera.as_deref(), global, &mut template)?;
-    if let Some(path) = &args.camera {
+    let (camera, tone) = inputs::frame_camera(args.seen.camera.as_deref(), global, &mut template)?;
+    if let Some(path) = &args.seen.camera {
         warn_of_camera(&template, &camera, path, reporter);
     }
-    let mut options = match &args.options {
+    let mut options = match &args.solve.options {
         Some(path) => inputs::options(path, ReconstructOptions::from_toml)?,
         None => ReconstructOptions::default(),
     };
-    options.seed = global.seed.unwrap_or(options.seed);
+    args.solve.settle(&mut options, global);
     options.literal |= args.literal;
-    if let Some(prior) = args.prior.map(Prior::from) {
-        (options.register.prior.kind, options.joint.prior.kind) = (prior, prior);
-    }
-    if let Some(motion) = args.camera_motion {
-        options.register.camera_motion = motion.into();
-    }
     let method = method(args, &template, reporter);
-    let structures = Structures::read(&args.structures, &template, reporter)?;
+    let structures = Structures::read(&args.seen.structures, &template, reporter)?;
     let volume = CarriedVolume::read(&args.volume, &template, reporter)?;
     let deformable = Deformable::of(&template.mesh);
     Ok(Job {
@@ -211,9 +205,9 @@ impl Job<'_> {
         inputs::check_sizes(&sources, &self.camera, self.camera_file())?;
         let faces = self.template.mesh.topology.faces.len();
         inputs::check_matches(&sources, args.matches.as_deref(), faces, &self.camera)?;
-        let instrument = args.instrument_masks.as_deref();
+        let instrument = args.seen.instrument_masks.as_deref();
         inputs::check_masks(&sources, instrument, MaskKind::Instrument)?;
-        inputs::check_masks(&sources, args.organ_masks.as_deref(), MaskKind::Organ)?;
+        inputs::check_masks(&sources, args.seen.organ_masks.as_deref(), MaskKind::Organ)?;
         one_frame_each(args, sources.len(), reporter);
         Ok(sources)
     }
@@ -231,7 +225,7 @@ impl Job<'_> {
                 .into());
             }
         }
-        if self.args.instrument_masks.is_some() || self.args.organ_masks.is_some() {
+        if self.args.seen.instrument_masks.is_some() || self.args.seen.organ_masks.is_some() {
             return Err(Usage("masks belong to images; give the images too".into()).into());
         }
         // There is no picture to compare it with.
@@ -246,7 +240,7 @@ impl Job<'_> {
 
     /// Where the camera comes from.
     fn camera_file(&self) -> &Path {
-        self.args.camera.as_deref().unwrap_or(&self.args.template)
+        self.args.seen.camera.as_deref().unwrap_or(&self.args.template)
     }
 
     fn formats(&self) -> Formats<'_> {
@@ -346,8 +340,8 @@ impl Job<'_> {
             let read = |p: &PathBuf| inputs::mask_of(&frame, source.path(), p, kind, self.reporter);
             Ok(option.as_ref().map(read).transpose()?)
         };
-        let instrument = mask(&self.args.instrument_masks, MaskKind::Instrument)?;
-        let organ = mask(&self.args.organ_masks, MaskKind::Organ)?;
+        let instrument = mask(&self.args.seen.instrument_masks, MaskKind::Instrument)?;
+        let organ = mask(&self.args.seen.organ_masks, MaskKind::Organ)?;
         let observation = Observation::new(&frame, &self.camera)
             .tone(&self.tone)
             .instrument(instrument.as_ref())

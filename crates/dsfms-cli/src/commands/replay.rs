@@ -3,6 +3,7 @@
 use super::track::{Again, RunFile, TrackArgs, digest, number_of, target, track_again};
 use crate::args::{Global, VERSION};
 use crate::exit::{Outcome, Usage};
+use crate::frame_args::FrameArgs;
 use crate::interrupt;
 use crate::place;
 use crate::progress::Reporter;
@@ -71,7 +72,8 @@ pub fn run(args: &ReplayArgs, read: &ReadLine, reporter: &Reporter) -> anyhow::R
         return Err(Usage(text.into()).into());
     }
     track.template = template.unwrap_or_else(|| run.folder.join(&track.template));
-    track.camera = camera.or_else(|| track.camera.take().map(|path| run.folder.join(path)));
+    track.seen.camera =
+        camera.or_else(|| track.seen.camera.take().map(|path| run.folder.join(path)));
     track.poses = track.poses.take().map(|path| run.folder.join(path));
     unchanged(&run, &track, reporter)?;
     let recorded = source(&mut track, frames, &run)?;
@@ -96,7 +98,7 @@ fn unchanged(run: &RunFile, track: &TrackArgs, reporter: &Reporter) -> anyhow::R
         Ok(())
     };
     same(&track.template, &run.template, "--template")?;
-    if let (Some(path), Some(expected)) = (&track.camera, &run.camera) {
+    if let (Some(path), Some(expected)) = (&track.seen.camera, &run.camera) {
         same(path, expected, "--camera")?;
     }
     if let (Some(path), Some(expected)) = (&track.poses, &run.poses) {
@@ -117,8 +119,9 @@ fn source(track: &mut TrackArgs, given: Option<PathBuf>, run: &RunFile) -> anyho
     let within = |path: &PathBuf| run.folder.join(path);
     let recording = given.or_else(|| track.record.as_ref().map(within));
     // Masks go by the names of the files.
-    let masked =
-        [&track.instrument_masks, &track.organ_masks, &track.masks].iter().any(|m| m.is_some());
+    let masked = [&track.seen.instrument_masks, &track.seen.organ_masks, &track.masks]
+        .iter()
+        .any(|m| m.is_some());
     let files = track.takes_files();
     match recording {
         Some(folder) if !(files && masked && folder.join("times.csv").is_file()) => {
@@ -167,8 +170,10 @@ fn complete(folder: &Path, run: &RunFile) -> anyhow::Result<()> {
 
 /// No further outputs, and paths from the folder of the first run.
 fn plain(track: &mut TrackArgs, folder: &Path) {
-    let TrackArgs { instrument_masks, organ_masks, masks, .. } = track;
-    for path in [instrument_masks, organ_masks, masks].into_iter().filter_map(Option::as_mut) {
+    let FrameArgs { instrument_masks, organ_masks, .. } = &mut track.seen;
+    for path in
+        [instrument_masks, organ_masks, &mut track.masks].into_iter().filter_map(Option::as_mut)
+    {
         *path = folder.join(&path);
     }
     track.without_outputs();

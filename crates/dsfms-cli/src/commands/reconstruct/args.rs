@@ -1,10 +1,10 @@
 //! The arguments of `dsfms reconstruct`.
 
 use crate::formats::Format;
+use crate::frame_args::{FrameArgs, SolveArgs};
 use crate::volume::VolumeArgs;
 use clap::{Args, ValueEnum};
 use dsfms::pipeline::Method;
-use dsfms::register::{CameraMotion, Prior};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -53,43 +53,21 @@ pub struct ReconstructArgs {
     /// look at matches alone.
     #[arg(required_unless_present = "matches", value_name = "IMAGES")]
     pub images: Vec<PathBuf>,
-    /// Intrinsics of these frames; default the template's own camera.
-    #[arg(help_heading = "Input", long, value_name = "FILE")]
-    pub camera: Option<PathBuf>,
     /// Matches: a CSV, or a folder of them; without it they are found automatically.
     #[arg(help_heading = "Input", long, value_name = "FILE_OR_DIR")]
     pub matches: Option<PathBuf>,
-    /// Masks of the instruments, white = instrument.
-    #[arg(help_heading = "Input", long, value_name = "DIR")]
-    pub instrument_masks: Option<PathBuf>,
-    /// Outlines of the organ, white = organ.
-    #[arg(help_heading = "Input", long, value_name = "DIR")]
-    pub organ_masks: Option<PathBuf>,
     /// What is solved; default joint, which has the smallest errors, or dsfm on a template without albedo.
     /// dsfm, motion alone, where albedo or light are not to be trusted (smoke, blood, another lens);
     /// dsfms to follow the paper; rigid and sfs to compare.
     #[arg(help_heading = "Method", long, value_enum)]
     pub method: Option<MethodName>,
-    /// What the surface keeps of its rest shape in eq. 3 and in the joint solve; without it that of
-    /// the options file, or conformal.
-    #[arg(help_heading = "Method", long, value_enum, conflicts_with = "literal")]
-    pub prior: Option<PriorName>,
-    /// Where the camera is; without it that of the options file, or auto. at-rest for a scope that stands
-    /// where it stood in a view of the template while tissue stretches: seen alone, 3 % of stretch look
-    /// like a distance that is 3 % less, and where all tissue moves auto does not see that it stands.
-    #[arg(help_heading = "Method", long, value_enum, conflicts_with = "literal")]
-    pub camera_motion: Option<MotionName>,
+    #[command(flatten)]
+    pub solve: SolveArgs,
     /// Solve eqs. 3 and 4 as printed in the paper instead of the repaired form.
-    #[arg(help_heading = "Method", long)]
+    #[arg(help_heading = "Method", long, conflicts_with_all = ["prior", "camera_motion"])]
     pub literal: bool,
-    /// Weights and thresholds, as `dsfms options reconstruct` prints them; what the file does not name
-    /// keeps its default.
-    #[arg(help_heading = "Method", long, value_name = "FILE")]
-    pub options: Option<PathBuf>,
-    /// Meshes of hidden structures in the template's frame and unit (tumour, vessels), carried along
-    /// with the deformation: OUT/structures and OUT/frame_NNN_structures.png.
-    #[arg(help_heading = "Input", long, value_name = "MESH", num_args = 1..)]
-    pub structures: Vec<PathBuf>,
+    #[command(flatten)]
+    pub seen: FrameArgs,
     #[command(flatten)]
     pub volume: VolumeArgs,
     /// Further files of every frame, for other programs.
@@ -121,46 +99,6 @@ pub enum MethodName {
     Dsfms,
     /// Motion, prior and shading in one problem (beyond the paper): the smallest errors.
     Joint,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum PriorName {
-    /// Angles (the paper), and weakly areas.
-    Conformal,
-    /// Lengths.
-    Isometric,
-    /// Lengths, and the shape of every vertex's surroundings: as rigid as possible.
-    Arap,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum MotionName {
-    /// Its pose is that of the matches.
-    Moving,
-    /// At rest where a quarter of the matches stays where a view has it while others move.
-    Auto,
-    /// It stands in one of the template's views.
-    AtRest,
-}
-
-impl From<MotionName> for CameraMotion {
-    fn from(name: MotionName) -> Self {
-        match name {
-            MotionName::Moving => Self::Moving,
-            MotionName::Auto => Self::Auto,
-            MotionName::AtRest => Self::AtRest,
-        }
-    }
-}
-
-impl From<PriorName> for Prior {
-    fn from(name: PriorName) -> Self {
-        match name {
-            PriorName::Conformal => Self::Conformal,
-            PriorName::Isometric => Self::Isometric,
-            PriorName::Arap => Self::Arap,
-        }
-    }
 }
 
 impl From<MethodName> for Method {

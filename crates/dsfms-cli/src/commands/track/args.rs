@@ -1,10 +1,10 @@
 //! The arguments of `dsfms track`.
 
-use super::super::reconstruct::{MotionName, PriorName};
 use super::input::{InputFormat, is_address};
 use super::link::LinkArgs;
 use crate::exit::Usage;
 use crate::formats::Format;
+use crate::frame_args::{FrameArgs, SolveArgs};
 use crate::inputs;
 use crate::volume::VolumeArgs;
 use clap::{Args, ValueEnum};
@@ -78,9 +78,6 @@ pub struct TrackArgs {
     /// again at its times (with --realtime) or as fast as it can.
     #[arg(help_heading = "Input", long, value_name = "DIR")]
     pub record: Option<PathBuf>,
-    /// Intrinsics of these frames; default the template's own camera.
-    #[arg(help_heading = "Input", long, value_name = "FILE")]
-    pub camera: Option<PathBuf>,
     /// Of a mesh in place of a template: poses of one frame of VIDEO or more, of the organ at rest
     /// (camera_from_world, as of `dsfms template`). What they show is the look that the mesh is followed by.
     #[arg(help_heading = "Input", long, value_name = "FILE")]
@@ -89,28 +86,16 @@ pub struct TrackArgs {
     /// template's albedo or light is not to be trusted (smoke, blood, another lens).
     #[arg(help_heading = "Method", long, value_enum, default_value_t = TrackMethod::Joint)]
     pub method: TrackMethod,
-    /// Masks of the instruments, white = instrument.
-    #[arg(help_heading = "Input", long, value_name = "DIR")]
-    pub instrument_masks: Option<PathBuf>,
-    /// Outlines of the organ, white = organ.
-    #[arg(help_heading = "Input", long, value_name = "DIR")]
-    pub organ_masks: Option<PathBuf>,
     /// What of the picture is valid (the endoscope's viewport), white = valid: a folder, or one file for
     /// all frames; without it a round viewport is found by itself.
     #[arg(help_heading = "Input", long, value_name = "FILE_OR_DIR")]
     pub masks: Option<PathBuf>,
-    /// Meshes of hidden structures in the template's frame and unit (of `dsfms register-ct`), carried along:
-    /// on the pictures of --overlay, in OUT/structures with --ply.
-    #[arg(help_heading = "Input", long, value_name = "MESH", num_args = 1..)]
-    pub structures: Vec<PathBuf>,
+    #[command(flatten)]
+    pub seen: FrameArgs,
     #[command(flatten)]
     pub volume: VolumeArgs,
-    /// What the surface keeps of its rest shape; without it that of the options file, or conformal.
-    #[arg(help_heading = "Method", long, value_enum)]
-    pub prior: Option<PriorName>,
-    /// Where the camera is; without it that of the options file, or auto (see `dsfms reconstruct --help`).
-    #[arg(help_heading = "Method", long, value_enum)]
-    pub camera_motion: Option<MotionName>,
+    #[command(flatten)]
+    pub solve: SolveArgs,
     /// Take every Nth frame.
     #[arg(help_heading = "Input", long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub stride: u32,
@@ -161,9 +146,6 @@ pub struct TrackArgs {
     /// Leave out OUT/report.html.
     #[arg(help_heading = "Output", long)]
     pub no_report: bool,
-    /// Thresholds and weights, as TOML.
-    #[arg(help_heading = "Method", long, value_name = "FILE")]
-    pub options: Option<PathBuf>,
     /// Folder for the results.
     #[arg(help_heading = "Output", short, long, value_name = "OUT")]
     pub output: PathBuf,
@@ -173,8 +155,8 @@ impl TrackArgs {
     /// Masks that are given, and the option that names them.
     pub fn masks(&self) -> impl Iterator<Item = (&PathBuf, &'static str)> {
         let all = [
-            (&self.instrument_masks, "--instrument-masks"),
-            (&self.organ_masks, "--organ-masks"),
+            (&self.seen.instrument_masks, "--instrument-masks"),
+            (&self.seen.organ_masks, "--organ-masks"),
             (&self.masks, "--masks"),
         ];
         all.into_iter().filter_map(|(path, option)| Some((path.as_ref()?, option)))
@@ -193,7 +175,7 @@ impl TrackArgs {
         (self.link.igtl, self.link.igtl_connect) = (None, None);
         (self.ply, self.overlay, self.view, self.no_report) = (false, false, false, true);
         self.formats.clear();
-        self.structures.clear();
+        self.seen.structures.clear();
         self.volume.volume = None;
         self.realtime = false;
     }

@@ -34,7 +34,6 @@ pub use args::{TrackArgs, size};
 use dsfms::camera::CameraModel;
 use dsfms::io::masks::MaskKind;
 use dsfms::pipeline::Method;
-use dsfms::register::Prior;
 use dsfms::template::Template;
 use dsfms::track::shapes::ShapeFile;
 use dsfms::track::{Searcher, TrackOptions, Tracker};
@@ -76,13 +75,13 @@ fn follow(
     let recording = args.record.as_ref().map(record).transpose()?;
     let sources = if live { Vec::new() } else { inputs::look(&args.input)? };
     let mut template = bare::template(args, global, reporter)?;
-    let (camera, tone) = inputs::frame_camera(args.camera.as_deref(), global, &mut template)?;
+    let (camera, tone) = inputs::frame_camera(args.seen.camera.as_deref(), global, &mut template)?;
     check_files(args, &sources, &camera)?;
     let run = run_file(args, global, again)?;
     let (method, options) = (Method::from(args.method), run.options.clone());
     let mut tracker = Tracker::new(&template, &camera, &tone, method, options)?;
     let searcher = tracker.searcher();
-    let structures = Structures::read(&args.structures, &template, reporter)?;
+    let structures = Structures::read(&args.seen.structures, &template, reporter)?;
     let volume = CarriedVolume::read(&args.volume, &template, reporter)?;
     let link = Link::open(&args.link, &template, &camera, reporter)?;
     let recorder = recording.as_ref().map(Recording::recorder);
@@ -168,9 +167,10 @@ fn check_files(
     sources: &[inputs::Source],
     camera: &CameraModel,
 ) -> anyhow::Result<()> {
-    let file = args.camera.as_deref().unwrap_or(&args.template);
+    let file = args.seen.camera.as_deref().unwrap_or(&args.template);
     inputs::check_sizes(sources, camera, file)?;
-    let masks = [&args.instrument_masks, &args.organ_masks, &args.masks].map(|m| m.as_deref());
+    let masks =
+        [&args.seen.instrument_masks, &args.seen.organ_masks, &args.masks].map(|m| m.as_deref());
     let kinds = [MaskKind::Instrument, MaskKind::Organ, MaskKind::Valid];
     for (masks, kind) in masks.into_iter().zip(kinds) {
         inputs::check_masks(sources, masks, kind)?;
@@ -181,18 +181,11 @@ fn check_files(
 /// The options that the arguments ask for.
 fn options(args: &TrackArgs, global: &Global) -> anyhow::Result<TrackOptions> {
     let base = if args.realtime { TrackOptions::realtime() } else { TrackOptions::default() };
-    let mut options = match &args.options {
+    let mut options = match &args.solve.options {
         Some(path) => inputs::options(path, |text| base.with_toml(text))?,
         None => base,
     };
-    options.reconstruct.seed = global.seed.unwrap_or(options.reconstruct.seed);
-    if let Some(prior) = args.prior.map(Prior::from) {
-        let solves = &mut options.reconstruct;
-        (solves.register.prior.kind, solves.joint.prior.kind) = (prior, prior);
-    }
-    if let Some(motion) = args.camera_motion {
-        options.reconstruct.register.camera_motion = motion.into();
-    }
+    args.solve.settle(&mut options.reconstruct, global);
     Ok(options)
 }
 
@@ -236,8 +229,8 @@ fn source(
         format: args.input_format.unwrap_or_default(),
         size: args.size.unwrap_or_default(),
         masks: MaskFiles {
-            instrument: args.instrument_masks.clone(),
-            organ: args.organ_masks.clone(),
+            instrument: args.seen.instrument_masks.clone(),
+            organ: args.seen.organ_masks.clone(),
             valid: args.masks.clone(),
         },
         stride: args.stride as usize,
