@@ -136,7 +136,7 @@ fn one_frame_each(args: &ReconstructArgs, frames: usize, reporter: &Reporter) {
 
 /// Folders and files of the input, apart from which results lie.
 fn places(args: &ReconstructArgs) -> Vec<&Path> {
-    let optional = [&args.matches, &args.seen.instrument_masks, &args.seen.organ_masks];
+    let optional = [&args.matches, &args.frames.instrument_masks, &args.frames.organ_masks];
     let optional = optional.into_iter().flatten().chain(args.volume.places());
     args.images.iter().chain([&args.template]).chain(optional).map(PathBuf::as_path).collect()
 }
@@ -148,15 +148,16 @@ fn prepare<'a>(
 ) -> anyhow::Result<Job<'a>> {
     let options = [
         (&args.matches, "--matches"),
-        (&args.seen.instrument_masks, "--instrument-masks"),
-        (&args.seen.organ_masks, "--organ-masks"),
+        (&args.frames.instrument_masks, "--instrument-masks"),
+        (&args.frames.organ_masks, "--organ-masks"),
     ];
     for (path, option) in options.iter().filter_map(|(p, o)| Some((p.as_ref()?, o))) {
         inputs::must_exist(path, option)?;
     }
     let mut template = read_template(&args.template)?;
-    let (camera, tone) = inputs::frame_camera(args.seen.camera.as_deref(), global, &mut template)?;
-    if let Some(path) = &args.seen.camera {
+    let (camera, tone) =
+        inputs::frame_camera(args.frames.camera.as_deref(), global, &mut template)?;
+    if let Some(path) = &args.frames.camera {
         warn_of_camera(&template, &camera, path, reporter);
     }
     let mut options = match &args.solve.options {
@@ -166,7 +167,7 @@ fn prepare<'a>(
     args.solve.settle(&mut options, global);
     options.literal |= args.literal;
     let method = method(args, &template, reporter);
-    let structures = Structures::read(&args.seen.structures, &template, reporter)?;
+    let structures = Structures::read(&args.frames.structures, &template, reporter)?;
     let volume = CarriedVolume::read(&args.volume, &template, reporter)?;
     let deformable = Deformable::of(&template.mesh);
     Ok(Job {
@@ -205,9 +206,9 @@ impl Job<'_> {
         inputs::check_sizes(&sources, &self.camera, self.camera_file())?;
         let faces = self.template.mesh.topology.faces.len();
         inputs::check_matches(&sources, args.matches.as_deref(), faces, &self.camera)?;
-        let instrument = args.seen.instrument_masks.as_deref();
+        let instrument = args.frames.instrument_masks.as_deref();
         inputs::check_masks(&sources, instrument, MaskKind::Instrument)?;
-        inputs::check_masks(&sources, args.seen.organ_masks.as_deref(), MaskKind::Organ)?;
+        inputs::check_masks(&sources, args.frames.organ_masks.as_deref(), MaskKind::Organ)?;
         one_frame_each(args, sources.len(), reporter);
         Ok(sources)
     }
@@ -225,7 +226,7 @@ impl Job<'_> {
                 .into());
             }
         }
-        if self.args.seen.instrument_masks.is_some() || self.args.seen.organ_masks.is_some() {
+        if self.args.frames.instrument_masks.is_some() || self.args.frames.organ_masks.is_some() {
             return Err(Usage("masks belong to images; give the images too".into()).into());
         }
         // There is no picture to compare it with.
@@ -240,7 +241,7 @@ impl Job<'_> {
 
     /// Where the camera comes from.
     fn camera_file(&self) -> &Path {
-        self.args.seen.camera.as_deref().unwrap_or(&self.args.template)
+        self.args.frames.camera.as_deref().unwrap_or(&self.args.template)
     }
 
     fn formats(&self) -> Formats<'_> {
@@ -340,8 +341,8 @@ impl Job<'_> {
             let read = |p: &PathBuf| inputs::mask_of(&frame, source.path(), p, kind, self.reporter);
             Ok(option.as_ref().map(read).transpose()?)
         };
-        let instrument = mask(&self.args.seen.instrument_masks, MaskKind::Instrument)?;
-        let organ = mask(&self.args.seen.organ_masks, MaskKind::Organ)?;
+        let instrument = mask(&self.args.frames.instrument_masks, MaskKind::Instrument)?;
+        let organ = mask(&self.args.frames.organ_masks, MaskKind::Organ)?;
         let observation = Observation::new(&frame, &self.camera)
             .tone(&self.tone)
             .instrument(instrument.as_ref())

@@ -72,8 +72,8 @@ pub fn run(args: &ReplayArgs, read: &ReadLine, reporter: &Reporter) -> anyhow::R
         return Err(Usage(text.into()).into());
     }
     track.template = template.unwrap_or_else(|| run.folder.join(&track.template));
-    track.seen.camera =
-        camera.or_else(|| track.seen.camera.take().map(|path| run.folder.join(path)));
+    track.frames.camera =
+        camera.or_else(|| track.frames.camera.take().map(|path| run.folder.join(path)));
     track.poses = track.poses.take().map(|path| run.folder.join(path));
     unchanged(&run, &track, reporter)?;
     let recorded = source(&mut track, frames, &run)?;
@@ -98,7 +98,7 @@ fn unchanged(run: &RunFile, track: &TrackArgs, reporter: &Reporter) -> anyhow::R
         Ok(())
     };
     same(&track.template, &run.template, "--template")?;
-    if let (Some(path), Some(expected)) = (&track.seen.camera, &run.camera) {
+    if let (Some(path), Some(expected)) = (&track.frames.camera, &run.camera) {
         same(path, expected, "--camera")?;
     }
     if let (Some(path), Some(expected)) = (&track.poses, &run.poses) {
@@ -119,7 +119,7 @@ fn source(track: &mut TrackArgs, given: Option<PathBuf>, run: &RunFile) -> anyho
     let within = |path: &PathBuf| run.folder.join(path);
     let recording = given.or_else(|| track.record.as_ref().map(within));
     // Masks go by the names of the files.
-    let masked = [&track.seen.instrument_masks, &track.seen.organ_masks, &track.masks]
+    let masked = [&track.frames.instrument_masks, &track.frames.organ_masks, &track.masks]
         .iter()
         .any(|m| m.is_some());
     let files = track.takes_files();
@@ -170,7 +170,7 @@ fn complete(folder: &Path, run: &RunFile) -> anyhow::Result<()> {
 
 /// No further outputs, and paths from the folder of the first run.
 fn plain(track: &mut TrackArgs, folder: &Path) {
-    let FrameArgs { instrument_masks, organ_masks, .. } = &mut track.seen;
+    let FrameArgs { instrument_masks, organ_masks, .. } = &mut track.frames;
     for path in
         [instrument_masks, organ_masks, &mut track.masks].into_iter().filter_map(Option::as_mut)
     {

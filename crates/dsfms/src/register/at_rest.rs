@@ -4,7 +4,7 @@
 //! that much of the distance. Where the camera stands still its pose is known, and all that the matches share is motion of the
 //! tissue.
 
-use super::pose::{median_of, residuals, rest_point};
+use super::pose::{count_within, median_of, residuals, rest_point};
 use super::{CameraMotion, Match, Posed, RegisterError, RegisterOptions};
 use crate::camera::CameraModel;
 use crate::geometry::{Point2, Point3};
@@ -31,7 +31,7 @@ pub fn posed_from(
     found: Posed,
     options: &RegisterOptions,
 ) -> Result<Posed, RegisterError> {
-    // Nothing but rigid motion is what a camera that moves explains as well.
+    // A camera that moves explains rigid motion as well.
     let moves = match options.camera_motion {
         CameraMotion::Moving => true,
         CameraMotion::Auto => found.shared_motion_px == 0.0,
@@ -50,7 +50,7 @@ pub fn posed_from(
     let nearest =
         views.iter().map(there).min_by(|a, b| median_of(&a.1).total_cmp(&median_of(&b.1)));
     let (all, left) = (matches.len(), nearest.as_ref().map_or(&[][..], |n| &n.1));
-    let within = |px: f64| left.iter().filter(|&&r| r < px).count();
+    let within = |px: f64| count_within(left, px);
     let agree = within(0.5 * coarse);
     let stands = match options.camera_motion {
         CameraMotion::AtRest if 3 * agree >= all => true,

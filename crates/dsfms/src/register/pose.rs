@@ -37,7 +37,7 @@ impl Posed {
 
     /// Matches that the pose explains within a distance, px.
     pub(super) fn within(&self, px: f64) -> usize {
-        self.residuals_px.iter().filter(|&&r| r < px).count()
+        count_within(&self.residuals_px, px)
     }
 
     /// Reprojection error that one match in ten exceeds, px; of those before the camera.
@@ -47,6 +47,11 @@ impl Posed {
         sorted.sort_unstable_by(f64::total_cmp);
         sorted.get(sorted.len() * 9 / 10).copied().unwrap_or(0.0)
     }
+}
+
+/// Number of reprojection errors below a distance, px.
+pub(super) fn count_within(residuals_px: &[f64], px: f64) -> usize {
+    residuals_px.iter().filter(|&&r| r < px).count()
 }
 
 /// 0 of nothing.

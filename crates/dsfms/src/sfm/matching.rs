@@ -63,9 +63,9 @@ pub(crate) fn distance(dot: f32) -> f32 {
 }
 
 /// Rows or columns compared at once: fixed-size arrays that the compiler turns into registers.
-const LANES: usize = 16;
+pub(super) const LANES: usize = 16;
 
-/// Scalar product of two descriptors.
+/// Scalar product of two unit descriptors, summed in a fixed order.
 pub(crate) fn product(a: &[f32], b: &[f32]) -> f32 {
     let mut sums = [0.0f32; LANES];
     for (a, b) in a.chunks_exact(LANES).zip(b.chunks_exact(LANES)) {

@@ -1,6 +1,6 @@
 //! Descriptor matching against a set in which one place of the surface may be described many times.
 
-use super::matching::{DescriptorMatch, UnitDescriptors, distance};
+use super::matching::{DescriptorMatch, LANES, UnitDescriptors, distance};
 use crate::geometry::Point3;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
@@ -55,8 +55,6 @@ pub(crate) fn match_places(
 
 /// Index of the largest admitted value; the first, when none is admitted.
 fn argmax(row: &[f32], admit: impl Fn(usize) -> bool) -> usize {
-    /// Values compared at once.
-    const LANES: usize = 16;
     let mut best = (0, f32::MIN);
     for (block, values) in row.chunks(LANES).enumerate() {
         // Hardly any block holds a larger one.

@@ -2,11 +2,12 @@
 
 use std::time::Instant;
 
-/// Wall times.
+/// Names of the stages that ran and their wall times, seconds, in order.
 #[derive(Default)]
 pub(super) struct Clock(pub(super) Vec<(&'static str, f64)>);
 
 impl Clock {
+    /// Do the work of a stage, and keep what it took.
     pub(super) fn time<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let value = work();
@@ -14,7 +15,7 @@ impl Clock {
         value
     }
 
-    /// What was waited for took this.
+    /// Append the stages of work that was waited for.
     pub(super) fn add(&mut self, other: Self) {
         self.0.extend(other.0);
     }

@@ -67,7 +67,7 @@ pub struct ReconstructArgs {
     #[arg(help_heading = "Method", long, conflicts_with_all = ["prior", "camera_motion"])]
     pub literal: bool,
     #[command(flatten)]
-    pub seen: FrameArgs,
+    pub frames: FrameArgs,
     #[command(flatten)]
     pub volume: VolumeArgs,
     /// Further files of every frame, for other programs.

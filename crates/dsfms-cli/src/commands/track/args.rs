@@ -91,7 +91,7 @@ pub struct TrackArgs {
     #[arg(help_heading = "Input", long, value_name = "FILE_OR_DIR")]
     pub masks: Option<PathBuf>,
     #[command(flatten)]
-    pub seen: FrameArgs,
+    pub frames: FrameArgs,
     #[command(flatten)]
     pub volume: VolumeArgs,
     #[command(flatten)]
@@ -155,8 +155,8 @@ impl TrackArgs {
     /// Masks that are given, and the option that names them.
     pub fn masks(&self) -> impl Iterator<Item = (&PathBuf, &'static str)> {
         let all = [
-            (&self.seen.instrument_masks, "--instrument-masks"),
-            (&self.seen.organ_masks, "--organ-masks"),
+            (&self.frames.instrument_masks, "--instrument-masks"),
+            (&self.frames.organ_masks, "--organ-masks"),
             (&self.masks, "--masks"),
         ];
         all.into_iter().filter_map(|(path, option)| Some((path.as_ref()?, option)))
@@ -175,7 +175,7 @@ impl TrackArgs {
         (self.link.igtl, self.link.igtl_connect) = (None, None);
         (self.ply, self.overlay, self.view, self.no_report) = (false, false, false, true);
         self.formats.clear();
-        self.seen.structures.clear();
+        self.frames.structures.clear();
         self.volume.volume = None;
         self.realtime = false;
     }

@@ -67,7 +67,7 @@ fn seen_in(
     unit: LengthUnit,
     reporter: &Reporter,
 ) -> anyhow::Result<Template> {
-    let Some(camera_path) = &args.seen.camera else {
+    let Some(camera_path) = &args.frames.camera else {
         return wrong("a mesh with --poses needs --camera");
     };
     if !args.takes_files() {
@@ -119,9 +119,9 @@ fn posed_frames(args: &TrackArgs, path: &Path, reporter: &Reporter) -> anyhow::R
             of.as_ref().map(read).transpose()
         };
         let valid = mask(&args.masks, MaskKind::Valid)?;
-        let instrument = mask(&args.seen.instrument_masks, MaskKind::Instrument)?;
+        let instrument = mask(&args.frames.instrument_masks, MaskKind::Instrument)?;
         let free = instrument.map(|instrument| instrument.complement());
-        posed.organ.push(mask(&args.seen.organ_masks, MaskKind::Organ)?);
+        posed.organ.push(mask(&args.frames.organ_masks, MaskKind::Organ)?);
         posed.valid.push(match (valid, free) {
             (Some(valid), Some(free)) => Some(valid.and(&free)),
             (valid, free) => valid.or(free),

@@ -75,13 +75,14 @@ fn follow(
     let recording = args.record.as_ref().map(record).transpose()?;
     let sources = if live { Vec::new() } else { inputs::look(&args.input)? };
     let mut template = bare::template(args, global, reporter)?;
-    let (camera, tone) = inputs::frame_camera(args.seen.camera.as_deref(), global, &mut template)?;
+    let (camera, tone) =
+        inputs::frame_camera(args.frames.camera.as_deref(), global, &mut template)?;
     check_files(args, &sources, &camera)?;
     let run = run_file(args, global, again)?;
     let (method, options) = (Method::from(args.method), run.options.clone());
     let mut tracker = Tracker::new(&template, &camera, &tone, method, options)?;
     let searcher = tracker.searcher();
-    let structures = Structures::read(&args.seen.structures, &template, reporter)?;
+    let structures = Structures::read(&args.frames.structures, &template, reporter)?;
     let volume = CarriedVolume::read(&args.volume, &template, reporter)?;
     let link = Link::open(&args.link, &template, &camera, reporter)?;
     let recorder = recording.as_ref().map(Recording::recorder);
@@ -167,10 +168,10 @@ fn check_files(
     sources: &[inputs::Source],
     camera: &CameraModel,
 ) -> anyhow::Result<()> {
-    let file = args.seen.camera.as_deref().unwrap_or(&args.template);
+    let file = args.frames.camera.as_deref().unwrap_or(&args.template);
     inputs::check_sizes(sources, camera, file)?;
-    let masks =
-        [&args.seen.instrument_masks, &args.seen.organ_masks, &args.masks].map(|m| m.as_deref());
+    let masks = [&args.frames.instrument_masks, &args.frames.organ_masks, &args.masks]
+        .map(|m| m.as_deref());
     let kinds = [MaskKind::Instrument, MaskKind::Organ, MaskKind::Valid];
     for (masks, kind) in masks.into_iter().zip(kinds) {
         inputs::check_masks(sources, masks, kind)?;
@@ -229,8 +230,8 @@ fn source(
         format: args.input_format.unwrap_or_default(),
         size: args.size.unwrap_or_default(),
         masks: MaskFiles {
-            instrument: args.seen.instrument_masks.clone(),
-            organ: args.seen.organ_masks.clone(),
+            instrument: args.frames.instrument_masks.clone(),
+            organ: args.frames.organ_masks.clone(),
             valid: args.masks.clone(),
         },
         stride: args.stride as usize,

@@ -65,7 +65,7 @@ impl RunFile {
             arguments: arguments.map(|a| a.to_string_lossy().into_owned()).collect(),
             options: options.clone(),
             template: digest(&args.template)?,
-            camera: args.seen.camera.as_deref().map(digest).transpose()?,
+            camera: args.frames.camera.as_deref().map(digest).transpose()?,
             poses: args.poses.as_deref().map(digest).transpose()?,
             frames: Vec::new(),
         })
