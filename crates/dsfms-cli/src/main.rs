@@ -35,6 +35,7 @@ mod memory;
 mod outputs;
 mod pictures;
 mod place;
+mod poses;
 mod progress;
 mod reasons;
 mod report;

@@ -2,6 +2,7 @@
 //! complete.
 
 use crate::draw::overlay::{INSTRUMENT, ORGAN, outline, overlay};
+use crate::poses::rows;
 use crate::reasons::sentences;
 use anyhow::Context;
 use dsfms::camera::CameraModel;
@@ -137,10 +138,9 @@ impl FrameReport {
         if result.verdict.level == Level::Lost {
             return judged;
         }
-        let matrix = result.pose.to_homogeneous();
         Self {
             status: result.verdict.level.label(),
-            pose: Some(std::array::from_fn(|r| std::array::from_fn(|c| matrix[(r, c)]))),
+            pose: Some(rows(&result.pose)),
             gain: Some(result.gain),
             ambient: Some(result.ambient),
             matches: result.matches.len(),

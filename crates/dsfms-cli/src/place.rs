@@ -12,8 +12,9 @@ use std::path::{Component, Path, PathBuf};
 const MARK: &str = "dsfms.json";
 
 /// What a run writes besides `frame_NNN…`.
-const FILES: [&str; 10] = [
+const FILES: [&str; 11] = [
     "summary.csv",
+    "camera_poses.json",
     "report.html",
     "vertices.npz",
     "run.json",

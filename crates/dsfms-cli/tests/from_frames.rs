@@ -319,7 +319,9 @@ fn strokes_name_the_organ_and_the_wall_is_kept_as_a_second_surface() {
     let arguments = ["--organ-scribbles", "s.json", "--not-organ-click", "120,170@f_4"];
     frames.template(&arguments, "1", "one");
     frames.template(&arguments, "2", "two");
-    for file in ["template.ply", "surroundings.ply", "organ_masks/f_4.png"] {
+    for file in
+        ["template.ply", "surroundings.ply", "surrounding_features.npz", "organ_masks/f_4.png"]
+    {
         let [one, two] = ["one", "two"].map(|t| fs::read(frames.path(&format!("{t}/{file}"))));
         assert!(one.unwrap() == two.unwrap(), "{file} differs");
     }
@@ -335,7 +337,7 @@ fn strokes_name_the_organ_and_the_wall_is_kept_as_a_second_surface() {
     assert!((1.25..1.6).contains(&ratio), "{ratio}");
     let shown = frames.dsfms(&["inspect", "one"]).assert().success();
     let shown = String::from_utf8_lossy(&shown.get_output().stdout).into_owned();
-    assert!(shown.contains("surroundings"), "{shown}");
+    assert!(shown.contains("surroundings") && shown.contains("descriptors around"), "{shown}");
     frames.dsfms(&["export", "one", "--surroundings", "w.ply"]).assert().success();
     assert!(frames.path("w.ply").exists());
     let beside = r#"{"strokes": [{"organ": true, "px": []}]}"#;

@@ -42,6 +42,8 @@ pub struct Surface {
     gain: f64,
     ambient: f64,
     tracked: Quality,
+    /// `camera_from_template` by what lies around the organ.
+    camera_pose: Option<Isometry>,
     matches: Vec<(Match, bool)>,
     stages: Vec<(String, f64, Option<Summary>)>,
 }
@@ -79,6 +81,7 @@ impl Surface {
             gain: found.gain,
             ambient: found.ambient,
             tracked: Quality::default(),
+            camera_pose: None,
             matches: found.matches,
             stages: found.stages.into_iter().map(|s| (s.name, s.seconds, s.summary)).collect(),
         }
@@ -117,6 +120,7 @@ impl Surface {
             gain: f64::NAN,
             ambient: f64::NAN,
             tracked,
+            camera_pose: found.camera.map(|sight| sight.pose),
             matches,
             stages: found.stages.into_iter().map(|(n, s)| (n.to_owned(), s, None)).collect(),
         }
@@ -168,6 +172,13 @@ impl Surface {
             Some(pose) => pose_out(py, pose),
             None => array2(py, (0..4).map(|_| [f64::NAN; 4])),
         }
+    }
+
+    /// ``camera_from_template`` by what lies around the organ and does not deform, float64 (4, 4), whatever becomes of the
+    /// organ; None from `reconstruct`, and where template or frame show too little of that.
+    #[getter]
+    fn camera_pose<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        self.camera_pose.as_ref().map(|pose| pose_out(py, pose)).transpose()
     }
 
     /// Seen by the camera (and not hidden by an instrument, where its mask was given), bool (n,).

@@ -73,6 +73,7 @@ def test_surface(surface: dsfms.Surface, template: dsfms.Template) -> None:
     assert all(after >= 0 for _, after in terms.values())
     assert surface.seconds and surface.gain == 1.0 and surface.ambient == 0.0
     assert np.isnan([surface.photometric, surface.agreement, surface.depth_uncertainty]).all()
+    assert surface.camera_pose is None
     assert np.array_equal(surface.faces, template.faces) and surface.template is template
     assert "Surface(" in repr(surface)
 

@@ -18,7 +18,7 @@ use dsfms::io::template::{read_template, vertex_colours, write_viewer};
 use dsfms::io::template_sparse::colmap_model;
 use dsfms::io::vtk::{VtkExtras, write_vtp};
 use dsfms::mesh::normals::vertex_normals;
-use dsfms::template::Template;
+use dsfms::template::{Surroundings, Template};
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -121,7 +121,7 @@ fn check_beside(path: &Path) -> anyhow::Result<()> {
 }
 
 fn surroundings(template: &Template, path: &Path) -> anyhow::Result<()> {
-    let Some(around) = &template.surroundings else {
+    let Some(Surroundings { mesh: around, .. }) = &template.surroundings else {
         let problem = "the template holds no surroundings: it has them where it was built from frames that show \
                        more than the organ, and the organ was not outlined in all of them";
         return Err(Usage(problem.into()).into());

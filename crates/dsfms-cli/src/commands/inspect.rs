@@ -78,9 +78,10 @@ fn rows(template: &Template, s: &TemplateStatistics) -> Vec<(&'static str, Strin
         Some(share) => format!("{sigma}; {:.0} % of the area unmeasured", 100.0 * share),
         None => sigma,
     };
-    let around = template.surroundings.as_ref().map_or("none".into(), |mesh| {
-        let (vertices, faces) = (mesh.positions.len(), mesh.topology.faces.len());
-        format!("{vertices} vertices, {faces} faces: what lies around the organ")
+    let around = template.surroundings.as_ref().map_or("none".into(), |around| {
+        let (vertices, faces) = (around.mesh.positions.len(), around.mesh.topology.faces.len());
+        let descriptors = around.features.descriptors.len();
+        format!("{vertices} vertices, {faces} faces, {descriptors} descriptors around the organ")
     });
     vec![
         ("unit", unit.to_string()),

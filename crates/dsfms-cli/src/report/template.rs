@@ -41,8 +41,8 @@ fn template_data(template: &Template, frames: &[Frame]) -> anyhow::Result<PageDa
     data.points = (!points.is_empty()).then(|| Cloud::of(&moved(&points)));
     data.point_values = (!points.is_empty()).then(|| PointValues::of(&template.points));
     data.surroundings = template.surroundings.as_ref().map(|around| ShownPart {
-        faces: embed::faces(&around.topology.faces),
-        at: Cloud::of(&moved(&around.positions)),
+        faces: embed::faces(&around.mesh.topology.faces),
+        at: Cloud::of(&moved(&around.mesh.positions)),
     });
     data.moving_camera = true;
     data.methods = vec!["template".into()];

@@ -335,6 +335,7 @@ mod tests {
                 status,
                 reasons,
                 surface: None,
+                camera: None,
                 answered: false,
                 stages: vec![("prepare", 0.001)],
             };

@@ -15,8 +15,8 @@ pub use super::template_glb::{texture, vertex_colours};
 use super::template_manifest::{Counts, FileNote, MANIFEST, Manifest, VERSION, VersionOnly};
 use super::{template_arrays as arrays, template_glb, template_sparse};
 use crate::mesh::normals::vertex_normals;
-use crate::template::Template;
 use crate::template::usual::Usual;
+use crate::template::{Features, Surroundings, Template};
 use std::fs;
 use std::path::Path;
 
@@ -31,11 +31,12 @@ const SEEN: &str = "seen.npz";
 const SIGMA: &str = "sigma.npz";
 /// Optional likewise.
 const USUAL: &str = "usual.toml";
-/// Optional likewise.
+/// Optional likewise, and what it holds of descriptors too.
 const SURROUNDINGS: &str = "surroundings.ply";
+const SURROUNDING_FEATURES: &str = "surrounding_features.npz";
 const VIEWER: &str = "template.glb";
 /// All that is in a template: its files, and what programs add about them.
-const CONTENT: [&str; 20] = [
+const CONTENT: [&str; 21] = [
     MANIFEST,
     SURFACE,
     ALBEDO,
@@ -46,6 +47,7 @@ const CONTENT: [&str; 20] = [
     SIGMA,
     USUAL,
     SURROUNDINGS,
+    SURROUNDING_FEATURES,
     VIEWER,
     "report.html",
     "pictures",
@@ -164,10 +166,12 @@ fn write_files(folder: &Path, template: &Template) -> Result<(), TemplateFileErr
         let text = toml::to_string(usual).map_err(|e| damaged(&file, &e))?;
         fs::write(&file, text).map_err(|e| WriteError::new(&file, e))?;
     }
-    if let Some(around) = &template.surroundings {
+    if let Some(Surroundings { mesh, features }) = &template.surroundings {
         let file = note(SURROUNDINGS, "what lies around the organ, a coarse surface");
         let double = PlyExtras { precision: Precision::Double, ..PlyExtras::default() };
-        write_ply(&file, &around.topology, &around.positions, template.unit, &double)?;
+        write_ply(&file, &mesh.topology, &mesh.positions, template.unit, &double)?;
+        let file = note(SURROUNDING_FEATURES, "descriptors on what lies around the organ");
+        arrays::write_features(&file, features)?;
     }
     if let Some(albedo) = &template.albedo {
         arrays::write_albedo(&note(ALBEDO, "albedo on the surface, linear RGB"), albedo)?;
@@ -249,8 +253,7 @@ pub fn read_template(path: &Path) -> Result<Template, TemplateFileError> {
     let sigma =
         if file.exists() { arrays::read_sigma(&file, counts.vertices)? } else { Vec::new() };
     let usual = read_usual(&path.join(USUAL))?;
-    let file = path.join(SURROUNDINGS);
-    let surroundings = file.exists().then(|| read_mesh(&file)).transpose()?.map(|file| file.mesh);
+    let surroundings = read_surroundings(path)?;
     let optional = |name: &str, wanted: bool| wanted.then(|| path.join(name));
     let albedo = optional(ALBEDO, counts.texels > 0)
         .map(|file| arrays::read_albedo(&file, faces, counts.texels))
@@ -259,8 +262,12 @@ pub fn read_template(path: &Path) -> Result<Template, TemplateFileError> {
         .map(|file| arrays::read_flattening(&file, &mesh.topology))
         .transpose()?;
     let features = optional(FEATURES, counts.features > 0 || path.join(FEATURES).exists())
-        .map(|file| arrays::read_features(&file, faces, counts.features))
+        .map(|file| arrays::read_features(&file, faces))
         .transpose()?;
+    if let Some(features) = &features {
+        let found = features.descriptors.len();
+        expect(&path.join(FEATURES), "descriptors", counts.features, found)?;
+    }
     let points = match manifest.views.is_empty() {
         true => Vec::new(),
         false => template_sparse::read(&path.join(SPARSE), manifest.views.len())?,
@@ -282,6 +289,20 @@ pub fn read_template(path: &Path) -> Result<Template, TemplateFileError> {
         usual,
         surroundings,
     })
+}
+
+/// What lies around the organ; `None` in templates of frames that do not part it from that.
+fn read_surroundings(folder: &Path) -> Result<Option<Surroundings>, TemplateFileError> {
+    let [surface, features] = [SURROUNDINGS, SURROUNDING_FEATURES].map(|name| folder.join(name));
+    if !surface.exists() {
+        return Ok(None);
+    }
+    let mesh = read_mesh(&surface)?.mesh;
+    let features = match features.exists() {
+        true => arrays::read_features(&features, mesh.topology.faces.len())?,
+        false => Features::default(),
+    };
+    Ok(Some(Surroundings { mesh, features }))
 }
 
 fn read_usual(file: &Path) -> Result<Option<Usual>, TemplateFileError> {

@@ -163,18 +163,14 @@ pub(super) fn write_features(path: &Path, features: &Features) -> Result<(), Wri
     })
 }
 
-pub(super) fn read_features(
-    path: &Path,
-    faces: usize,
-    count: usize,
-) -> Result<Features, TemplateFileError> {
+pub(super) fn read_features(path: &Path, faces: usize) -> Result<Features, TemplateFileError> {
     let mut npz = ArrayReader::open(path)?;
     let features = Features {
         descriptors: npz.rows("descriptors")?,
         faces: npz.list("faces")?,
         barycentrics: npz.rows("barycentrics")?,
     };
-    expect(path, "descriptors", count, features.descriptors.len())?;
+    let count = features.descriptors.len();
     expect(path, "feature faces", count, features.faces.len())?;
     expect(path, "feature barycentrics", count, features.barycentrics.len())?;
     if features.barycentrics.iter().flatten().any(|b| !b.is_finite()) {

@@ -8,6 +8,7 @@ pub mod reconstruct;
 mod reconstruct_options;
 mod sight;
 mod stage_log;
+mod surroundings;
 pub mod template;
 mod trust;
 
@@ -15,6 +16,8 @@ pub use progress::{Progress, Silent};
 pub(crate) use reconstruct::joined;
 pub use reconstruct::{reconstruct, reconstruct_with};
 pub use reconstruct_options::ReconstructOptions;
+pub use surroundings::CameraSight;
+pub(crate) use surroundings::sighted;
 pub use template::{
     BuiltTemplate, Exploration, FoundOrgan, FramePrecision, Organ, OrganClick, OrganGuess,
     OrganOptions, OrganOutline, OrganScene, OrganSceneError, OrganStroke, SparsePrecision,

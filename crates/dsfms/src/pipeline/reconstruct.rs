@@ -11,8 +11,8 @@ use crate::refine::{Joined, Photograph, RefineOptions, Refined, join, refine, re
 use crate::register::scene::visibility;
 use crate::register::solve::{EXPLAINED, kept_matches, limit_px};
 use crate::register::{
-    Body, Deformable, Match, Posed, RegisterError, RegisterMemory, RegisterOptions, Registered,
-    Scene, find, pose, posed_from, register, register_in, register_printed,
+    Body, Deformable, KnownPoses, Match, Posed, RegisterError, RegisterMemory, RegisterOptions,
+    Registered, Scene, find, pose, posed_from, register, register_in, register_printed,
 };
 use crate::sfs::{SfsInput, SfsOptions, shape_from_shading};
 use crate::template::Template;
@@ -200,7 +200,10 @@ fn posed(
     let found = pose(camera, rest, matches, register, options.seed)?;
     match options.literal {
         true => Ok(found),
-        false => posed_from(&template.views, camera, rest, matches, found, register),
+        false => {
+            let known = KnownPoses { views: &template.views, around: None };
+            posed_from(&known, camera, rest, matches, found, register)
+        }
     }
 }
 

@@ -291,7 +291,10 @@ fn from_sparse(
     let (mut template, light) = views.dress(mesh, Some(&sigma), unit, options, progress)?;
     template.points = sparse_points(&sparse);
     template.sigma = sigma;
-    template.surroundings = told.around;
+    template.surroundings = told
+        .around
+        .zip(told.organ.as_ref())
+        .map(|(mesh, organ)| views.around(mesh, organ, &options.anchor));
     let name = |(i, why): &(usize, String)| (exploration.frames[*i].name.clone(), why.clone());
     let rejected = sparse.rejected.iter().map(name).collect();
     let covariance = sparse.covariance(options.sfm.refine).ok();

@@ -19,7 +19,7 @@ mod terms;
 pub mod volume;
 
 use crate::geometry::Point2;
-pub use at_rest::posed_from;
+pub use at_rest::{KnownPoses, posed_from};
 pub use coarse::RegisterMemory;
 pub use control::{Body, Deformable};
 pub use find::find;

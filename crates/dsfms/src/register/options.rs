@@ -22,8 +22,8 @@ pub enum Prior {
 pub enum CameraMotion {
     /// Its pose is that of the matches.
     Moving,
-    /// Where a quarter of the matches does not move from a view of the exploration while others do, the camera stands
-    /// there; else it moves.
+    /// Where a quarter of the matches does not move from a view of the exploration, or from where what lies around the organ
+    /// shows the camera, while others do, the camera is there; else its pose is that of the matches.
     #[default]
     Auto,
     /// It stands where it stood in one of the views of the exploration.

@@ -15,6 +15,7 @@ mod relief;
 pub mod scale;
 mod spots;
 pub mod statistics;
+mod surroundings;
 #[cfg(test)]
 mod test_scene;
 pub mod texel_fill;
@@ -29,6 +30,7 @@ use crate::light::{Coat, Coated, LightModel};
 use crate::mesh::Mesh;
 use serde::{Deserialize, Serialize};
 pub(crate) use spots::even_points;
+pub use surroundings::Surroundings;
 pub use texels::SurfaceTexels;
 
 /// Unit of every length in a template and in what is reconstructed from it.
@@ -85,9 +87,8 @@ pub struct Template {
     pub coat: Coat,
     /// How the exploration frames look beside this template; `None` without frames, and in older templates.
     pub usual: Option<usual::Usual>,
-    /// What lies around the organ, where the frames themselves part it from that: a coarse surface in the template
-    /// frame, for what does not move with the organ; `None` in older templates.
-    pub surroundings: Option<Mesh>,
+    /// What lies around the organ, where the frames themselves part it from that; `None` in older templates.
+    pub surroundings: Option<Surroundings>,
 }
 
 /// What the exploration tells of the exposure of a frame taken with the same camera.

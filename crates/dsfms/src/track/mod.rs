@@ -27,13 +27,14 @@ mod searcher;
 mod seek;
 pub mod shapes;
 mod surface;
+mod surroundings;
 mod tracker;
 mod verdict;
 
 use crate::geometry::{Isometry, Point3};
 use crate::options::{Documented, OptionError, check, commented, read};
 use crate::pipeline::moved::MOVED;
-use crate::pipeline::{Method, ReconstructOptions};
+use crate::pipeline::{CameraSight, Method, ReconstructOptions};
 use crate::refine::VideoOptions;
 use crate::register::Match;
 use crate::verdict::{Reason, Region};
@@ -64,6 +65,9 @@ pub struct TrackOptions {
     pub seek: usize,
     /// They are sought in every so many frames.
     pub seek_every: usize,
+    /// The camera is followed on what lies around the organ too, where the template holds it: where the organ stretches, its
+    /// pose is known (`register.camera_motion`).
+    pub surroundings: bool,
     /// A surface that is found from nothing is solved by the blurs after a gap and the few steps of `video`, in
     /// place of the joint solve of a single frame: the frames after it do the rest.
     pub brief_search: bool,
@@ -85,6 +89,7 @@ impl Default for TrackOptions {
             search_every: 10,
             seek: 4,
             seek_every: 1,
+            surroundings: true,
             brief_search: false,
             search_beside: false,
             awake: false,
@@ -240,6 +245,9 @@ pub struct Tracked {
     pub reasons: Vec<Reason>,
     /// The surface; `None` where lost.
     pub surface: Option<Surface>,
+    /// The camera as what lies around the organ shows it, whatever becomes of the organ; `None` where the template or
+    /// the frame shows too little of that.
+    pub camera: Option<CameraSight>,
     /// What a search beside the video found was taken in this frame.
     pub answered: bool,
     /// Wall time of every stage that ran, seconds, in order; last `other`, all that is in none.
@@ -254,6 +262,7 @@ impl Tracked {
             status: TrackStatus::Lost,
             reasons,
             surface: None,
+            camera: None,
             answered: false,
             stages: Vec::new(),
         }

@@ -1,8 +1,12 @@
 //! In which parts of the picture places of the template are sought: those that lack most, each again after
 //! a while.
 
-use super::prepare::WorkingWindow;
+use super::look::Working;
+use super::prepare::{View, WorkingWindow};
 use crate::geometry::{Point2, Point3};
+use crate::image::Frame;
+use crate::register::Match;
+use crate::register::find::Search;
 
 /// Side of a part, px of the working image.
 const PART: usize = 64;
@@ -18,6 +22,39 @@ const LACKS: (usize, f64) = (4, 1.0 / 3.0);
 
 /// Frames until a part is looked at again after something was found there, and at most after nothing was.
 const AGAIN: [usize; 2] = [4, 64];
+
+/// A feature is looked for so far from where it is expected, px of the working image: where nothing
+/// matched, the surface may be off by a fold of the tissue.
+const REACH_PX: f64 = 24.0;
+
+/// Features of a part at most.
+const MOST_FEATURES: usize = 150;
+
+/// A part of a frame that is searched.
+pub(super) struct SoughtPart<'a> {
+    pub(super) frame: &'a Frame,
+    pub(super) view: &'a View,
+    pub(super) working: &'a Working,
+    pub(super) window: WorkingWindow,
+}
+
+impl SoughtPart<'_> {
+    /// Matches near where features of a template are visible: their indices, and px of the working image.
+    pub(super) fn matches(&self, search: &Search, visible: &[(u32, Point2)]) -> Vec<Match> {
+        let Self { frame, view, working, window } = self;
+        let seen = view.features_in(frame, working, *window, MOST_FEATURES);
+        let [low, high] = [0, 1].map(|end| {
+            let at = |k: usize| (window.corner[k] + end * window.size[k]) as f64;
+            Point2::new(at(0), at(1))
+        });
+        let near =
+            |p: &Point2| (0..2).all(|k| p[k] >= low[k] - REACH_PX && p[k] <= high[k] + REACH_PX);
+        let expected = visible.iter().filter(|e| near(&e.1));
+        let expected: Vec<(u32, Point2)> =
+            expected.map(|&(i, p)| (i, working.to_frame(p))).collect();
+        search.near(&seen, &expected, REACH_PX * f64::from(1u32 << working.halvings))
+    }
+}
 
 /// What is known of where to look.
 pub(super) struct Seeker {

@@ -3,6 +3,7 @@
 
 use super::Surface;
 use super::covered::CoveredCells;
+use super::parts::SoughtPart;
 use super::places::{FollowedPlace, OLD};
 use super::prepare::View;
 use super::tracker::Tracker;
@@ -10,13 +11,6 @@ use crate::geometry::{Point2, Point3};
 use crate::image::Frame;
 use crate::register::pose::rest_point;
 use rayon::prelude::*;
-
-/// A feature is looked for so far from where the surface has it, px of the working image: where nothing
-/// matched, the surface may be off by a fold of the tissue.
-const REACH_PX: f64 = 24.0;
-
-/// Features of a part at most.
-const MOST_FEATURES: usize = 150;
 
 /// Places that are followed at most.
 const MOST_PLACES: usize = 600;
@@ -72,19 +66,9 @@ impl Tracker<'_> {
         lacks: &dyn Fn(Point2) -> bool,
     ) -> Vec<FollowedPlace> {
         let window = self.seeker.window(part, self.working.camera.size);
-        let seen = view.features_in(frame, &self.working, window, MOST_FEATURES);
-        let [low, high] = [0, 1].map(|end| {
-            let at = |k: usize| (window.corner[k] + end * window.size[k]) as f64;
-            Point2::new(at(0), at(1))
-        });
-        let near =
-            |p: &Point2| (0..2).all(|k| p[k] >= low[k] - REACH_PX && p[k] <= high[k] + REACH_PX);
         let all: Vec<u32> = (0..self.search.places().len() as u32).collect();
-        let expected = self.visible(view, surface, &all).into_iter().filter(|e| near(&e.1));
-        let expected: Vec<(u32, Point2)> =
-            expected.map(|(i, p)| (i, self.working.to_frame(p))).collect();
-        let reach = REACH_PX * f64::from(1u32 << self.working.halvings);
-        let found = self.search.near(&seen, &expected, reach);
+        let sought = SoughtPart { frame, view, working: &self.working, window };
+        let found = sought.matches(&self.search, &self.visible(view, surface, &all));
         let lacking = found.into_iter().filter(|m| lacks(self.working.of_frame(m.pixel)));
         lacking.filter_map(|m| self.place(view, m, surface.pose)).collect()
     }

@@ -14,8 +14,8 @@ use crate::pipeline::{Method, joined};
 use crate::refine::{Joined, Near, NearFrame, Photograph, VideoMemory, join_near};
 use crate::register::solve::{depth_tolerance, errors_px, explained, kept_matches};
 use crate::register::{
-    Body, Match, Posed, RegisterError, Registered, Scene, pose, pose_near, posed_from, register_in,
-    register_near,
+    Body, KnownPoses, Match, Posed, RegisterError, Registered, Scene, pose, pose_near, posed_from,
+    register_in, register_near,
 };
 
 /// Matches that the motion since the last frame is taken from at most.
@@ -103,10 +103,13 @@ impl Tracker<'_> {
         })
     }
 
-    /// The pose of the matches, or that of a view from which the camera is at rest.
+    /// The pose of the matches, or that of the camera where it is known: at rest, or by the surroundings.
     fn posed_from(&self, matches: &[Match], found: Posed) -> Result<Posed, RegisterError> {
         let (rest, options) = (&self.template.mesh, &self.options.reconstruct.register);
-        posed_from(&self.template.views, self.camera, rest, matches, found, options)
+        let around = self.camera_sight.filter(|sight| sight.contradicts(&found.pose, rest));
+        let around = around.map(|sight| sight.pose);
+        let known = KnownPoses { views: &self.template.views, around };
+        posed_from(&known, self.camera, rest, matches, found, options)
     }
 
     /// The surface solved from where `start` puts the last one.

@@ -11,13 +11,14 @@ use super::parts::Seeker;
 use super::places::FollowedPlace;
 use super::prepare::{Preparation, Prepared, Regions, View};
 use super::recent::UsualResidual;
+use super::surroundings::{ShownFrame, SurroundingsTracker};
 use super::{Origin, Surface, TrackError, TrackOptions, TrackStatus, Tracked};
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point3, align_rigid_robust};
 use crate::image::{Frame, ToneCurve};
 use crate::light::Coated;
 use crate::mesh::laplacian::Laplacian;
-use crate::pipeline::Method;
+use crate::pipeline::{CameraSight, Method};
 use crate::refine::VideoMemory;
 use crate::register::find::Search;
 use crate::register::{Deformable, Match, RegisterMemory};
@@ -66,6 +67,9 @@ pub struct Tracker<'a> {
     /// What descriptors found, and is followed.
     pub(super) places: Vec<FollowedPlace>,
     pub(super) seeker: Seeker,
+    surroundings: Option<SurroundingsTracker<'a>>,
+    /// The camera of this frame, where they show it.
+    pub(super) camera_sight: Option<CameraSight>,
     /// Photometric residuals of the last good frames: the measure for smoke, blur and glare.
     pub(super) usual: UsualResidual,
     pub(super) exposed: Exposed,
@@ -133,8 +137,9 @@ impl<'a> Tracker<'a> {
     pub(super) fn twin(&self) -> Self {
         let (options, working) = (self.options.clone(), self.working.clone());
         let preparation = self.preparation.clone();
-        Self::of(self.template, self.camera, self.method, options, working, preparation)
-            .expect("the template was enough for this one")
+        let of = Self::of(self.template, self.camera, self.method, options, working, preparation);
+        // What it searches are frames far apart.
+        Self { surroundings: None, ..of.expect("the template was enough for this one") }
     }
 
     fn of(
@@ -151,6 +156,9 @@ impl<'a> Tracker<'a> {
             template,
             albedo: Mips::new(template.albedo.as_ref().ok_or(TrackError::NoAlbedo)?),
             seeker: Seeker::new(search.places(), working.camera.size),
+            surroundings: SurroundingsTracker::of(template, &working)
+                .filter(|_| options.surroundings),
+            camera_sight: None,
             search,
             light: template.lighting(),
             camera,
@@ -241,14 +249,40 @@ impl<'a> Tracker<'a> {
             let brightest = prepared.brightest;
             let reasons = vec![Reason::Black { brightest }];
             let (status, answered) = (TrackStatus::Lost, false);
-            return Tracked { status, reasons, surface: None, answered, stages: clock.0 };
+            let (surface, camera) = (None, None);
+            return Tracked { status, reasons, surface, camera, answered, stages: clock.0 };
         };
+        self.camera_sight =
+            clock.time("surroundings", || self.surroundings_followed(&prepared.frame, view));
         let outcome = self.attempts(&prepared.frame, view, &mut clock);
         let (status, reasons, surface) = self.settle(outcome, view);
         if let Some(surface) = surface.as_ref().filter(|s| s.origin == Origin::Followed) {
             clock.time("seek", || self.seek(&prepared.frame, view, surface));
         }
-        Tracked { status, reasons, surface, answered: self.answered, stages: clock.0 }
+        clock.time("surroundings", || {
+            self.seek_surroundings(&prepared.frame, view, surface.as_ref());
+        });
+        let (camera, answered) = (self.camera_sight, self.answered);
+        Tracked { status, reasons, surface, camera, answered, stages: clock.0 }
+    }
+
+    /// The camera as the surroundings show it.
+    fn surroundings_followed(&mut self, frame: &Frame, view: &View) -> Option<CameraSight> {
+        let Self { working, camera, options, count, .. } = self;
+        let shown = ShownFrame { frame, view, working, camera, number: *count };
+        let register = &options.reconstruct.register;
+        self.surroundings.as_mut()?.followed(&shown, options.correlation, register)
+    }
+
+    /// Places of the surroundings, sought where the camera has them: the one that they show, or else that of the organ.
+    fn seek_surroundings(&mut self, frame: &Frame, view: &View, surface: Option<&Surface>) {
+        let Self { working, camera, count, .. } = self;
+        let shown = ShownFrame { frame, view, working, camera, number: *count };
+        let pose = self.camera_sight.map(|sight| sight.pose).or(surface.map(|s| s.pose));
+        let organ = surface.map_or(&[][..], |s| &s.vertices);
+        if let (Some(surroundings), Some(pose)) = (&mut self.surroundings, pose) {
+            surroundings.seek(&shown, pose, organ);
+        }
     }
 
     /// Where this frame may show the last shape.

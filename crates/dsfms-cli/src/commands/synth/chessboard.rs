@@ -1,12 +1,12 @@
 //! `dsfms synth --chessboard`: pictures to calibrate with, and the camera that took them.
 
-use super::video::pose_json;
 use crate::args::Global;
 use crate::commands::experiment::pace::Paced;
 use crate::commands::to_stdout;
 use crate::draw::picture;
 use crate::exit::{Outcome, Usage};
 use crate::outputs::{prepare_folder, write_json, write_png};
+use crate::poses::ImagePose;
 use crate::progress::Reporter;
 use dsfms::camera::CameraModel;
 use dsfms::image::ToneCurve;
@@ -48,7 +48,8 @@ pub fn make(
     let (camera, tone) = (scene.camera.clone(), Some(ToneCurve::Srgb));
     let file = CameraFile { camera, tone, light: None, vignetting: None };
     write_camera(&truth.join("camera.json"), &file)?;
-    let poses = scene.poses.iter().enumerate().map(|(k, pose)| pose_json("board", k, pose));
+    let named = |(k, pose)| ImagePose::of(format!("board_{k:03}"), pose);
+    let poses = scene.poses.iter().enumerate().map(named);
     write_json(&truth.join("poses.json"), &poses.collect::<Vec<_>>())?;
     reporter.finish();
     if !global.quiet {

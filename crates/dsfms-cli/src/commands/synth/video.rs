@@ -5,6 +5,7 @@ use crate::commands::experiment::pace::Paced;
 use crate::draw::picture;
 use crate::exit::Outcome;
 use crate::outputs::{encode_png, prepare_folder, quoted, write_json, write_text};
+use crate::poses::ImagePose;
 use crate::progress::Reporter;
 use clap::ValueEnum;
 use dsfms::eval::deformed_zone;
@@ -93,7 +94,8 @@ pub fn make(args: &VideoArgs, global: &Global, reporter: &Reporter) -> anyhow::R
     let explored = exploration(args, &clip, &progress)?;
     let poses = frames(args, &clip, &progress)?;
     let list = |poses: &[Isometry]| {
-        poses.iter().enumerate().map(|(k, pose)| pose_json("frame", k, pose)).collect::<Vec<_>>()
+        let named = |(k, pose)| ImagePose::of(format!("frame_{k:03}"), pose);
+        poses.iter().enumerate().map(named).collect::<Vec<ImagePose>>()
     };
     let known = json!({ "exploration": list(&explored), "deformed": list(&poses) });
     write_json(&args.path("truth/poses.json"), &known)?;
@@ -115,13 +117,6 @@ fn claim(args: &VideoArgs) -> anyhow::Result<()> {
         "frames_a_second": RATE,
     });
     super::claim(&args.path("clip.json"), &parameters, "another clip")
-}
-
-/// A pose of `poses.json`, of the picture `NAME_NNN`.
-pub fn pose_json(name: &str, number: usize, pose: &Isometry) -> serde_json::Value {
-    let (r, t) = (pose.rotation.to_rotation_matrix(), pose.translation.vector);
-    let rows: Vec<Vec<f64>> = (0..3).map(|i| (0..3).map(|j| r[(i, j)]).collect()).collect();
-    json!({ "image": format!("{name}_{number:03}"), "R": rows, "t": [t.x, t.y, t.z] })
 }
 
 /// The organ at rest; returns the poses.

@@ -42,17 +42,19 @@ page with plots and up to 96 frames in 3D, written anew every few seconds, so
 that `dsfms view OUT` shows a running video; of longer ones every frame for
 `dsfms view` in view/frame_NNN.json (about 50 KB each); with --ply
 frame_NNN.ply; with --formats frame_NNN.vtp, .obj, .stl, and frames.glb, an
-animation; with --overlay overlay/frame_NNN.png and, where ffmpeg is installed,
-overlay.mp4; with --volume volume/frame_NNN_warped.nii.gz or
-volume/frame_NNN_displacement.nii.gz, or both. NNN is the place in the
-sequence.
+animation; camera_poses.json, the camera of every frame by what lies around the
+organ, where the template holds that; with --overlay overlay/frame_NNN.png and,
+where ffmpeg is installed, overlay.mp4; with --volume
+volume/frame_NNN_warped.nii.gz or volume/frame_NNN_displacement.nii.gz, or both.
+NNN is the place in the sequence.
 
 Frames on standard input also give a line of JSON each on standard output:
 frame, status, reasons, dropped, ms and, with a surface, pose
-(camera_from_template, 4 x 4), residual_px and agreement. With --live-vertices
-every line says \"vertices_bytes\": N and N bytes follow its line end: x, y, z of
-every vertex in camera axes, 32-bit little-endian floats; none where there is
-no surface. In Python:
+(camera_from_template, 4 x 4), residual_px and agreement; where the template
+holds what lies around the organ, camera with pose, matches, residual_px and
+uncertainty. With --live-vertices every line says \"vertices_bytes\": N and N
+bytes follow its line end: x, y, z of every vertex in camera axes, 32-bit
+little-endian floats; none where there is no surface. In Python:
   while line := pipe.readline():
       result = json.loads(line)
       xyz = pipe.read(result[\"vertices_bytes\"])

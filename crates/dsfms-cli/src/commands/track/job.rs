@@ -13,7 +13,8 @@ use super::source::Reading;
 use crate::exit::Outcome;
 use crate::formats::{Formats, Shape};
 use crate::interrupt;
-use crate::outputs::{FrameMasks, write_png, write_text};
+use crate::outputs::{FrameMasks, write_json, write_png, write_text};
+use crate::poses::ImagePose;
 use crate::progress::Reporter;
 use crate::report::track::{RunEntry, TrackReport};
 use crate::structures::Structures;
@@ -57,6 +58,8 @@ pub struct Job<'a> {
     /// Programs that are told while it runs.
     pub link: Option<Link>,
     pub recording: Option<Recording>,
+    /// The camera of every frame in which what lies around the organ shows it.
+    pub poses: Vec<ImagePose>,
     /// What is kept for `dsfms replay`.
     pub run: RunFile,
 }
@@ -157,6 +160,9 @@ impl<'a> Job<'a> {
         let frame = taken_frame.frame();
         self.counts[tracked.status as usize] += 1;
         self.summary += &outputs::row(number, &frame.name, tracked, dropped, ms);
+        if let Some(camera) = &tracked.camera {
+            self.poses.push(ImagePose::of(frame.name.clone(), &camera.pose));
+        }
         if let (TrackStatus::Ok, Some(surface)) = (tracked.status, &tracked.surface) {
             self.last = Some(surface.vertices.clone());
         }
@@ -327,6 +333,9 @@ impl<'a> Job<'a> {
         self.formats().write_series(&self.kept)?;
         self.shapes.finish()?;
         write_text(&self.args.output.join("summary.csv"), &self.summary)?;
+        if !self.poses.is_empty() {
+            write_json(&self.args.output.join("camera_poses.json"), &self.poses)?;
+        }
         self.run.write(&self.args.output)?;
         self.report.map_or(Ok(()), TrackReport::finish)?;
         if self.args.overlay {

@@ -1,8 +1,10 @@
 //! Results of a live run on standard output: a line of JSON a frame, its vertices behind it where
 //! they are asked for.
 
+use crate::poses::rows;
 use crate::reasons::sentences;
 use dsfms::geometry::Point3;
+use dsfms::pipeline::CameraSight;
 use dsfms::track::{TrackStatus, Tracked};
 use serde::Serialize;
 use std::io::{self, ErrorKind, Write};
@@ -15,6 +17,9 @@ struct Line {
     reasons: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pose: Option<[[f64; 4]; 4]>,
+    /// By what lies around the organ.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    camera: Option<Camera>,
     #[serde(skip_serializing_if = "Option::is_none")]
     residual_px: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -28,6 +33,22 @@ struct Line {
     ms: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     vertices_bytes: Option<usize>,
+}
+
+/// The camera, whatever the organ does.
+#[derive(Serialize)]
+struct Camera {
+    pose: [[f64; 4]; 4],
+    matches: usize,
+    residual_px: f64,
+    uncertainty: f64,
+}
+
+impl From<CameraSight> for Camera {
+    fn from(sight: CameraSight) -> Self {
+        let CameraSight { pose, matches, residual_px, uncertainty } = sight;
+        Self { pose: rows(&pose), matches, residual_px, uncertainty }
+    }
 }
 
 /// What one frame gave.
@@ -51,13 +72,13 @@ pub fn tell(told: &Told, out: &mut impl Write) -> anyhow::Result<()> {
 
 fn message(told: &Told) -> io::Result<Vec<u8>> {
     let surface = told.tracked.surface.as_ref();
-    let matrix = surface.map(|s| s.pose.to_homogeneous());
     let vertices = told.vertices.map(|shape| shape.unwrap_or_default());
     let line = Line {
         frame: told.number,
         status: told.tracked.status,
         reasons: sentences(&told.tracked.reasons),
-        pose: matrix.map(|m| std::array::from_fn(|r| std::array::from_fn(|c| m[(r, c)]))),
+        pose: surface.map(|s| rows(&s.pose)),
+        camera: told.tracked.camera.map(Camera::from),
         residual_px: surface.map(|s| s.residual_px),
         reprojection_px: surface.map(|s| s.reprojection_px),
         photometric: surface.and_then(|s| s.photometric),
@@ -87,6 +108,7 @@ mod tests {
             status: TrackStatus::Lost,
             reasons: vec![Reason::NoSurface { why: "why\nnot".into() }],
             surface: None,
+            camera: None,
             answered: false,
             stages: Vec::new(),
         };

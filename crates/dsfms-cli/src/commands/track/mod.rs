@@ -85,8 +85,7 @@ fn follow(
     let structures = Structures::read(&args.frames.structures, &template, reporter)?;
     let volume = CarriedVolume::read(&args.volume, &template, reporter)?;
     let link = Link::open(&args.link, &template, &camera, reporter)?;
-    let recorder = recording.as_ref().map(Recording::recorder);
-    let mut source = source(args, live, stream, recorder);
+    let mut source = source(args, live, stream, recording.as_ref().map(Recording::recorder));
     source.numbered = again.is_some_and(|again| again.recorded);
     let rate = args.rate.or_else(|| source.rate()).unwrap_or(RATE);
     interrupt::end_softly();
@@ -118,6 +117,7 @@ fn follow(
         volume,
         link,
         recording,
+        poses: Vec::new(),
         run,
     };
     beside(searcher, || job.finish(reading, again.map(|again| Plan(&again.run.frames))))

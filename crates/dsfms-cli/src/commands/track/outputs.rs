@@ -15,12 +15,24 @@ use std::process::{Command, Stdio};
 
 /// First line of `summary.csv`.
 pub const COLUMNS: &str = "frame,input,status,way,reasons,matches,matches_kept,residual_px,\
-                           reprojection_px,photometric,depth,agreement,places,dropped,ms,prepare_ms,follow_ms,find_ms,pose_ms,\
+                           reprojection_px,photometric,depth,agreement,places,camera_matches,camera_px,camera_open,dropped,ms,prepare_ms,\
+                           surroundings_ms,follow_ms,find_ms,pose_ms,\
                            register_ms,joint_ms,look_ms,agree_ms,compare_ms,seek_ms\n";
 
 /// Stages in the order of the columns.
-const STAGES: [&str; 10] =
-    ["prepare", "follow", "find", "pose", "register", "joint", "look", "agree", "compare", "seek"];
+const STAGES: [&str; 11] = [
+    "prepare",
+    "surroundings",
+    "follow",
+    "find",
+    "pose",
+    "register",
+    "joint",
+    "look",
+    "agree",
+    "compare",
+    "seek",
+];
 
 /// A row of `summary.csv`.
 pub fn row(number: usize, input: &str, tracked: &Tracked, dropped: usize, ms: f64) -> String {
@@ -37,7 +49,11 @@ pub fn row(number: usize, input: &str, tracked: &Tracked, dropped: usize, ms: f6
         [format!("{way},"), figures]
     });
     let [way, figures] = measured;
-    let mut text = format!("{number},{name},{status},{way}{reasons}{figures}{dropped},{ms:.1}");
+    let camera = tracked.camera.map_or(",,,".to_owned(), |camera| {
+        format!("{},{:.3},{:.4},", camera.matches, camera.residual_px, camera.uncertainty)
+    });
+    let mut text =
+        format!("{number},{name},{status},{way}{reasons}{figures}{camera}{dropped},{ms:.1}");
     for stage in STAGES {
         let seconds: f64 =
             tracked.stages.iter().filter(|s| s.0 == stage).fold(0.0, |sum, s| sum + s.1);
@@ -120,6 +136,7 @@ mod tests {
             status: TrackStatus::Lost,
             reasons: vec![Reason::NotFinite, Reason::Black { brightest: 3 }],
             surface: None,
+            camera: None,
             answered: false,
             stages: vec![("find", 0.25)],
         };

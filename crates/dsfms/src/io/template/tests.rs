@@ -70,7 +70,14 @@ fn tiny() -> Template {
             },
             depth: [40.1, 90.2],
         }),
-        surroundings: Some(shapes::icosphere(1, 31.7)),
+        surroundings: Some(Surroundings {
+            mesh: shapes::icosphere(1, 31.7),
+            features: Features {
+                descriptors: vec![[7; 128]],
+                faces: vec![3],
+                barycentrics: vec![[0.25, 0.25, 0.5]],
+            },
+        }),
     }
 }
 
@@ -90,7 +97,9 @@ fn assert_same(a: &Template, b: &Template) {
     assert_eq!(a.light, b.light);
     assert_eq!(a.coat, b.coat);
     assert_eq!(a.usual, b.usual);
-    let around = |t: &Template| t.surroundings.as_ref().map(|m| m.positions.clone());
+    let around = |t: &Template| {
+        t.surroundings.as_ref().map(|s| (s.mesh.positions.clone(), s.features.clone()))
+    };
     assert_eq!(around(a), around(b));
 }
 
@@ -130,7 +139,7 @@ fn a_template_comes_back_bit_for_bit_and_can_be_replaced() {
     write_template(&path, &template).unwrap();
     assert_same(&read_template(&path).unwrap(), &template);
     assert!(!path.join(ALBEDO).exists() && !path.join(SIGMA).exists());
-    assert!(!path.join(SURROUNDINGS).exists());
+    assert!(!path.join(SURROUNDINGS).exists() && !path.join(SURROUNDING_FEATURES).exists());
     assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
 }
 

@@ -64,9 +64,12 @@ const CLEAR: f64 = 0.4;
 const OTHERS: usize = 2;
 /// A click gives a part if what it gives overlaps with it by as much.
 const GIVES: f64 = 0.9;
+/// Vertices of the surface around the organ, over those of the organ: it is larger, and places on it tell where the
+/// camera is.
+const AROUND: usize = 4;
 /// Vertices of the surface around the organ before it is remeshed, over those it has then: coarse stereo shows no
 /// more.
-const FINER: usize = 15;
+const FINER: usize = 4;
 
 impl RegisteredFrames<'_> {
     /// The organ as the frames tell it from what lies behind, and that; see [`super::BuiltTemplate::organ`].
@@ -211,7 +214,7 @@ impl RegisteredFrames<'_> {
             map
         };
         let maps: Vec<DepthMap> = kept.iter().map(rest).collect();
-        let vertices = self.options.vertices;
+        let vertices = AROUND * self.options.vertices;
         let options = DenseOptions { target_vertices: Some(FINER * vertices), ..options.clone() };
         let seen = surface(&views, &maps, &options).ok()?;
         remesh(&seen.mesh, vertices, &self.options.remesh).ok()

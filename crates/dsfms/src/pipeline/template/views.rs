@@ -1,6 +1,6 @@
 //! Everything on the surface that comes from the registered frames.
 
-use super::{Exploration, TemplateError, TemplateOptions, try_flatten};
+use super::{Exploration, FoundOrgan, TemplateError, TemplateOptions, try_flatten};
 use crate::camera::{Camera, PosedFrame};
 use crate::geometry::{Isometry, Point3};
 use crate::image::Mask;
@@ -9,10 +9,10 @@ use crate::pipeline::{Progress, logging};
 use crate::raster::{OCCLUSION_TOLERANCE, rasterize, visible_vertices};
 use crate::sfm::Features2d;
 use crate::template::albedo::{AlbedoOptions, estimate_albedo, refine_by_shading};
-use crate::template::anchor::{FeatureView, anchor_features};
+use crate::template::anchor::{AnchorOptions, FeatureView, anchor_features};
 use crate::template::light_fit::{LightFit, fit_light};
 use crate::template::photometric::AlbedoView;
-use crate::template::{LengthUnit, Template, TemplateView};
+use crate::template::{LengthUnit, Surroundings, Template, TemplateView};
 use rayon::prelude::*;
 
 /// Registered frames, with all that is measured in them. One entry per frame in every list.
@@ -63,7 +63,9 @@ impl Views<'_> {
         let albedo = estimate_albedo(&mesh, &views, &light.light, &shading)?;
         progress.step("light and albedo", 2, 2);
         let flattening = try_flatten(&mesh, options, progress);
-        let features = anchor_features(&mesh, &self.feature_views(&registered), &options.anchor);
+        let feature_views: Vec<FeatureView> =
+            registered.iter().map(|r| self.feature_view(r)).collect();
+        let features = anchor_features(&mesh, &feature_views, &options.anchor);
         let visible: Vec<Vec<bool>> =
             registered.par_iter().map(|r| self.visible(r, &mesh)).collect();
         let mut template = Template {
@@ -85,6 +87,31 @@ impl Views<'_> {
         };
         template.usual = self.usual(&template, &registered);
         Ok((template, Some(light)))
+    }
+
+    /// What lies around the organ, with the keypoints beside the organ of frames that show where it ends.
+    pub(super) fn around(
+        &self,
+        mesh: Mesh,
+        organ: &FoundOrgan,
+        options: &AnchorOptions,
+    ) -> Surroundings {
+        let beside = |r: RegisteredFrame| -> Option<(RegisteredFrame, Mask)> {
+            let name = &self.exploration.frames[r.frame].name;
+            let (_, organ) = organ.guess.masks.iter().find(|(of, _)| of == name)?;
+            let beside = organ.dilate(options.contour_px).complement();
+            let usable = self.usable[r.frame].as_ref();
+            Some((r, usable.map_or_else(|| beside.clone(), |usable| usable.and(&beside))))
+        };
+        let beside: Vec<(RegisteredFrame, Mask)> =
+            self.registered().into_iter().filter_map(beside).collect();
+        let view = |(r, beside)| {
+            let whole = self.feature_view(r);
+            FeatureView { posed: PosedFrame { valid: Some(beside), ..whole.posed }, ..whole }
+        };
+        let views: Vec<FeatureView> = beside.iter().map(|(r, mask)| view((r, mask))).collect();
+        let features = anchor_features(&mesh, &views, options);
+        Surroundings { mesh, features }
     }
 
     fn registered(&self) -> Vec<RegisteredFrame> {
@@ -122,13 +149,9 @@ impl Views<'_> {
         registered.iter().zip(gains).map(view).collect()
     }
 
-    fn feature_views(&self, registered: &[RegisteredFrame]) -> Vec<FeatureView<'_>> {
-        let view = |r: &RegisteredFrame| FeatureView {
-            posed: self.posed(r),
-            points: &self.features[r.frame].points,
-            descriptors: &self.features[r.frame].descriptors,
-        };
-        registered.iter().map(view).collect()
+    fn feature_view(&self, registered: &RegisteredFrame) -> FeatureView<'_> {
+        let Features2d { points, descriptors, .. } = &self.features[registered.frame];
+        FeatureView { posed: self.posed(registered), points, descriptors }
     }
 
     /// The vertices that one view sees, inside its mask.

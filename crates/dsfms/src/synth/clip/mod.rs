@@ -139,6 +139,15 @@ impl Clip {
         Self { rest, camera, light, script, options: options.clone(), path, manipulations, set }
     }
 
+    /// What lies behind the organ, in the template frame, mm; it does not move.
+    pub fn wall(&self) -> Mesh {
+        let Set { mesh, organ_faces, .. } = &self.set;
+        let first = self.rest.positions.len();
+        let faces = mesh.topology.faces[*organ_faces..].iter();
+        let faces = faces.map(|f| f.map(|v| v - first as u32)).collect();
+        Mesh::new(mesh.positions[first..].to_vec(), faces).expect("one of two manifold pieces")
+    }
+
     /// What is true of frame `k`.
     pub fn moment(&self, k: usize) -> ClipMoment {
         let pose = self.path.pose(k);

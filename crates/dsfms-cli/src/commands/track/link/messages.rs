@@ -21,6 +21,8 @@ pub mod device {
     pub const VERDICT: &str = "Verdict";
     /// TRANSFORM.
     pub const POSE: &str = "TemplateToCamera";
+    /// TRANSFORM, by what lies around the organ.
+    pub const CAMERA: &str = "SurroundingsToCamera";
     /// POLYDATA.
     pub const SURFACE: &str = "Organ";
     /// IMAGE.
@@ -72,6 +74,9 @@ impl Messages {
         out.extend(string(head(device::VERDICT), &told.verdict));
         if let Some(found) = found {
             out.extend(transform(head(device::POSE), &found.pose));
+        }
+        if let Some(camera) = &told.tracked.camera {
+            out.extend(transform(head(device::CAMERA), &camera.pose));
         }
         // Of a lost frame no points, so that no old surface stays in view.
         let (shape, faces) = match &told.shape {
