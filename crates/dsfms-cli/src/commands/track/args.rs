@@ -45,7 +45,7 @@ frame_NNN.ply; with --formats frame_NNN.vtp, .obj, .stl, and frames.glb, an
 animation; camera_poses.json, the camera of every frame by what lies around the
 organ, where the template holds that; with --overlay overlay/frame_NNN.png and,
 where ffmpeg is installed, overlay.mp4; with --volume
-volume/frame_NNN_warped.nii.gz or volume/frame_NNN_displacement.nii.gz, or both.
+volume/frame_NNN_warped.nii.gz, volume/frame_NNN_displacement.nii.gz, or both.
 NNN is the place in the sequence.
 
 Frames on standard input also give a line of JSON each on standard output:
