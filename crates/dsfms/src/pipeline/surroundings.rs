@@ -88,7 +88,7 @@ mod tests {
 
     /// A wall three times as large as the organ before it, and matches on the part of it that `which` names (wall's axes).
     fn seen(which: impl Fn(&Point3) -> bool) -> ([Mesh; 2], Isometry, Vec<Match>) {
-        let organ = patch(300, 3).mesh;
+        let organ = patch(1500, 3).mesh;
         let wall = organ.positions.iter().map(|p| Point3::new(3.0 * p.x, 3.0 * p.y, p.z + 15.0));
         let wall = organ.with_positions(wall.collect());
         let pose = Isometry::new(Vector3::new(2.0, -1.0, 80.0), Vector3::new(0.15, -0.2, 0.05));
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn a_corner_of_the_wall_leaves_the_camera_open() {
-        let ([organ, wall], pose, matches) = seen(|p| p.x.hypot(p.y) < 6.0);
+        let ([organ, wall], pose, matches) = seen(|p| p.x.hypot(p.y) < 5.0);
         assert!(matches.len() >= NEEDED);
         let options = RegisterOptions::default();
         assert!(sighted(&camera(), [&organ, &wall], &matches, pose, &options).is_none());

@@ -215,7 +215,7 @@ mod tests {
     fn shared_motion_is_less_by_two_standard_errors_of_its_mean() {
         // Neighbours in pairs far from others: three in four products are 4, the others 0.
         let pair = |i: usize| Point3::new(100.0 * (i / 2) as f64, (i % 2) as f64, 0.0);
-        let moved = |i: usize| if (i / 2) % 4 == 0 { 0.0 } else { 2.0 };
+        let moved = |i: usize| if (i / 2).is_multiple_of(4) { 0.0 } else { 2.0 };
         let offsets: Vec<(Point3, Vector2)> =
             (0..64).map(|i| (pair(i), Vector2::new(0.0, moved(i)))).collect();
         let (mean, spread) = (3.0, (0.75f64 * 16.0).sqrt());
