@@ -10,7 +10,7 @@ use crate::geometry::{Point2, Point3, Vector3, area_normal, point_at};
 use crate::mesh::Mesh;
 use crate::raster::{Raster, rasterize};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Keypoints of one registered frame.
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +33,8 @@ pub struct AnchorOptions {
     pub merge_px: f64,
     /// Largest angle in degrees between descriptors of the same feature.
     pub merge_deg: f64,
+    /// Views that show a feature in one place of the surface, at least: a highlight moves over it.
+    pub least_views: usize,
     /// Distance from predicted contours, px.
     pub contour_px: f64,
     /// Smallest cosine between normal and sightline.
@@ -45,6 +47,7 @@ impl Default for AnchorOptions {
             max_features: 20_000,
             merge_px: 1.5,
             merge_deg: 25.0,
+            least_views: 1,
             contour_px: 3.0,
             grazing_cos: 0.2,
         }
@@ -61,16 +64,21 @@ struct FeatureAnchor {
     footprint: f64,
     /// How squarely it was seen.
     cosine: f64,
+    /// The views that show it.
+    views: BTreeSet<usize>,
 }
 
 /// Attach keypoints to the surface; features follow in order of how squarely they were seen within
 /// each cell of an even spread. Keypoints off the surface, near its contours or seen at a grazing
 /// angle are left out; `points` and `descriptors` are read up to the shorter.
 pub fn anchor_features(mesh: &Mesh, views: &[FeatureView], options: &AnchorOptions) -> Features {
-    let mut anchors: Vec<_> = views.iter().flat_map(|v| anchors_of(mesh, v, options)).collect();
+    let of = |(number, view)| anchors_of(mesh, number, view, options);
+    let mut anchors: Vec<_> = views.iter().enumerate().flat_map(of).collect();
     // Stable: equal cosines keep the order of the views.
     anchors.sort_by(|a, b| b.cosine.total_cmp(&a.cosine));
-    let kept = spread(merge(anchors, options), options.max_features);
+    let mut merged = merge(anchors, options);
+    merged.retain(|anchor| anchor.views.len() >= options.least_views);
+    let kept = spread(merged, options.max_features);
     Features {
         descriptors: kept.iter().map(|a| a.descriptor).collect(),
         faces: kept.iter().map(|a| a.face).collect(),
@@ -78,7 +86,12 @@ pub fn anchor_features(mesh: &Mesh, views: &[FeatureView], options: &AnchorOptio
     }
 }
 
-fn anchors_of(mesh: &Mesh, view: &FeatureView, options: &AnchorOptions) -> Vec<FeatureAnchor> {
+fn anchors_of(
+    mesh: &Mesh,
+    number: usize,
+    view: &FeatureView,
+    options: &AnchorOptions,
+) -> Vec<FeatureAnchor> {
     let PosedFrame { camera, pose, valid, organ, .. } = view.posed;
     let positions: Vec<_> = mesh.positions.iter().map(|p| pose * p).collect();
     let raster = rasterize(camera, &mesh.topology, &positions);
@@ -105,6 +118,7 @@ fn anchors_of(mesh: &Mesh, view: &FeatureView, options: &AnchorOptions) -> Vec<F
                 descriptor: *descriptor,
                 footprint: point.z / camera.focal[0],
                 cosine,
+                views: BTreeSet::from([number]),
             })
         })
         .collect()
@@ -153,18 +167,18 @@ fn merge(anchors: Vec<FeatureAnchor>, options: &AnchorOptions) -> Vec<FeatureAnc
     let mut kept: Vec<FeatureAnchor> = Vec::new();
     for anchor in anchors {
         let key: [i64; 3] = anchor.point.coords.map(|x| (x / cell).floor() as i64).into();
-        let known = neighbours(key).any(|k| {
-            cells.get(&k).is_some_and(|list| {
-                list.iter().any(|&i| {
-                    let reach = options.merge_px * anchor.footprint.max(kept[i].footprint);
-                    (kept[i].point - anchor.point).norm() <= reach
-                        && similarity(&kept[i].descriptor, &anchor.descriptor) >= least
-                })
-            })
-        });
-        if !known {
-            cells.entry(key).or_default().push(kept.len());
-            kept.push(anchor);
+        let same = |i: usize| {
+            let reach = options.merge_px * anchor.footprint.max(kept[i].footprint);
+            (kept[i].point - anchor.point).norm() <= reach
+                && similarity(&kept[i].descriptor, &anchor.descriptor) >= least
+        };
+        let near = neighbours(key).filter_map(|k| cells.get(&k)).flatten();
+        match near.copied().find(|&i| same(i)) {
+            Some(known) => kept[known].views.extend(anchor.views),
+            None => {
+                cells.entry(key).or_default().push(kept.len());
+                kept.push(anchor);
+            }
         }
     }
     kept
@@ -253,6 +267,16 @@ mod tests {
         assert_eq!(anchor_features(&mesh, &views, &apart).faces.len(), 3 * views.len());
         let tiny = AnchorOptions { merge_px: 1e-300, ..Default::default() };
         assert!(anchor_features(&mesh, &views, &tiny).faces.len() >= 3);
+        // What one view alone shows where it does is left out.
+        let mut moving = views.clone();
+        let elsewhere = [Point2::new(pixels[0][0].x + 9.0, pixels[0][0].y), pixels[0][1]];
+        moving[0].points = &elsewhere;
+        let seen = |least_views: usize, views: &[FeatureView]| {
+            let options = AnchorOptions { least_views, ..Default::default() };
+            anchor_features(&mesh, views, &options).faces.len()
+        };
+        assert_eq!([1, 2, 5].map(|least| seen(least, &views)), [3, 3, 3]);
+        assert_eq!([1, 2, 5].map(|least| seen(least, &moving)), [4, 3, 1]);
         let few = AnchorOptions { max_features: 2, ..Default::default() };
         assert_eq!(anchor_features(&mesh, &views, &few).faces.len(), 2);
     }

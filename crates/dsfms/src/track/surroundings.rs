@@ -86,7 +86,8 @@ impl<'a> SurroundingsTracker<'a> {
             let turn = p.turn(&shown.working.camera, self.mesh, &start);
             let (place, alike) = p.follow(&shown.view.seen.pyramid, expected, turn)?;
             let good = alike >= correlation && whole(&shown.view.seen.usable, place);
-            good.then(|| Match { pixel: shown.working.to_frame(place), ..p.found })
+            let glare = || p.stays(&shown.view.seen.pyramid.levels[0], place);
+            (good && !glare()).then(|| Match { pixel: shown.working.to_frame(place), ..p.found })
         };
         let found: Vec<Option<Match>> = self.places.par_iter().map(one).collect();
         let matches: Vec<Match> = found.iter().flatten().copied().collect();

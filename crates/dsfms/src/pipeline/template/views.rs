@@ -24,6 +24,12 @@ pub(super) struct Views<'a> {
     pub features: &'a [Features2d],
 }
 
+/// Views that show a feature of the surroundings in one place: on a dark wall many are highlights, which move with the camera.
+const CONFIRMED: usize = 3;
+
+/// Reach of that over the organ's: the surface of the surroundings is coarser.
+const COARSER: f64 = 2.0;
+
 /// A registered frame.
 pub(super) struct RegisteredFrame {
     pub(super) frame: usize,
@@ -110,7 +116,12 @@ impl Views<'_> {
             FeatureView { posed: PosedFrame { valid: Some(beside), ..whole.posed }, ..whole }
         };
         let views: Vec<FeatureView> = beside.iter().map(|(r, mask)| view((r, mask))).collect();
-        let features = anchor_features(&mesh, &views, options);
+        let options = AnchorOptions {
+            least_views: CONFIRMED,
+            merge_px: COARSER * options.merge_px,
+            ..options.clone()
+        };
+        let features = anchor_features(&mesh, &views, &options);
         Surroundings { mesh, features }
     }
 
