@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn a_corner_of_the_wall_leaves_the_camera_open() {
+    fn a_small_patch_of_the_wall_leaves_the_camera_open() {
         let ([organ, wall], pose, matches) = seen(|p| p.x.hypot(p.y) < 5.0);
         assert!(matches.len() >= NEEDED);
         let options = RegisterOptions::default();

@@ -16,7 +16,7 @@ use crate::pipeline::{CameraSight, sighted};
 use crate::register::find::{NEEDED, Search};
 use crate::register::pose::rest_point;
 use crate::register::{Match, RegisterOptions};
-use crate::template::Template;
+use crate::template::{Surroundings, Template};
 use rayon::prelude::*;
 
 /// Places that are followed at most: with 80 the pose leaves a tenth of a millimetre open, more take time.
@@ -63,12 +63,13 @@ impl ShownFrame<'_> {
 impl<'a> SurroundingsTracker<'a> {
     /// `None` where the template has nothing to follow around its organ.
     pub(super) fn of(template: &'a Template, working: &Working) -> Option<Self> {
-        let around = template.surroundings.as_ref()?;
-        let mesh = &around.mesh;
-        let search = Search::new(mesh, &around.features);
+        let Surroundings { mesh, features } = template.surroundings.as_ref()?;
+        if features.descriptors.is_empty() {
+            return None;
+        }
+        let search = Search::new(mesh, features);
         let seeker = Seeker::new(search.places(), working.camera.size);
-        let found = !around.features.descriptors.is_empty();
-        found.then(|| Self { template, mesh, search, seeker, places: Vec::new(), last: None })
+        Some(Self { template, mesh, search, seeker, places: Vec::new(), last: None })
     }
 
     /// The camera as the places found so far show it; places that do not agree are given up after a while.

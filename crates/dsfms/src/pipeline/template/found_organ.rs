@@ -64,8 +64,8 @@ const CLEAR: f64 = 0.4;
 const OTHERS: usize = 2;
 /// A click gives a part if what it gives overlaps with it by as much.
 const GIVES: f64 = 0.9;
-/// Vertices of the surface around the organ, over those of the organ: it is larger, and places on it tell where the
-/// camera is.
+/// Vertices of the surface around the organ, over those of the organ, since it is larger: with as many its sparse points lie
+/// 0.4 mm off it in the median (clip of seed 21). The camera is told no better with four times as many.
 const AROUND: usize = 4;
 /// Vertices of the surface around the organ before it is remeshed, over those it has then: coarse stereo shows no
 /// more.

@@ -24,10 +24,11 @@ pub(super) struct Views<'a> {
     pub features: &'a [Features2d],
 }
 
-/// Views that show a feature of the surroundings in one place: on a dark wall many are highlights, which move with the camera.
+/// Views that show a feature of the surroundings in one place, at least: on a dark wall many are highlights, which move with
+/// the camera (`docs/results/track.md`, the camera by what lies around the organ).
 const CONFIRMED: usize = 3;
 
-/// Reach of that over the organ's: the surface of the surroundings is coarser.
+/// Pixels within which views agree on the place, over those of the organ: the surface of the surroundings is coarser. Not measured.
 const COARSER: f64 = 2.0;
 
 /// A registered frame.
