@@ -1,4 +1,6 @@
-"""Make development scenes. usage: make.py OUT [INDEX ...] [--data DIR] [--force]   (no index: all sixteen)
+"""Make development scenes. usage: make.py OUT [INDEX ...] [--data DIR] [--force]
+
+No index: all sixteen; an index from 300 on is a scene drawn with that seed.
 
 OUT/NAME gets the layout of ../shared/data/rendered_scene; a finished scene holds a file DONE."""
 
@@ -19,7 +21,7 @@ import tools
 import truth
 from render import Stage
 from render import texture as bitmap
-from specs import SPECS, acts, name
+from specs import SPECS, acts, name, spec_of
 
 EXPLORE = 16
 HERE = Path(__file__).resolve().parent
@@ -76,7 +78,7 @@ class Organ:
 
 def make(index, out, data):
     """Write scene `index` under `out`."""
-    spec, begin = SPECS[index], time.process_time()
+    spec, begin = spec_of(index), time.process_time()
     rng = np.random.default_rng(spec.seed)
     organ = Organ(spec, data, rng)
     wv, wf, wuv, wall, film = texture.wall(spec, organ.low, rng)

@@ -1,4 +1,4 @@
-"""Score dsfms over generated scenes. usage: score.py SCENES [--half choose|held|all] [--roads mesh,auto] [--methods ...] [--json FILE]
+"""Score dsfms over generated scenes. usage: score.py SCENES [--half choose|held|drawn|all] [--roads mesh,auto] [--methods ...] [--json FILE]
 
 Roads: `mesh` true rest mesh and poses, 25 sparse matches, instrument masks; `auto` the same template, frames and camera alone;
 `frames` a template from the exploration frames alone (slow; distances between surfaces after one scale, of the zone the visible part;
@@ -211,7 +211,7 @@ def arguments():
     """The command line."""
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("scenes", type=Path, help="folder that make.py filled, or one scene")
-    ap.add_argument("--half", default="choose", choices=["choose", "held", "all"])
+    ap.add_argument("--half", default="choose", choices=["choose", "held", "drawn", "all"])
     ap.add_argument("--only", default="", help="scenes whose name contains one of these words, comma separated")
     ap.add_argument("--roads", default="mesh,auto")
     ap.add_argument("--methods", default=METHODS)

@@ -1,5 +1,8 @@
-"""The sixteen scenes. Even indices are for choosing defaults ("choose"), odd ones stay untouched ("held")."""
+"""The sixteen scenes. Even indices are for choosing defaults ("choose"), odd ones stay untouched ("held").
 
+Any number from 300 on is a scene too ("drawn"): its spec is drawn with that seed, so that scenes nobody looked at never run out."""
+
+import random
 from dataclasses import dataclass
 
 # A deformed frame is a list of acts "KIND SITE:MM": push and pull go to a seeded place of the seen surface (1, 2, ...),
@@ -62,9 +65,65 @@ SPECS = [
 ]
 
 
+# Organs a scene is drawn from, with the range of their size in mm; the flat ones lie further away, as in SPECS.
+SIZES = {
+    "pear": (50, 58),
+    "bean": (54, 62),
+    "lobe": (80, 90),
+    "sac": (62, 68),
+    "blob": (52, 58),
+    "uterus": (68, 74),
+    "gallbladder": (56, 60),
+    "kidney": (62, 68),
+    "spleen": (68, 74),
+    "bladder": (54, 58),
+    "liver-ucl": (84, 92),
+}
+FIRST_DRAWN = 300
+
+
+def drawn(seed):
+    """The spec of a seed: every choice uniform over about the range of SPECS, nine frames of one or two acts."""
+    rng = random.Random(seed)
+    organ = rng.choice(sorted(SIZES))
+    flat = organ in ("lobe", "liver-ucl")
+
+    def act():
+        kind = rng.choice(["push", "pull", "bend", "twist"])
+        far = {"push": 10, "pull": 12, "bend": 12, "twist": 7}[kind]
+        mm = rng.uniform(0.3, 1.0) * far * (rng.choice([1, -1]) if kind == "bend" else 1)
+        return f"{kind}{rng.randint(1, 3) if kind in ('push', 'pull') else ''}:{mm:.0f}"
+
+    def frame():
+        first, second = act(), act()
+        return f"{first} {second}" if rng.random() < 0.3 and first.split(":")[0] != second.split(":")[0] else first
+
+    return Spec(
+        seed=seed,
+        organ=organ,
+        size=round(rng.uniform(*SIZES[organ])),
+        vertices=1000 * round(3 * 16 ** rng.random()),
+        frames="; ".join(["rest"] + [frame() for _ in range(9)]),
+        texture=round(rng.uniform(0.2, 1.0), 2),
+        light=rng.choice(["colocated", "offset", "ring"]),
+        open=flat or rng.random() < 0.2,
+        distortion=rng.choice([(0.0, 0.0, 0.0, 0.0), (round(rng.uniform(-0.22, 0.08), 3), 0.03, 0.0005, -0.0005)]),
+        noisy=rng.random() < 0.4,
+        alpha=round(rng.uniform(0.07, 0.13), 3),
+        distance=88.0 if flat else 80.0,
+        hue=rng.choice(["pink", "liver", "green", "purple"]),
+    )
+
+
+def spec_of(index):
+    """The spec of an index of SPECS, or of a seed from FIRST_DRAWN on."""
+    return SPECS[index] if index < FIRST_DRAWN else drawn(index)
+
+
 def name(index):
-    """Folder of a scene: its index, its half and its organ."""
-    return f"{index:02d}-{'held' if index % 2 else 'choose'}-{SPECS[index].organ}"
+    """Folder of a scene: its index, its half (or "drawn") and its organ."""
+    half = "drawn" if index >= FIRST_DRAWN else "held" if index % 2 else "choose"
+    return f"{index:02d}-{half}-{spec_of(index).organ}"
 
 
 def acts(spec):

@@ -1,4 +1,4 @@
-"""How long one frame of a generated scene takes, stage by stage. usage: speed.py SCENES [--half choose|held|all] [--binary DSFMS]
+"""How long one frame of a generated scene takes, stage by stage. usage: speed.py SCENES [--half choose|held|drawn|all] [--binary DSFMS]
 
 Closed organs of 3,000 to 48,000 vertices, true rest mesh and poses, 25 given matches and instrument masks: the road `mesh` of score.py, whose
 templates are used (--work, --template-key). Every frame is a command of its own with --threads threads, so nothing is left from one frame to
@@ -45,7 +45,7 @@ def timed(a, scene, made, frame, out):
 def main():
     ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("scenes", type=Path, help="folder that make.py filled")
-    ap.add_argument("--half", default="all", choices=["choose", "held", "all"])
+    ap.add_argument("--half", default="all", choices=["choose", "held", "drawn", "all"])
     ap.add_argument("--binary", type=Path, default=Path(__file__).resolve().parents[2] / "target/release/dsfms")
     ap.add_argument("--frames", default="3,5,7")
     ap.add_argument("--threads", default="2")

@@ -1,4 +1,4 @@
-"""Is an `ok` frame of a scene further off than it says? usage: stated.py SCENES WORK RUN [--half choose|held|all]
+"""Is an `ok` frame of a scene further off than it says? usage: stated.py SCENES WORK RUN [--half choose|held|drawn|all]
 
 RUN names the folders that score.py left in WORK/SCENE, as `mesh-joint-*`. Error of a zone: root mean square over its vertices, mm,
 nothing aligned; stated: root mean square of their expected errors; bound: `expected_error.bound` of frame_NNN.json times that
@@ -48,7 +48,7 @@ def main():
     ap.add_argument("scenes", type=Path)
     ap.add_argument("work", type=Path)
     ap.add_argument("run")
-    ap.add_argument("--half", default="all", choices=["choose", "held", "all"])
+    ap.add_argument("--half", default="all", choices=["choose", "held", "drawn", "all"])
     ap.add_argument("--json", type=Path)
     a = ap.parse_args()
     rows = []
@@ -61,7 +61,7 @@ def main():
     print(f"{len(rows)} frames: {states[0]} ok, {states[1]} degraded, {states[2]} failed\n")
     print("| half | zone | ok frames | error, mm: median, largest | error over stated: median, 90 %, largest "
           "| above twice the stated | above three times | above the bound |\n" + "| --- " * 8 + "|")
-    for half in ("choose", "held"):
+    for half in ("choose", "held", "drawn"):
         for name in ("seen", "all"):
             of = [r for r in rows if r["status"] == "ok" and half in r["scene"] and name in r]
             if not of:

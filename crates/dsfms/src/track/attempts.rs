@@ -94,7 +94,7 @@ impl Tracker<'_> {
     ) -> Result<Candidate, String> {
         let seed = self.options.reconstruct.seed;
         let matches = clock.time("find", || {
-            let seen = view.features(frame, &self.working, MOST_FEATURES);
+            let seen = view.seen.features(frame, &self.working, MOST_FEATURES);
             let options = &self.options.reconstruct.register;
             self.search.matches(self.camera, &seen, options, seed)
         });

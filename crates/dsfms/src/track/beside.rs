@@ -2,7 +2,6 @@
 
 use super::TrackStatus;
 use super::candidate::{Candidate, Last};
-use super::clock::Clock;
 use super::exposed::Exposed;
 use super::prepare::View;
 use super::recent::UsualResidual;
@@ -43,8 +42,6 @@ pub(super) struct Need {
 pub(super) struct Answer {
     pub(super) outcome: Result<(Candidate, Last), String>,
     pub(super) other_camera: Option<(f64, [f64; 2])>,
-    /// What it took.
-    pub(super) clock: Clock,
 }
 
 /// The tracker's end.
@@ -58,8 +55,6 @@ pub(super) struct Beside {
     alone: bool,
     /// The threads that the search leaves for the frames.
     pool: Option<Arc<ThreadPool>>,
-    /// No question has been asked yet.
-    first: bool,
     /// Whether the answer is taken in this frame, as in an earlier run; `None`: when it is there.
     pub(super) as_before: Option<bool>,
 }
@@ -81,7 +76,6 @@ impl Beside {
             pending: false,
             alone: false,
             pool: pool(left).map(Arc::new),
-            first: true,
             as_before: None,
         }
     }
@@ -104,15 +98,12 @@ impl Beside {
         self.answers().recv().map_err(|_| Gone)
     }
 
-    /// Ask about a frame. The first answer is waited for: there is nothing to go on with before.
-    pub(super) fn ask(&mut self, question: Question) -> Result<Option<Answer>, Gone> {
+    /// Ask about a frame.
+    pub(super) fn ask(&mut self, question: Question) -> Result<(), Gone> {
         let alone = question.alone;
         self.ask.send(question).map_err(|_| Gone)?;
-        if std::mem::take(&mut self.first) {
-            return self.wait().map(Some);
-        }
         (self.pending, self.alone) = (true, alone);
-        Ok(None)
+        Ok(())
     }
 
     /// The answer, where it is there.

@@ -14,9 +14,4 @@ impl Clock {
         self.0.push((name, start.elapsed().as_secs_f64()));
         value
     }
-
-    /// Append the stages of work that was waited for.
-    pub(super) fn add(&mut self, other: Self) {
-        self.0.extend(other.0);
-    }
 }

@@ -71,8 +71,8 @@ pub struct TrackOptions {
     /// A surface that is found from nothing is solved by the blurs after a gap and the few steps of `video`, in
     /// place of the joint solve of a single frame: the frames after it do the rest.
     pub brief_search: bool,
-    /// Searches are made on a thread of their own where the program runs one ([`Tracker::searcher`]), but for
-    /// the first: frames go on meanwhile, and what is found is followed into the frame that is at hand by then.
+    /// Searches are made on a thread of their own where the program runs one ([`Tracker::searcher`]):
+    /// frames go on meanwhile, and what is found is followed into the frame that is at hand by then.
     pub search_beside: bool,
     /// One more thread does not sleep while a frame is solved, and frames are prepared on it: less time a
     /// frame for more of the processor, where it has the cores.

@@ -1,8 +1,8 @@
 //! In which parts of the picture places of the template are sought: those that lack most, each again after
 //! a while.
 
-use super::look::Working;
-use super::prepare::{View, WorkingWindow};
+use super::look::{Seen, Working};
+use super::prepare::WorkingWindow;
 use crate::geometry::{Point2, Point3};
 use crate::image::Frame;
 use crate::register::Match;
@@ -33,7 +33,7 @@ const MOST_FEATURES: usize = 150;
 /// A part of a frame that is searched.
 pub(super) struct SoughtPart<'a> {
     pub(super) frame: &'a Frame,
-    pub(super) view: &'a View,
+    pub(super) seen: &'a Seen,
     pub(super) working: &'a Working,
     pub(super) window: WorkingWindow,
 }
@@ -41,8 +41,8 @@ pub(super) struct SoughtPart<'a> {
 impl SoughtPart<'_> {
     /// Matches near where features of a template are visible: their indices, and px of the working image.
     pub(super) fn matches(&self, search: &Search, visible: &[(u32, Point2)]) -> Vec<Match> {
-        let Self { frame, view, working, window } = self;
-        let seen = view.features_in(frame, working, *window, MOST_FEATURES);
+        let Self { frame, seen, working, window } = self;
+        let found = seen.features_in(frame, working, *window, MOST_FEATURES);
         let [low, high] = [0, 1].map(|end| {
             let at = |k: usize| (window.corner[k] + end * window.size[k]) as f64;
             Point2::new(at(0), at(1))
@@ -52,7 +52,7 @@ impl SoughtPart<'_> {
         let expected = visible.iter().filter(|e| near(&e.1));
         let expected: Vec<(u32, Point2)> =
             expected.map(|&(i, p)| (i, working.to_frame(p))).collect();
-        search.near(&seen, &expected, REACH_PX * f64::from(1u32 << working.halvings))
+        search.near(&found, &expected, REACH_PX * f64::from(1u32 << working.halvings))
     }
 }
 

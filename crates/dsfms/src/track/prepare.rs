@@ -91,6 +91,8 @@ pub struct Prepared {
 #[derive(Clone)]
 pub(super) struct View {
     pub(super) seen: Seen,
+    /// With what lies around the organ in place of it, where a mask tells them apart; `None`: the same.
+    around: Option<Seen>,
     /// What shading is read from.
     pub(super) photo: Shot,
     /// What the surface is compared with; `None`: the same.
@@ -112,9 +114,16 @@ impl View {
         self.compared.as_ref().unwrap_or(&self.photo)
     }
 
+    /// The frame as what lies around the organ is looked for in it.
+    pub(super) fn around(&self) -> &Seen {
+        self.around.as_ref().unwrap_or(&self.seen)
+    }
+}
+
+impl Seen {
     /// Features of the frame at the size of the working image, by pixels of the frame.
     pub(super) fn features(&self, frame: &Frame, working: &Working, most: usize) -> Features2d {
-        let size = self.seen.open.size;
+        let size = self.open.size;
         self.features_in(frame, working, WorkingWindow { corner: [0; 2], size }, most)
     }
 
@@ -126,15 +135,15 @@ impl View {
         window: WorkingWindow,
         most: usize,
     ) -> Features2d {
-        let [w, h] = self.seen.open.size;
+        let [w, h] = self.open.size;
         let small = smaller(frame, working.halvings, window);
-        let usable = window.of(&self.seen.open);
+        let open = window.of(&self.open);
         let usual = SfmOptions::default();
         // Tiles of about the same size as in the whole.
         let share = (small.size[0] * small.size[1]) as f64 / (w * h).max(1) as f64;
         let tiles = (usual.clahe_tiles as f64 * share.sqrt()).round().max(1.0) as usize;
         let options = SfmOptions { max_features: most, clahe_tiles: tiles, ..usual };
-        let mut found = detect(&small, Some(&usable), &options);
+        let mut found = detect(&small, Some(&open), &options);
         let corner = Vector2::from(window.corner.map(|c| c as f64));
         found.points.iter_mut().for_each(|p| *p = working.to_frame(*p + corner));
         found
@@ -218,12 +227,11 @@ impl Preparation {
         Ok(Prepared { seconds: start.elapsed().as_secs_f64(), frame, brightest, view })
     }
 
-    /// Where the organ may be seen in the working image.
-    fn usable(&mut self, frame: &Frame, regions: Regions) -> Mask {
+    /// Where the working image is valid and shows no instrument.
+    fn open(&mut self, frame: &Frame, regions: Regions) -> Mask {
         let Working { halvings, ref camera, .. } = self.working;
-        let within = |mask: &Mask| any(&mask.complement(), halvings).complement();
-        let mut usable = match regions.valid {
-            Some(valid) => within(valid),
+        let mut open = match regions.valid {
+            Some(valid) => within(valid, halvings),
             None => {
                 let old = |&(at, _): &(usize, _)| self.count >= at + VIEWPORT_FRAMES;
                 if self.viewport.as_ref().is_none_or(old) {
@@ -234,28 +242,31 @@ impl Preparation {
                 lit.unwrap_or_else(|| Mask::filled(camera.size, true))
             }
         };
-        if let Some(organ) = regions.organ {
-            usable = usable.and(&within(organ));
-        }
         if let Some(instrument) = regions.instrument {
             let scale = f64::from(1u32 << halvings);
             let covered = any(instrument, halvings).dilate(INSTRUMENT_MARGIN / scale);
-            usable = usable.minus(&covered);
+            open = open.minus(&covered);
         }
-        usable
+        open
     }
 
     fn view(&mut self, frame: &Frame, regions: Regions) -> View {
-        let usable = self.usable(frame, regions);
+        let open = self.open(frame, regions);
         let Working { halvings, photo_halvings, compared_halvings, .. } = self.working;
+        let (usable, around) = match regions.organ {
+            Some(organ) => {
+                (open.and(&within(organ, halvings)), Some(open.minus(&any(organ, halvings))))
+            }
+            None => (open, None),
+        };
         let base = halvings.min(photo_halvings);
         let reduced = Reduced::of(frame, &self.tables, base);
         let scale = f64::from(1u32 << halvings);
         let halo = HALO * diagonal(frame.size) / scale;
-        let clear = usable.minus(&any(&reduced.saturated(), halvings - base).dilate(halo));
+        let white = any(&reduced.saturated(), halvings - base).dilate(halo);
         let bright = halved(&reduced.bright, halvings - base);
         let pyramid = Arc::new(Pyramid::new(bright, LEVELS));
-        let seen = Seen { pyramid, usable: clear, open: usable.clone() };
+        let seen = |open: Mask| Seen { pyramid: pyramid.clone(), usable: open.minus(&white), open };
         let shot = |times: u32, size: [usize; 2]| Shot {
             picture: reduced.picture(times - base),
             usable: match times.checked_sub(halvings) {
@@ -266,8 +277,13 @@ impl Preparation {
         let photo = shot(photo_halvings, self.working.photo.size);
         let smaller = compared_halvings > photo_halvings;
         let compared = smaller.then(|| shot(compared_halvings, self.working.compared.size));
-        View { seen, photo, compared }
+        View { seen: seen(usable), around: around.map(seen), photo, compared }
     }
+}
+
+/// Pixels of a halved image all of which lie in a mask.
+fn within(mask: &Mask, halvings: u32) -> Mask {
+    any(&mask.complement(), halvings).complement()
 }
 
 /// The endoscope's viewport at a reduced size; `None` where the frame has no dark surround.

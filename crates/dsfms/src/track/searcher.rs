@@ -54,20 +54,19 @@ impl Searcher<'_> {
         let tracker = &mut self.tracker;
         (tracker.count, tracker.last) = (known.count, known.last.clone());
         (tracker.usual, tracker.exposed) = (known.usual.clone(), known.exposed.clone());
-        let mut clock = Clock::default();
-        let found = tracker.sought(frame, view, &mut clock);
+        let found = tracker.sought(frame, view, &mut Clock::default());
         let outcome = found.map(|found| {
             let last = tracker.as_last(view, &found);
             (found, last)
         });
-        Answer { outcome, other_camera: tracker.other_camera, clock }
+        Answer { outcome, other_camera: tracker.other_camera }
     }
 }
 
 impl<'a> Tracker<'a> {
-    /// Who searches for this tracker from here on; [`run`](Searcher::run) it on another thread, since the first
-    /// frame waits for it. Dropped, it leaves the searches to this tracker. `None` where the options do not ask for
-    /// it ([`TrackOptions::search_beside`](super::TrackOptions::search_beside)).
+    /// Who searches for this tracker from here on; [`run`](Searcher::run) it on another thread. No frame waits for it:
+    /// until the first answer all are lost. Dropped, it leaves the searches to this tracker. `None` where the options
+    /// do not ask for it ([`TrackOptions::search_beside`](super::TrackOptions::search_beside)).
     pub fn searcher(&mut self) -> Option<Searcher<'a>> {
         if !self.options.search_beside {
             return None;
@@ -122,10 +121,8 @@ impl<'a> Tracker<'a> {
         };
         let alone = need.level == TrackStatus::Lost;
         let question = Question { frame: frame.clone(), view: view.clone(), known, alone };
-        let Some(first) = beside.ask(question)? else { return Ok(found) };
-        self.other_camera = first.other_camera;
-        clock.add(first.clock);
-        Ok(Some(first.outcome.map(|(found, _)| found)))
+        beside.ask(question)?;
+        Ok(found)
     }
 
     /// What was found in an earlier frame, followed into this one.

@@ -67,7 +67,7 @@ impl Tracker<'_> {
     ) -> Vec<FollowedPlace> {
         let window = self.seeker.window(part, self.working.camera.size);
         let all: Vec<u32> = (0..self.search.places().len() as u32).collect();
-        let sought = SoughtPart { frame, view, working: &self.working, window };
+        let sought = SoughtPart { frame, seen: &view.seen, working: &self.working, window };
         let found = sought.matches(&self.search, &self.visible(view, surface, &all));
         let lacking = found.into_iter().filter(|m| lacks(self.working.of_frame(m.pixel)));
         lacking.filter_map(|m| self.place(view, m, surface.pose)).collect()

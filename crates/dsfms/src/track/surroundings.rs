@@ -3,10 +3,9 @@
 //! meanwhile.
 
 use super::covered::CoveredCells;
-use super::look::Working;
+use super::look::{Seen, Working};
 use super::parts::{Seeker, SoughtPart};
 use super::places::{FollowedPlace, OLD};
-use super::prepare::View;
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3, normal};
 use crate::image::Frame;
@@ -47,7 +46,8 @@ struct LastCamera {
 /// A frame in which the surroundings are looked for.
 pub(super) struct ShownFrame<'a> {
     pub(super) frame: &'a Frame,
-    pub(super) view: &'a View,
+    /// As what lies around the organ is looked for in it.
+    pub(super) seen: &'a Seen,
     pub(super) working: &'a Working,
     pub(super) camera: &'a CameraModel,
     pub(super) number: usize,
@@ -85,9 +85,9 @@ impl<'a> SurroundingsTracker<'a> {
         let one = |p: &FollowedPlace| -> Option<Match> {
             let expected = shown.pixel(&start, &rest_point(self.mesh, &p.found))?;
             let turn = p.turn(&shown.working.camera, self.mesh, &start);
-            let (place, alike) = p.follow(&shown.view.seen.pyramid, expected, turn)?;
-            let good = alike >= correlation && whole(&shown.view.seen.usable, place);
-            let glare = || p.stays(&shown.view.seen.pyramid.levels[0], place);
+            let (place, alike) = p.follow(&shown.seen.pyramid, expected, turn)?;
+            let good = alike >= correlation && whole(&shown.seen.usable, place);
+            let glare = || p.stays(&shown.seen.pyramid.levels[0], place);
             (good && !glare()).then(|| Match { pixel: shown.working.to_frame(place), ..p.found })
         };
         let found: Vec<Option<Match>> = self.places.par_iter().map(one).collect();
@@ -135,15 +135,15 @@ impl<'a> SurroundingsTracker<'a> {
         let probes: Vec<(Point2, bool)> =
             visible(&self.seeker.probes).iter().map(|p| (p.1, !known.at(p.1))).collect();
         let Some(part) = self.seeker.worst(&probes, now, 1).first().copied() else { return };
-        let ShownFrame { frame, view, working, .. } = *shown;
+        let ShownFrame { frame, seen, working, .. } = *shown;
         let window = self.seeker.window(part, size);
-        let sought = SoughtPart { frame, view, working, window };
+        let sought = SoughtPart { frame, seen, working, window };
         let found = sought.matches(&self.search, &visible(&all));
         let new = found.into_iter().filter(|m| !known.at(working.of_frame(m.pixel)));
         let new: Vec<FollowedPlace> = new
             .filter_map(|m| {
                 let pixel = working.of_frame(m.pixel);
-                FollowedPlace::new(m, pixel, &view.seen.pyramid.levels[0], pose, now)
+                FollowedPlace::new(m, pixel, &seen.pyramid.levels[0], pose, now)
             })
             .collect();
         self.seeker.looked(part, now, !new.is_empty());
@@ -160,6 +160,6 @@ impl<'a> SurroundingsTracker<'a> {
         let [a, b, c] = self.mesh.corners(found.face as usize).map(|p| pose * p);
         let towards = normal(&a, &b, &c)?.dot(&a.coords) < 0.0;
         let pixel = shown.pixel(pose, &self.search.places()[feature as usize])?;
-        (towards && shown.view.seen.usable.at_pixel(&pixel)).then_some(pixel)
+        (towards && shown.seen.usable.at_pixel(&pixel)).then_some(pixel)
     }
 }

@@ -269,7 +269,7 @@ impl<'a> Tracker<'a> {
     /// The camera as the surroundings show it.
     fn surroundings_followed(&mut self, frame: &Frame, view: &View) -> Option<CameraSight> {
         let Self { working, camera, options, count, .. } = self;
-        let shown = ShownFrame { frame, view, working, camera, number: *count };
+        let shown = ShownFrame { frame, seen: view.around(), working, camera, number: *count };
         let register = &options.reconstruct.register;
         self.surroundings.as_mut()?.followed(&shown, options.correlation, register)
     }
@@ -277,7 +277,7 @@ impl<'a> Tracker<'a> {
     /// Places of the surroundings, sought where the camera has them: the one that they show, or else that of the organ.
     fn seek_surroundings(&mut self, frame: &Frame, view: &View, surface: Option<&Surface>) {
         let Self { working, camera, count, .. } = self;
-        let shown = ShownFrame { frame, view, working, camera, number: *count };
+        let shown = ShownFrame { frame, seen: view.around(), working, camera, number: *count };
         let pose = self.camera_sight.map(|sight| sight.pose).or(surface.map(|s| s.pose));
         let organ = surface.map_or(&[][..], |s| &s.vertices);
         if let (Some(surroundings), Some(pose)) = (&mut self.surroundings, pose) {
