@@ -81,14 +81,14 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Diffuse<'_, C, L> {
     ) -> Result<SVector<f64, 1>, Infeasible> {
         let ring = &self.rings[i];
         let DiffuseVertex { brightness, turn, .. } = self.seen[i];
-        let Brightness { weights, albedo, white, sigma } = brightness;
+        let Brightness { weights, albedo, around, white, sigma } = brightness;
         let normal = ring.normal(v).ok_or(Infeasible)?;
         let projection = self.camera.project(&v[0]).ok_or(Infeasible)?;
         let (intensity, gradient) =
             self.image.mixed(&projection.pixel, &weights).ok_or(Infeasible)?;
         let shade = self.light.shade(&v[0], &(turn * normal.unit));
         let brightness = g[0].exp() * albedo;
-        let predicted = brightness * shade.value;
+        let predicted = brightness * (shade.value + around);
         if let Some(j) = jacobian {
             let slope = -brightness / sigma;
             let d_normal = turn.tr_mul(&shade.d_normal) * slope;
@@ -119,8 +119,13 @@ mod tests {
         let data = (0..64 * 48).map(|i| 0.001 * (i % 64) as f32 + 0.004 * (i / 64) as f32);
         let data = data.map(|v| [v, 0.5 * v, 1.0 - v]).collect();
         let image = ColorImage { size: [64, 48], data };
-        let brightness =
-            Brightness { weights: [0.5, 0.6, -0.2], albedo: 0.6, white: 0.9, sigma: 0.05 };
+        let brightness = Brightness {
+            weights: [0.5, 0.6, -0.2],
+            albedo: 0.6,
+            around: 0.02,
+            white: 0.9,
+            sigma: 0.05,
+        };
         let turn = nalgebra::Rotation3::new(nalgebra::Vector3::new(0.1, -0.2, 0.05)).into_inner();
         let seen = |vertex| DiffuseVertex { vertex, brightness, turn };
         let vertices: Vec<_> = (0..25).map(seen).collect();

@@ -10,7 +10,7 @@ use crate::mesh::normals::vertex_normals;
 use nalgebra::{Matrix3, SVector};
 use rayon::prelude::*;
 
-/// `r = (w·I′(π(p)) − e^γ α s(p, N) − κ w₁) / σ` at points `p = v(f)·b + l` inside faces, with the normal
+/// `r = (w·I′(π(p)) − e^γ α (s(p, N) + s₀) − κ w₁) / σ` at points `p = v(f)·b + l` inside faces, with the normal
 /// `N = T n`, `n` interpolated from the area-weighted vertex normals, and the [`Lift`] `(l, T)` of the
 /// full mesh over the one that is solved on. The log gain `γ = g₀ + Σ wₖ gₖ` varies slowly over the
 /// surface; it and the ambient light `κ = g₁` are global unknowns.
@@ -208,8 +208,8 @@ impl<'a, C: Camera, L: Light> Photometric<'a, C, L> {
     /// Robust log gain of the image over the prediction for an ambient light; 0 without samples.
     pub(crate) fn log_gain(&self, topology: &Topology, shape: &[Point3], ambient: f64) -> f64 {
         let ratio = |(sample, seen): (&Sample, SeenSample)| {
-            let Brightness { albedo, white, .. } = sample.brightness;
-            let ratio = (seen.intensity - ambient * white) / (albedo * seen.shade);
+            let Brightness { albedo, around, white, .. } = sample.brightness;
+            let ratio = (seen.intensity - ambient * white) / (albedo * (seen.shade + around));
             (ratio > 0.0 && ratio.is_finite()).then(|| ratio.ln())
         };
         let mut ratios: Vec<f64> = self.on(topology, shape).into_iter().filter_map(ratio).collect();
@@ -226,9 +226,9 @@ impl<'a, C: Camera, L: Light> Photometric<'a, C, L> {
     ) -> f64 {
         let (mut sum, mut count) = (0.0, 0.0);
         for (sample, seen) in self.on(topology, shape) {
-            let Brightness { albedo, white, .. } = sample.brightness;
-            let predicted =
-                sample.gain.log_of(globals).exp() * albedo * seen.shade + globals[1] * white;
+            let Brightness { albedo, around, white, .. } = sample.brightness;
+            let brightness = sample.gain.log_of(globals).exp() * albedo;
+            let predicted = brightness * (seen.shade + around) + globals[1] * white;
             if seen.intensity > 0.0 {
                 (sum, count) = (sum + (1.0 - predicted / seen.intensity).abs(), count + 1.0);
             }
@@ -277,13 +277,14 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Photometric<'_, C, L> {
         let b = &sample.barycentric;
         let point = point_at([&v[0], &v[1], &v[2]], *b) + sample.lift.offset;
         let projection = self.camera.project(&point).ok_or(Infeasible)?;
-        let Brightness { weights, albedo, white, sigma } = sample.brightness;
+        let Brightness { weights, albedo, around, white, sigma } = sample.brightness;
         let (intensity, gradient) =
             self.image.mixed(&projection.pixel, &weights).ok_or(Infeasible)?;
         let sums = ring.corner_sums(v);
         let (normal, _) = interpolate(&sums, b);
         let shade = self.light.shade(&point, &(sample.lift.turn * normal));
         let brightness = sample.gain.log(g).exp() * albedo;
+        let predicted = brightness * (shade.value + around);
         if let Some(j) = jacobian {
             let slope = -brightness / sigma;
             let d_normal = sample.lift.turn.tr_mul(&shade.d_normal) * slope;
@@ -295,13 +296,13 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Photometric<'_, C, L> {
             for (to, weight) in j.vertices.iter_mut().zip(b) {
                 *to += d_point * *weight;
             }
-            j.globals[0][0] = slope * shade.value;
+            j.globals[0][0] = -predicted / sigma;
             j.globals[1][0] = -white / sigma;
             for (to, share) in j.globals[2..].iter_mut().zip(sample.gain.shares.iter().flatten()) {
-                to[0] = slope * shade.value * share;
+                to[0] = -predicted * share / sigma;
             }
         }
-        Ok(SVector::from([(intensity - brightness * shade.value - g[1] * white) / sigma]))
+        Ok(SVector::from([(intensity - predicted - g[1] * white) / sigma]))
     }
 }
 
@@ -339,6 +340,7 @@ mod tests {
             brightness: Brightness {
                 weights: [0.5, 0.6, -0.2],
                 albedo: 0.6,
+                around: 0.02,
                 white: 0.9,
                 sigma: 0.05,
             },

@@ -246,9 +246,10 @@ impl Shading {
         for used in &found.diffuse {
             let v = used.vertex as usize;
             let pixel = photo.camera.project(&shape[v]).map(|p| p.pixel);
-            let Brightness { weights, albedo: alpha, .. } = used.brightness;
+            let Brightness { weights, albedo: alpha, around, .. } = used.brightness;
             let image = pixel.and_then(|p| found.image.mixed(&p, &weights)).map_or(0.0, |s| s.0);
-            let predicted = alpha * photo.light.shade(&shape[v], &normals[v]).value;
+            let shade = photo.light.shade(&shape[v], &normals[v]).value;
+            let predicted = alpha * (shade + around);
             if image > 1e-4 && predicted > 1e-4 {
                 ratios[v] = ((image / predicted).ln() - found.log_gain).clamp(-1.0, 1.0);
                 albedo[v] = alpha.ln();

@@ -28,6 +28,8 @@ pub(super) struct LookOptions {
     pub(super) mirror_deg: f64,
     /// Colours tell glare and instruments from tissue.
     pub(super) colour: bool,
+    /// Shading is blurred as the image is: the shape is near that of the frame.
+    pub(super) around: bool,
 }
 
 /// A photograph with a shape in front of it.
@@ -41,6 +43,8 @@ pub(super) struct FrameLook<'a> {
     /// Blurred over the pixels that count, each channel over its own.
     pub(super) image: ColorImage,
     albedo: ColorImage,
+    /// Mean albedo times the shading of the shape, blurred likewise; `None` where that is not asked for.
+    diffuse: Option<Plane>,
     support: Plane,
     /// `true` too near to a predicted contour.
     at_contour: Mask,
@@ -82,35 +86,45 @@ impl<'a> FrameLook<'a> {
             normals,
             raster,
             albedo,
+            diffuse: None,
         };
         // One mask for all channels: blurred over different pixels, glare would not stay white.
         let counts =
             |i: usize| known[i] && photo.usable.data[i] && picture.clipped[i] == [false; 3];
         let counts: Vec<bool> = (0..known.len()).map(counts).collect();
         let told = look.options.colour && !pale(&look.albedo, &known);
-        let covered = if told { look.occluders(&counts) } else { look.possible_glare() };
+        let shade = if told || look.options.around { look.shading() } else { Vec::new() };
+        let covered = match told {
+            true => occluders(&picture.linear, &look.albedo, &shade, &counts),
+            false => look.possible_glare(),
+        };
         let data = counts.iter().zip(&covered.data).map(|(&counts, covered)| counts && !covered);
         let mask = Mask { size: look.raster.size, data: data.collect() };
         let channels = [0, 1, 2].map(|c| (&picture.linear, c)).into_par_iter();
         let channels = channels.chain([0, 1, 2].map(|c| (&look.albedo, c)));
-        let planes: Vec<Plane> = channels.map(|(of, c)| of.channel(c)).collect();
-        let (blurred, support) = blur_masked_all(&planes, &mask, look.options.blur);
+        let mut planes: Vec<Plane> = channels.map(|(of, c)| of.channel(c)).collect();
+        if look.options.around {
+            let lit = |(a, s): (&[f32; 3], &f64)| (a[0] + a[1] + a[2]) / 3.0 * *s as f32;
+            let data = look.albedo.data.iter().zip(&shade).map(lit).collect();
+            planes.push(Plane { size: look.raster.size, data });
+        }
+        let (mut blurred, support) = blur_masked_all(&planes, &mask, look.options.blur);
         look.image = ColorImage::of_channels([&blurred[0], &blurred[1], &blurred[2]]);
         look.albedo = ColorImage::of_channels([&blurred[3], &blurred[4], &blurred[5]]);
+        look.diffuse = (blurred.len() > 6).then(|| blurred.remove(6));
         let here = support.data.iter().zip(&mask.data);
         look.support.data = here.map(|(&s, &here)| if here { s } else { 0.0 }).collect();
         look
     }
 
-    /// Pixels that show something else than the surface.
-    fn occluders(&self, counts: &[bool]) -> Mask {
+    /// Diffuse shading of the shape at every pixel; 0 where there is none.
+    fn shading(&self) -> Vec<f64> {
         let light = |(p, n)| self.photo.light.shade(p, n).value.max(0.0);
         let lit: Vec<f64> = self.shape.iter().zip(&self.normals).map(light).collect();
-        let shade = self.raster.render(0.0, |face, b| {
+        self.raster.render(0.0, |face, b| {
             let corners = self.rest.topology.faces[face];
             (0..3).map(|k| b[k] * lit[corners[k] as usize]).sum()
-        });
-        occluders(&self.photo.picture.linear, &self.albedo, &shade, counts)
+        })
     }
 
     /// Pixels that may be glare, where their colour does not tell: they must not reach their
@@ -166,6 +180,13 @@ impl<'a> FrameLook<'a> {
         if own == camera { Some(pixel) } else { moved(&pixel, own, camera) }
     }
 
+    /// What the blur adds to the shading of a point; 0 where it is not looked at.
+    fn around(&self, pixel: &Point2, albedo: &[f64; 3], shade: f64) -> f64 {
+        let mean = albedo.iter().sum::<f64>() / 3.0;
+        let lit = self.diffuse.as_ref().and_then(|diffuse| diffuse.sample(pixel));
+        lit.filter(|_| mean > 0.0).map_or(0.0, |lit| lit.0 / mean - shade)
+    }
+
     /// What the channels say of a point; `None` where it is hidden, grazing, near a contour, or
     /// where most of the blur is of pixels that do not count.
     pub(super) fn at(&self, point: &Point3, pixel: &Point2, normal: &Vector3) -> Option<Channels> {
@@ -180,10 +201,13 @@ impl<'a> FrameLook<'a> {
         if occluded || grazing || self.at_contour.data[i] || self.support.data[i] < 0.5 {
             return None;
         }
+        let shade = self.photo.light.shade(point, normal).value;
+        let albedo = self.albedo.sampled(pixel)?;
         Some(Channels {
             image: self.image.sampled(pixel)?,
-            albedo: self.albedo.sampled(pixel)?,
-            shade: self.photo.light.shade(point, normal).value,
+            albedo,
+            shade,
+            around: self.around(pixel, &albedo, shade),
             maybe_glare: self.mirrors(point, normal) || self.in_halo(i),
         })
     }
