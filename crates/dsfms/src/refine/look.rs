@@ -212,3 +212,44 @@ impl<'a> FrameLook<'a> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::median;
+    use crate::image::{Picture, diagonal};
+    use crate::refine::JointOptions;
+    use crate::synth::Case;
+
+    /// Median size of the log ratio of image and prediction at the true shape, where no glare is.
+    fn left(case: &Case, around: bool) -> f64 {
+        let photo = &Photograph {
+            camera: &case.camera,
+            picture: &Picture::of(&case.frame, &case.template.tone),
+            usable: &Mask::filled(case.camera.size, true),
+            outline: None,
+            light: &case.template.lighting(),
+            albedo: case.template.albedo.as_ref().unwrap(),
+            exposure: None,
+        };
+        let diagonal = diagonal(case.camera.size);
+        let options = JointOptions::default().image.look(0.018 * diagonal, diagonal);
+        let options = LookOptions { around, ..options };
+        let look = FrameLook::new(photo, &case.template.mesh, &case.truth, options);
+        let one = |v: usize| {
+            let pixel = look.project(&case.truth[v])?;
+            let seen = look.at(&case.truth[v], &pixel, &look.normals[v])?;
+            (!seen.maybe_glare).then(|| seen.log_ratio())
+        };
+        let mut logs: Vec<f64> = (0..case.truth.len()).filter_map(one).collect();
+        let gain = median(&mut logs).unwrap();
+        median(&mut logs.iter().map(|l| (l - gain).abs()).collect::<Vec<_>>()).unwrap()
+    }
+
+    #[test]
+    fn shading_that_varies_within_the_blur_is_foretold() {
+        let case = Case::example(1);
+        let (with, without) = (left(&case, true), left(&case, false));
+        assert!(with < 0.6 * without, "{with}, without {without}");
+    }
+}
