@@ -9,7 +9,7 @@ use crate::mesh::boundary::boundary_loops;
 use crate::mesh::normals::vertex_normals;
 use crate::mesh::paths::shortest_paths;
 use crate::mesh::{Mesh, Topology};
-use crate::refine::{Photograph, evidence::gather};
+use crate::refine::{Photograph, evidence::gather_pointwise};
 use nalgebra::Matrix3;
 
 /// Number of features.
@@ -238,7 +238,7 @@ struct Shading {
 impl Shading {
     fn new(photo: &Photograph, solved: &Solved, ways: &Ways) -> Self {
         let (rest, shape) = (solved.scene.rest, solved.vertices);
-        let found = gather(photo, rest, shape, solved.refine);
+        let found = gather_pointwise(photo, rest, shape, solved.refine);
         let normals = vertex_normals(&rest.topology, shape);
         let mut ratios = vec![0.0; shape.len()];
         let mut albedo = vec![0.0; shape.len()];
@@ -246,10 +246,9 @@ impl Shading {
         for used in &found.diffuse {
             let v = used.vertex as usize;
             let pixel = photo.camera.project(&shape[v]).map(|p| p.pixel);
-            let Brightness { weights, albedo: alpha, around, .. } = used.brightness;
+            let Brightness { weights, albedo: alpha, .. } = used.brightness;
             let image = pixel.and_then(|p| found.image.mixed(&p, &weights)).map_or(0.0, |s| s.0);
-            let shade = photo.light.shade(&shape[v], &normals[v]).value;
-            let predicted = alpha * (shade + around);
+            let predicted = alpha * photo.light.shade(&shape[v], &normals[v]).value;
             if image > 1e-4 && predicted > 1e-4 {
                 ratios[v] = ((image / predicted).ln() - found.log_gain).clamp(-1.0, 1.0);
                 albedo[v] = alpha.ln();

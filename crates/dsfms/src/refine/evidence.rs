@@ -1,7 +1,7 @@
 //! Which vertices show shading, which mirror the light, and what albedo they have.
 
 use super::glare::weigh;
-use super::look::FrameLook;
+use super::look::{FrameLook, LookOptions};
 use super::{Photograph, RefineOptions};
 use crate::camera::Camera;
 use crate::energy::diffuse::DiffuseVertex;
@@ -47,8 +47,33 @@ pub fn gather(
     shape: &[Point3],
     options: &RefineOptions,
 ) -> ShadingEvidence {
+    gather_by(photo, rest, shape, options, look_options(photo, options))
+}
+
+/// As [`gather`], with shading as it is at the vertices, not blurred as the image is: by this the weights of the expected
+/// error were fitted.
+pub fn gather_pointwise(
+    photo: &Photograph,
+    rest: &Mesh,
+    shape: &[Point3],
+    options: &RefineOptions,
+) -> ShadingEvidence {
+    let seen = LookOptions { around: false, ..look_options(photo, options) };
+    gather_by(photo, rest, shape, options, seen)
+}
+
+fn look_options(photo: &Photograph, options: &RefineOptions) -> LookOptions {
     let diagonal = diagonal(photo.picture.linear.size);
-    let seen = options.image.look(options.blur * diagonal, diagonal);
+    options.image.look(options.blur * diagonal, diagonal)
+}
+
+fn gather_by(
+    photo: &Photograph,
+    rest: &Mesh,
+    shape: &[Point3],
+    options: &RefineOptions,
+    seen: LookOptions,
+) -> ShadingEvidence {
     let look = FrameLook::new(photo, rest, shape, seen);
     let (camera, topology) = (photo.camera, &rest.topology);
     let visible = visible_vertices(camera, topology, shape, &look.raster, look.tolerance);

@@ -8,7 +8,7 @@
 //!      + λ_c/c Σₖ H(dₖ² / σ_c²)                   silhouette         c points of the contour, dₖ from the outline, px
 //!      + λ_h/n Σᵥ ρ_h(‖L × N‖² / σ_l²)            highlights         saturated vertices; n vertices are seen
 //!      + λ₃ R² Σᵥ Aᵥ/A ‖Lap(x − x₀)ᵥ‖²            smoothing
-//!      + λ_p/p Σⱼ ρ_p(rⱼ²)                        shading            p samples: r = (w·I − (γ g w·α L·N + w·a)) / σ
+//!      + λ_p/p Σⱼ ρ_p(rⱼ²)                        shading            p samples: r = (w·I − (γ g w·α (L·N + s₀) + w·a)) / σ
 //!      + Σᵢ H((zᵢ − z₀ᵢ)² / σᵢ²)                  depth prior        σᵢ: `depth_prior.rs`
 //!      + λₕ Σᵥ Aᵥ/A ‖xᵥ − hᵥ‖² / σₕ²              hidden side        vertices that are not seen of x₀; h: `x₀`, or where
 //!                                                                 the volume of a closed surface carries them
@@ -18,7 +18,8 @@
 //!
 //! `x₀` is the rest shape posed by the matches, and again by the shape found under a near light; `A`, `R`, `A_f`,
 //! `Aᵥ`, `C` and `Lap` are those of eq. 3 ([`register`](crate::register)). `I` is the linear image and `α` the albedo,
-//! both smoothed by the blur of the stage, `w` weights of the channels in which glare cancels. Losses: ρ
+//! both smoothed by the blur of the stage, `s₀` what the blur adds to the shading in the fine stages, `w` weights of the
+//! channels in which glare cancels. Losses: ρ
 //! Geman-McClure of the scales `match_px`, `strain`, 2, and `robust`; H Huber's from 2 (silhouette) and 1.
 //!
 //! A match that is off by 1 px costs 1 (at 640 × 480 px), and so does a strain `1/√λ₁` of all that is seen, a
