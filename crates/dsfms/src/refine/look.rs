@@ -104,9 +104,7 @@ impl<'a> FrameLook<'a> {
         let channels = channels.chain([0, 1, 2].map(|c| (&look.albedo, c)));
         let mut planes: Vec<Plane> = channels.map(|(of, c)| of.channel(c)).collect();
         if look.options.around {
-            let lit = |(a, s): (&[f32; 3], &f64)| (a[0] + a[1] + a[2]) / 3.0 * *s as f32;
-            let data = look.albedo.data.iter().zip(&shade).map(lit).collect();
-            planes.push(Plane { size: look.raster.size, data });
+            planes.push(look.lit(&shade));
         }
         let (mut blurred, support) = blur_masked_all(&planes, &mask, look.options.blur);
         look.image = ColorImage::of_channels([&blurred[0], &blurred[1], &blurred[2]]);
@@ -115,6 +113,13 @@ impl<'a> FrameLook<'a> {
         let here = support.data.iter().zip(&mask.data);
         look.support.data = here.map(|(&s, &here)| if here { s } else { 0.0 }).collect();
         look
+    }
+
+    /// Mean albedo times the shading of every pixel.
+    fn lit(&self, shade: &[f64]) -> Plane {
+        let lit = |(a, s): (&[f32; 3], &f64)| (a[0] + a[1] + a[2]) / 3.0 * *s as f32;
+        let data = self.albedo.data.iter().zip(shade).map(lit).collect();
+        Plane { size: self.raster.size, data }
     }
 
     /// Diffuse shading of the shape at every pixel; 0 where there is none.
