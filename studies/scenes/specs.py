@@ -83,7 +83,7 @@ FIRST_DRAWN = 300
 
 
 def drawn(seed):
-    """The spec of a seed: every choice uniform over about the range of SPECS, nine frames of one or two acts."""
+    """The spec of a seed: every choice uniform over about the range of SPECS (vertices in their logarithm), nine frames of one or two acts."""
     rng = random.Random(seed)
     organ = rng.choice(sorted(SIZES))
     flat = organ in ("lobe", "liver-ucl")

@@ -56,8 +56,13 @@ fn motion_is_the_distance_in_the_image_over_its_noise() {
 fn brightness_is_albedo_times_the_cosine() {
     let (camera, light) = (camera(), LightModel::Collinear);
     let image = ColorImage { size: camera.size, data: vec![[0.35; 3]; 64 * 48] };
-    let brightness =
-        Brightness { weights: [1.0, 0.0, 0.0], albedo: 0.6, around: 0.0, white: 1.0, sigma: 0.1 };
+    let brightness = Brightness {
+        weights: [1.0, 0.0, 0.0],
+        albedo: 0.6,
+        added_shade: 0.0,
+        white: 1.0,
+        sigma: 0.1,
+    };
     let seen = DiffuseVertex { vertex: 0, brightness, turn: Matrix3::identity() };
     for (degrees, expected) in [(0.0_f64, -2.5), (60.0, 0.5)] {
         let mesh = fan(degrees.to_radians());

@@ -9,8 +9,8 @@ use crate::light::Light;
 use crate::mesh::Topology;
 use nalgebra::{Matrix3, SVector};
 
-/// `r = (wᵢ·I′(π(xᵢ)) − e^γ αᵢ s(xᵢ, Nᵢ) − κ wᵢ·1) / σᵢ` for the diffuse vertices `𝒟ᵥ`, with the log gain
-/// `γ = g₀` and the ambient light `κ = g₁` as global unknowns.
+/// `r = (wᵢ·I′(π(xᵢ)) − e^γ αᵢ (s(xᵢ, Nᵢ) + s₀ᵢ) − κ wᵢ·1) / σᵢ` for the diffuse vertices `𝒟ᵥ`, with
+/// [`Brightness::added_shade`] `s₀`, the log gain `γ = g₀` and the ambient light `κ = g₁` as global unknowns.
 ///
 /// The image gradient is kept in the derivative of `I′(π(xᵢ))`. A vertex that leaves the image keeps the
 /// value at its edge.
@@ -81,14 +81,14 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Diffuse<'_, C, L> {
     ) -> Result<SVector<f64, 1>, Infeasible> {
         let ring = &self.rings[i];
         let DiffuseVertex { brightness, turn, .. } = self.seen[i];
-        let Brightness { weights, albedo, around, white, sigma } = brightness;
+        let Brightness { weights, albedo, added_shade, white, sigma } = brightness;
         let normal = ring.normal(v).ok_or(Infeasible)?;
         let projection = self.camera.project(&v[0]).ok_or(Infeasible)?;
         let (intensity, gradient) =
             self.image.mixed(&projection.pixel, &weights).ok_or(Infeasible)?;
         let shade = self.light.shade(&v[0], &(turn * normal.unit));
         let brightness = g[0].exp() * albedo;
-        let predicted = brightness * (shade.value + around);
+        let predicted = brightness * (shade.value + added_shade);
         if let Some(j) = jacobian {
             let slope = -brightness / sigma;
             let d_normal = turn.tr_mul(&shade.d_normal) * slope;
@@ -122,7 +122,7 @@ mod tests {
         let brightness = Brightness {
             weights: [0.5, 0.6, -0.2],
             albedo: 0.6,
-            around: 0.02,
+            added_shade: 0.02,
             white: 0.9,
             sigma: 0.05,
         };

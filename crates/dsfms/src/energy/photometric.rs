@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 /// `r = (w·I′(π(p)) − e^γ α (s(p, N) + s₀) − κ w₁) / σ` at points `p = v(f)·b + l` inside faces, with the normal
 /// `N = T n`, `n` interpolated from the area-weighted vertex normals, and the [`Lift`] `(l, T)` of the
-/// full mesh over the one that is solved on. The log gain `γ = g₀ + Σ wₖ gₖ` varies slowly over the
+/// full mesh over the one that is solved on. `s₀` is [`Brightness::added_shade`]. The log gain `γ = g₀ + Σ wₖ gₖ` varies slowly over the
 /// surface; it and the ambient light `κ = g₁` are global unknowns.
 ///
 /// Unlike eq. 4, which has vertices only, the samples carry the texture between them, so the
@@ -208,8 +208,8 @@ impl<'a, C: Camera, L: Light> Photometric<'a, C, L> {
     /// Robust log gain of the image over the prediction for an ambient light; 0 without samples.
     pub(crate) fn log_gain(&self, topology: &Topology, shape: &[Point3], ambient: f64) -> f64 {
         let ratio = |(sample, seen): (&Sample, SeenSample)| {
-            let Brightness { albedo, around, white, .. } = sample.brightness;
-            let ratio = (seen.intensity - ambient * white) / (albedo * (seen.shade + around));
+            let Brightness { albedo, added_shade, white, .. } = sample.brightness;
+            let ratio = (seen.intensity - ambient * white) / (albedo * (seen.shade + added_shade));
             (ratio > 0.0 && ratio.is_finite()).then(|| ratio.ln())
         };
         let mut ratios: Vec<f64> = self.on(topology, shape).into_iter().filter_map(ratio).collect();
@@ -226,9 +226,9 @@ impl<'a, C: Camera, L: Light> Photometric<'a, C, L> {
     ) -> f64 {
         let (mut sum, mut count) = (0.0, 0.0);
         for (sample, seen) in self.on(topology, shape) {
-            let Brightness { albedo, around, white, .. } = sample.brightness;
+            let Brightness { albedo, added_shade, white, .. } = sample.brightness;
             let brightness = sample.gain.log_of(globals).exp() * albedo;
-            let predicted = brightness * (seen.shade + around) + globals[1] * white;
+            let predicted = brightness * (seen.shade + added_shade) + globals[1] * white;
             if seen.intensity > 0.0 {
                 (sum, count) = (sum + (1.0 - predicted / seen.intensity).abs(), count + 1.0);
             }
@@ -277,14 +277,14 @@ impl<C: Camera, L: Light> EnergyTerm<1> for Photometric<'_, C, L> {
         let b = &sample.barycentric;
         let point = point_at([&v[0], &v[1], &v[2]], *b) + sample.lift.offset;
         let projection = self.camera.project(&point).ok_or(Infeasible)?;
-        let Brightness { weights, albedo, around, white, sigma } = sample.brightness;
+        let Brightness { weights, albedo, added_shade, white, sigma } = sample.brightness;
         let (intensity, gradient) =
             self.image.mixed(&projection.pixel, &weights).ok_or(Infeasible)?;
         let sums = ring.corner_sums(v);
         let (normal, _) = interpolate(&sums, b);
         let shade = self.light.shade(&point, &(sample.lift.turn * normal));
         let brightness = sample.gain.log(g).exp() * albedo;
-        let predicted = brightness * (shade.value + around);
+        let predicted = brightness * (shade.value + added_shade);
         if let Some(j) = jacobian {
             let slope = -brightness / sigma;
             let d_normal = sample.lift.turn.tr_mul(&shade.d_normal) * slope;
@@ -340,7 +340,7 @@ mod tests {
             brightness: Brightness {
                 weights: [0.5, 0.6, -0.2],
                 albedo: 0.6,
-                around: 0.02,
+                added_shade: 0.02,
                 white: 0.9,
                 sigma: 0.05,
             },

@@ -50,15 +50,15 @@ pub fn gather(
     gather_by(photo, rest, shape, options, look_options(photo, options))
 }
 
-/// As [`gather`], with shading as it is at the vertices, not blurred as the image is: by this the weights of the expected
-/// error were fitted.
+/// As [`gather`], with shading as it is at the vertices, not blurred as the image is: the weights of the expected error
+/// are fitted to such residuals.
 pub fn gather_pointwise(
     photo: &Photograph,
     rest: &Mesh,
     shape: &[Point3],
     options: &RefineOptions,
 ) -> ShadingEvidence {
-    let seen = LookOptions { around: false, ..look_options(photo, options) };
+    let seen = LookOptions { blur_shade: false, ..look_options(photo, options) };
     gather_by(photo, rest, shape, options, seen)
 }
 

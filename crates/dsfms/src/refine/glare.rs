@@ -17,7 +17,7 @@ pub(super) struct Channels {
     /// Diffuse shading expected there.
     pub(super) shade: f64,
     /// What the blur adds to it, since shading varies within the blur.
-    pub(super) around: f64,
+    pub(super) added_shade: f64,
     /// Near a highlight, or turned so that it mirrors the light.
     pub(super) maybe_glare: bool,
 }
@@ -26,7 +26,7 @@ impl Channels {
     /// Log ratio of image and prediction, of all channels together; not finite where either is dark.
     pub(super) fn log_ratio(&self) -> f64 {
         let (image, albedo): (f64, f64) = (self.image.iter().sum(), self.albedo.iter().sum());
-        (image / (albedo * (self.shade + self.around))).ln()
+        (image / (albedo * (self.shade + self.added_shade))).ln()
     }
 }
 
@@ -70,7 +70,7 @@ const CHANNEL_NOISE: f64 = 0.003;
 /// Weigh the channels of every point.
 pub(super) fn weigh(points: &[Channels], options: &NoiseOptions) -> Weighed {
     let mixes = if options.colour { coloured(points, options.absolute) } else { grey(points) };
-    let predicted = |i: usize, mix: &Mix| mix.albedo * (points[i].shade + points[i].around);
+    let predicted = |i: usize, mix: &Mix| mix.albedo * (points[i].shade + points[i].added_shade);
     let usable = mixes.iter().filter(|(i, m)| predicted(*i, m) > 1e-4 && m.image > 0.0);
     let mut ratios: Vec<f64> = usable.map(|(i, m)| (m.image / predicted(*i, m)).ln()).collect();
     let (log_gain, spread) = centre_and_spread(&mut ratios);
@@ -78,7 +78,7 @@ pub(super) fn weigh(points: &[Channels], options: &NoiseOptions) -> Weighed {
     let brightness = |(i, mix): (usize, Mix)| {
         let Mix { weights, image, albedo, white, noise } = mix;
         let sigma = (relative * image).hypot(options.absolute).hypot(noise);
-        (i, Brightness { weights, albedo, around: points[i].around, white, sigma })
+        (i, Brightness { weights, albedo, added_shade: points[i].added_shade, white, sigma })
     };
     Weighed { brightness: mixes.into_iter().map(brightness).collect(), log_gain }
 }
@@ -244,7 +244,7 @@ mod tests {
             // A little noise of its own in every channel.
             let noise = |c: usize| 1.0 + 0.004 * ((7 * k + 3 * c) % 5) as f64 - 0.008;
             let image = [0, 1, 2].map(|c| 1.3 * shade * albedo[c] * noise(c) + 0.01 + glare(k));
-            Channels { image, albedo, shade, around: 0.0, maybe_glare: k < 10 }
+            Channels { image, albedo, shade, added_shade: 0.0, maybe_glare: k < 10 }
         };
         (0..60).map(point).collect()
     }
@@ -279,8 +279,13 @@ mod tests {
     #[test]
     fn colours_that_are_white_or_black_tell_no_glare() {
         let tells = |image: f64, albedo: [f64; 3]| {
-            let point =
-                Channels { image: [image; 3], albedo, shade: 0.8, around: 0.0, maybe_glare: false };
+            let point = Channels {
+                image: [image; 3],
+                albedo,
+                shade: 0.8,
+                added_shade: 0.0,
+                maybe_glare: false,
+            };
             white_part(&point).is_some()
         };
         assert!(tells(0.4, [0.5, 0.2, 0.1]));

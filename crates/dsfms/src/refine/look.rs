@@ -29,7 +29,7 @@ pub(super) struct LookOptions {
     /// Colours tell glare and instruments from tissue.
     pub(super) colour: bool,
     /// Shading is blurred as the image is: the shape is near that of the frame.
-    pub(super) around: bool,
+    pub(super) blur_shade: bool,
 }
 
 /// A photograph with a shape in front of it.
@@ -93,7 +93,7 @@ impl<'a> FrameLook<'a> {
             |i: usize| known[i] && photo.usable.data[i] && picture.clipped[i] == [false; 3];
         let counts: Vec<bool> = (0..known.len()).map(counts).collect();
         let told = look.options.colour && !pale(&look.albedo, &known);
-        let shade = if told || look.options.around { look.shading() } else { Vec::new() };
+        let shade = if told || look.options.blur_shade { look.shading() } else { Vec::new() };
         let covered = match told {
             true => occluders(&picture.linear, &look.albedo, &shade, &counts),
             false => look.possible_glare(),
@@ -103,13 +103,13 @@ impl<'a> FrameLook<'a> {
         let channels = [0, 1, 2].map(|c| (&picture.linear, c)).into_par_iter();
         let channels = channels.chain([0, 1, 2].map(|c| (&look.albedo, c)));
         let mut planes: Vec<Plane> = channels.map(|(of, c)| of.channel(c)).collect();
-        if look.options.around {
+        if look.options.blur_shade {
             planes.push(look.lit(&shade));
         }
         let (mut blurred, support) = blur_masked_all(&planes, &mask, look.options.blur);
         look.image = ColorImage::of_channels([&blurred[0], &blurred[1], &blurred[2]]);
         look.albedo = ColorImage::of_channels([&blurred[3], &blurred[4], &blurred[5]]);
-        look.diffuse = (blurred.len() > 6).then(|| blurred.remove(6));
+        look.diffuse = look.options.blur_shade.then(|| blurred.pop()).flatten();
         let here = support.data.iter().zip(&mask.data);
         look.support.data = here.map(|(&s, &here)| if here { s } else { 0.0 }).collect();
         look
@@ -186,7 +186,7 @@ impl<'a> FrameLook<'a> {
     }
 
     /// What the blur adds to the shading of a point; 0 where it is not looked at.
-    fn around(&self, pixel: &Point2, albedo: &[f64; 3], shade: f64) -> f64 {
+    fn added_shade(&self, pixel: &Point2, albedo: &[f64; 3], shade: f64) -> f64 {
         let mean = albedo.iter().sum::<f64>() / 3.0;
         let lit = self.diffuse.as_ref().and_then(|diffuse| diffuse.sample(pixel));
         lit.filter(|_| mean > 0.0).map_or(0.0, |lit| lit.0 / mean - shade)
@@ -212,7 +212,7 @@ impl<'a> FrameLook<'a> {
             image: self.image.sampled(pixel)?,
             albedo,
             shade,
-            around: self.around(pixel, &albedo, shade),
+            added_shade: self.added_shade(pixel, &albedo, shade),
             maybe_glare: self.mirrors(point, normal) || self.in_halo(i),
         })
     }
@@ -227,7 +227,7 @@ mod tests {
     use crate::synth::Case;
 
     /// Median size of the log ratio of image and prediction at the true shape, where no glare is.
-    fn left(case: &Case, around: bool) -> f64 {
+    fn left(case: &Case, blur_shade: bool) -> f64 {
         let photo = &Photograph {
             camera: &case.camera,
             picture: &Picture::of(&case.frame, &case.template.tone),
@@ -239,7 +239,7 @@ mod tests {
         };
         let diagonal = diagonal(case.camera.size);
         let options = JointOptions::default().image.look(0.018 * diagonal, diagonal);
-        let options = LookOptions { around, ..options };
+        let options = LookOptions { blur_shade, ..options };
         let look = FrameLook::new(photo, &case.template.mesh, &case.truth, options);
         let one = |v: usize| {
             let pixel = look.project(&case.truth[v])?;

@@ -33,8 +33,8 @@ pub struct PhotometricModel {
 
 /// In a blur of no more than this part of the diagonal shading is blurred as the image is: in the coarse stages the shape is not
 /// yet that of the frame, and its shading holds it where it is. On five drawn scenes the zone is 1.88 mm off without, 1.76 with
-/// this, 1.77 with 0.009, 2.0 with every stage.
-const NEAR: f64 = 0.006;
+/// this, 1.77 with 0.009, 2.03 with every stage (`docs/results/scenes.md`).
+const FINE: f64 = 0.006;
 
 impl Default for PhotometricModel {
     /// Of the joint solve.
@@ -63,7 +63,7 @@ impl PhotometricModel {
             halo: self.halo * diagonal,
             mirror_deg: self.specular_deg,
             colour: self.colour,
-            around: blur <= NEAR * diagonal,
+            blur_shade: blur <= FINE * diagonal,
         }
     }
 
