@@ -202,8 +202,9 @@ fn a_frame_of_another_size_or_without_its_mask_is_lost_and_no_other() {
     assert!(out.join("vertices.npz").exists());
 }
 
+/// Which frames are dropped depends on the machine (`queue.rs` has the rule); that none is forgotten does not.
 #[test]
-fn realtime_drops_what_it_cannot_keep_up_with_and_says_so() {
+fn realtime_accounts_for_every_frame_however_fast_they_come() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     // The whole clip within twelve milliseconds.
@@ -211,9 +212,13 @@ fn realtime_drops_what_it_cannot_keep_up_with_and_says_so() {
     let said = String::from_utf8_lossy(&done.stderr);
     let dropped: usize = column(&out, "dropped").iter().map(|d| d.parse::<usize>().unwrap()).sum();
     let numbers = column(&out, "frame");
-    assert!(dropped > 0 && numbers.len() + dropped == 12, "{dropped} and {numbers:?}");
+    assert_eq!(numbers.len() + dropped, 12, "{dropped} and {numbers:?}");
     assert_eq!(numbers.last().unwrap(), "11", "the newest frame is never dropped");
-    assert!(said.contains(&format!("{dropped} dropped")), "{said}");
+    assert_eq!(said.contains(" dropped"), dropped > 0, "{said}");
+    // Until the search beside has answered, a frame is lost with that reason.
+    let (status, reasons) = (column(&out, "status"), column(&out, "reasons"));
+    assert_eq!(status[0], "lost");
+    assert!(reasons[0].contains("search"), "{reasons:?}");
 }
 
 #[test]
