@@ -167,7 +167,7 @@ impl FrameSolve<'_> {
         let mut refined = refine(body, start, kept, photo, &options.refine);
         // Eq. 3 follows the noise of its matches too: what explains no more than rest does stays at rest.
         let comparison = options.comparison(body, kept, photo);
-        let beyond_motion = comparison.kept(start, refined.vertices);
+        let beyond_motion = comparison.kept_beyond(start, refined.vertices);
         refined.vertices = comparison.kept(&body.scene().posed, beyond_motion);
         refined.settled(body)
     }

@@ -11,7 +11,7 @@
 //!      + λ_p/p Σⱼ ρ_p(rⱼ²)                        shading            p samples: r = (w·I − (γ g w·α (L·N + s₀) + w·a)) / σ
 //!      + Σᵢ H((zᵢ − z₀ᵢ)² / σᵢ²)                  depth prior        σᵢ: `depth_prior.rs`
 //!      + λₕ Σᵥ Aᵥ/A ‖xᵥ − hᵥ‖² / σₕ²              hidden side        vertices that are not seen of x₀; h: `x₀`, or where
-//!                                                                 the volume of a closed surface carries them
+//!                                                                 the volume behind the surface carries them
 //!      + (ln g − ln g₀)² / σ_g² + a² / σ_a²       gain and ambient light of the frame
 //!      + Σₖ γₖ² / σ_γ²                            smooth gain        nodes k of the field γ: `field.rs`
 //! ```

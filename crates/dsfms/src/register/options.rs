@@ -95,7 +95,7 @@ pub struct RegisterOptions {
     /// Expected motion in depth for the motion that neighbouring matches share in the image and the
     /// pose does not explain: bending is seen foreshortened.
     pub depth_hold_motion: f64,
-    /// How firmly the hidden side of a closed surface hangs on its surroundings, of the stiffness of
+    /// How firmly the hidden side hangs on its surroundings, of the stiffness of
     /// tissue as thick as the organ; what is seen carries it along. Bends ask for less, pushes for more; 0.03 lies
     /// between (figures: `docs/results/choices.md`).
     pub anchor: f64,

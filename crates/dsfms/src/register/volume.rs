@@ -1,19 +1,25 @@
 //! The hidden side moves like tissue: a volumetric prior.
 //!
 //! What a frame shows of an organ carries the rest along: inside a closed surface lies tissue that
-//! resists strain. The surface and points inside it form a graph whose edges turn as rigidly as they
-//! can (as-rigid-as-possible over a volume, Sorkine and Alexa 2007), with what is seen held where it
-//! was found, and what is not held weakly to the rigid pose, since organs hang on their surroundings:
+//! resists strain and keeps its volume. The surface and points inside it form a graph whose edges turn as rigidly
+//! as they can (as-rigid-as-possible over a volume, Sorkine and Alexa 2007) while the neighbourhood of every point
+//! changes its volume as little as it can, with what is seen held where it was found, and what is not held weakly to the
+//! rigid pose, since organs hang on their surroundings:
 //!
 //! ```text
-//! Σᵢ Σⱼ ‖(xⱼ − xᵢ) − ½(Rᵢ + Rⱼ)(pⱼ − pᵢ)‖² + SEEN Σ_seen ‖xᵢ − sᵢ‖² + α Σ_hidden ‖xᵢ − pᵢ‖²
+//! Σᵢ Σⱼ (‖(xⱼ − xᵢ) − R̄ᵢⱼ(pⱼ − pᵢ)‖² + κ ‖(xⱼ − xᵢ) − Ūᵢⱼ(pⱼ − pᵢ)‖²) / (1 + κ)
+//!     + SEEN Σ_seen ‖xᵢ − sᵢ‖² + α Σ_hidden ‖xᵢ − pᵢ‖²
 //! ```
 //!
-//! An open surface has no inside, and its stretch and bending carry what is not seen of it.
+//! `R` is the rotation and `U` the matrix of determinant 1 that is nearest to the map of a point's edges, a bar the mean of an
+//! edge's ends. Maps and points are found in turns (projective dynamics, Bouaziz et al. 2014).
+//! Inside is what the surface winds about by more than half (the generalised winding number, Jacobson et al. 2013), so that
+//! an open surface has an inside too, as deep as it is hollow. A sheet has none, and its stretch and bending carry what is
+//! not seen of it.
 
 use crate::geometry::{Neighbours, Point3, Vector3, align_rigid};
 use crate::mesh::Mesh;
-use crate::solver::ScalarCholesky;
+use crate::solver::{Anderson, ScalarCholesky};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
@@ -24,15 +30,27 @@ const EDGES: usize = 14;
 /// carries it.
 const ACROSS: f64 = 10.0;
 
+/// Cells of the grid over the bounding box, at most: a thin shell is long and wide.
+const CELLS: f64 = 2e4;
+
+/// Fewer points inside are no volume: a sheet that is a little bent.
+const LEAST: usize = 50;
+
 /// Weight of a seen vertex, of one edge.
 const SEEN: f64 = 100.0;
 
-/// Rounds of turning and solving at most. Four leave 1.15 mm of a bent organ's hidden zone (7.9 mm away at
-/// most), all of them 0.70.
+/// `κ`: how much more tissue resists a change of volume than one of shape. With the seen side of nine drawn scenes at the
+/// truth 1.10 mm of the hidden zone are left without, 0.86 with 4, 0.83 with 10, which takes more rounds.
+const VOLUME: f64 = 4.0;
+
+/// Rounds of turning and solving at most; 10 to 20 are needed.
 const ROUNDS: usize = 60;
 
 /// A round that moves no point by more than this part of the spacing inside is the last.
-const SETTLED: f64 = 0.01;
+const SETTLED: f64 = 2e-3;
+
+/// Steps towards determinant 1, and what one may change of a map at most.
+const UNIMODULAR: (usize, f64) = (2, 0.5);
 
 /// A rest surface and what lies inside.
 #[doc(alias = "volumetric prior")]
@@ -47,15 +65,20 @@ pub struct Volume {
 }
 
 impl Volume {
-    /// The volume of a closed rest surface; `None` of an open one.
+    /// The volume behind a rest surface: what lies in a closed one, or in the hollow of an open one. `None` where there is
+    /// hardly any.
     pub fn of(mesh: &Mesh) -> Option<Self> {
         let [low, high] = mesh.bounding_box();
-        let spacing = (high - low).min() / ACROSS;
-        if mesh.topology.boundary.contains(&true) || spacing.is_nan() || spacing <= 0.0 {
+        let size = high - low;
+        let spacing = (size.min() / ACROSS).max((size.product() / CELLS).cbrt());
+        if spacing.is_nan() || spacing <= 0.0 {
             return None;
         }
         let mut points = mesh.positions.clone();
         points.extend(inside(mesh, low, high, spacing));
+        if points.len() - mesh.positions.len() < LEAST {
+            return None;
+        }
         let neighbours = Neighbours::of(points.iter().map(|p| p.coords.into()).collect());
         let near = |i: usize| neighbours.nearest(i, EDGES).into_iter().map(move |j| [i, j]);
         let near =
@@ -84,7 +107,7 @@ impl Volume {
         let pose = align_rigid(&self.points[..self.surface], posed)?;
         let rest: Vec<Point3> = self.points.iter().map(|p| pose * p).collect();
         // A layer of springs over a body of ACROSS layers: as stiff as the body for an anchor of 1.
-        let hold = anchor * EDGES as f64 / (6.0 * ACROSS);
+        let hold = anchor * EDGES as f64 / (6.0 * ACROSS) / (1.0 + VOLUME);
         let weight = |i: usize| match seen.get(i) {
             Some(true) => SEEN,
             Some(false) => hold,
@@ -99,28 +122,18 @@ impl Volume {
         let mut now: Vec<Point3> = rest.iter().map(|p| motion * p).collect();
         let held = (0..self.surface).filter(|&i| seen[i]);
         held.for_each(|i| now[i] = shape[i]);
+        let spread = self.spreads(&rest);
+        let mut anderson = Anderson::default();
         for _ in 0..ROUNDS {
-            let turns = self.turns(&rest, &now);
-            let mut right: [Vec<f64>; 3] = [0, 1, 2].map(|_| vec![0.0; now.len()]);
-            let mut add = |i: usize, v: Vector3| (0..3).for_each(|c| right[c][i] += v[c]);
-            for &[i, j] in &self.edges {
-                let (i, j) = (i as usize, j as usize);
-                let edge = (turns[i] + turns[j]) * (rest[j] - rest[i]) * 0.5;
-                add(j, edge);
-                add(i, -edge);
-            }
-            for i in 0..self.surface {
+            let image = self.relaxed(&rest, &now, &spread, &factor, |i| {
                 let target = if seen[i] { shape[i] } else { rest[i] };
-                add(i, target.coords * weight(i));
-            }
-            let mut most = 0.0_f64;
-            for (c, right) in right.iter_mut().enumerate() {
-                factor.solve(right)?;
-                for (p, &x) in now.iter_mut().zip(right.iter()) {
-                    most = most.max((p[c] - x).abs());
-                    p[c] = x;
-                }
-            }
+                target.coords * weight(i)
+            })?;
+            let (from, image) = (flat(&now), flat(&image));
+            let most = from.iter().zip(&image).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            let next = anderson.next(&from, image);
+            let points = next.as_chunks::<3>().0.iter();
+            now.iter_mut().zip(points).for_each(|(p, &x)| *p = x.into());
             if most < SETTLED * self.spacing {
                 break;
             }
@@ -139,8 +152,51 @@ impl Volume {
         ScalarCholesky::new(self.points.len(), &diagonal.chain(edges).collect::<Vec<_>>())
     }
 
-    /// Rotation that fits the edges of every point best.
-    fn turns(&self, rest: &[Point3], now: &[Point3]) -> Vec<Matrix3<f64>> {
+    /// One round: the maps of every point, then the points for these maps. `held`: what holds a surface point, times its
+    /// weight.
+    fn relaxed(
+        &self,
+        rest: &[Point3],
+        now: &[Point3],
+        spread: &[Matrix3<f64>],
+        factor: &ScalarCholesky,
+        held: impl Fn(usize) -> Vector3,
+    ) -> Option<Vec<Point3>> {
+        let maps = self.maps(rest, now, spread);
+        let mut right: [Vec<f64>; 3] = [0, 1, 2].map(|_| vec![0.0; now.len()]);
+        let mut add = |i: usize, v: Vector3| (0..3).for_each(|c| right[c][i] += v[c]);
+        for &[i, j] in &self.edges {
+            let (i, j) = (i as usize, j as usize);
+            let edge = (maps[i] + maps[j]) * (rest[j] - rest[i]) * 0.5;
+            add(j, edge);
+            add(i, -edge);
+        }
+        (0..self.surface).for_each(|i| add(i, held(i)));
+        right.iter_mut().try_for_each(|right| factor.solve(right).map(|_| ()))?;
+        let [x, y, z] = &right;
+        Some((0..now.len()).map(|i| Point3::new(x[i], y[i], z[i])).collect())
+    }
+
+    /// What every point's edges should have become: between the nearest rotation and the nearest map that keeps the volume.
+    fn maps(&self, rest: &[Point3], now: &[Point3], spread: &[Matrix3<f64>]) -> Vec<Matrix3<f64>> {
+        let sums = self.sums(rest, now).into_par_iter().zip(spread);
+        let map = |(sum, spread): (Matrix3<f64>, &Matrix3<f64>)| {
+            (rotation(sum) + unimodular(sum * spread) * VOLUME) / (1.0 + VOLUME)
+        };
+        sums.map(map).collect()
+    }
+
+    /// Inverse of the sum of `e eᵀ` over the edges of every point at rest.
+    fn spreads(&self, rest: &[Point3]) -> Vec<Matrix3<f64>> {
+        let invert = |m: Matrix3<f64>| {
+            let ridge = Matrix3::identity() * (1e-9 * m.trace());
+            (m + ridge).try_inverse().unwrap_or_else(Matrix3::zeros)
+        };
+        self.sums(rest, rest).into_iter().map(invert).collect()
+    }
+
+    /// Sum of `e′ eᵀ` over the edges of every point, which are `e` at rest and `e′` here.
+    fn sums(&self, rest: &[Point3], now: &[Point3]) -> Vec<Matrix3<f64>> {
         let mut sums = vec![Matrix3::zeros(); rest.len()];
         for &[i, j] in &self.edges {
             let (i, j) = (i as usize, j as usize);
@@ -148,8 +204,25 @@ impl Volume {
             sums[i] += product;
             sums[j] += product;
         }
-        sums.into_par_iter().map(rotation).collect()
+        sums
     }
+}
+
+/// Coordinates one after the other.
+fn flat(points: &[Point3]) -> Vec<f64> {
+    points.iter().flat_map(|p| [p.x, p.y, p.z]).collect()
+}
+
+/// The matrix of determinant 1 nearest to one, by Newton's steps along the gradient of the determinant.
+fn unimodular(mut m: Matrix3<f64>) -> Matrix3<f64> {
+    let (steps, most) = UNIMODULAR;
+    for _ in 0..steps {
+        let [a, b, c] = [0, 1, 2].map(|k| Vector3::from(m.column(k)));
+        let gradient = Matrix3::from_columns(&[b.cross(&c), c.cross(&a), a.cross(&b)]);
+        let step = (1.0 - gradient.column(0).dot(&a)) / gradient.norm_squared().max(1e-9);
+        m += gradient * step.clamp(-most, most);
+    }
+    m
 }
 
 /// The rotation nearest to a matrix; none where there is no such.
@@ -163,7 +236,7 @@ fn rotation(m: Matrix3<f64>) -> Matrix3<f64> {
     u * Matrix3::from_diagonal(&sign) * v_t
 }
 
-/// Points of a cubic grid inside a closed surface, none nearer to it than half a spacing.
+/// Points of a cubic grid inside a surface, none nearer to it than half a spacing.
 fn inside(mesh: &Mesh, low: Point3, high: Point3, spacing: f64) -> Vec<Point3> {
     let count = [0, 1, 2].map(|c| ((high[c] - low[c]) / spacing).ceil() as usize);
     let at = |i: usize| {
@@ -176,7 +249,7 @@ fn inside(mesh: &Mesh, low: Point3, high: Point3, spacing: f64) -> Vec<Point3> {
     all.filter(|p| winding(mesh, p).abs() > 0.5 && free(p)).collect()
 }
 
-/// Winding number of a closed surface about a point (van Oosterom and Strackee 1983): 0 outside.
+/// Winding number of a surface about a point (van Oosterom and Strackee 1983): of a closed one 0 outside.
 fn winding(mesh: &Mesh, point: &Point3) -> f64 {
     let solid_angle = |face: usize| {
         let [a, b, c] = mesh.corners(face).map(|p| p - point);
@@ -194,8 +267,32 @@ mod tests {
     use crate::mesh::shapes;
 
     #[test]
-    fn an_open_surface_has_no_inside() {
+    fn a_sheet_has_no_inside_and_a_cup_has() {
         assert!(Volume::of(&shapes::irregular_sheet(5)).is_none());
+        let mut ball = shapes::icosphere(3, 10.0);
+        let low = |face: &[u32; 3]| face.iter().all(|&v| ball.positions[v as usize].z < 3.0);
+        let faces: Vec<[u32; 3]> = ball.topology.faces.iter().copied().filter(low).collect();
+        ball = Mesh::new(ball.positions.clone(), faces).unwrap();
+        let cup = Volume::of(&ball).unwrap();
+        let deep = cup.points[cup.surface..].iter();
+        assert!(deep.clone().count() > 200 && deep.clone().all(|p| p.z < 6.0));
+    }
+
+    #[test]
+    fn what_is_pressed_in_comes_out_beside() {
+        let ball = shapes::icosphere(3, 10.0);
+        let volume = Volume::of(&ball).unwrap();
+        // The seen half flattened by a fifth: the rest bulges, as it does not where volume is free.
+        let seen: Vec<bool> = ball.positions.iter().map(|p| p.z < 0.0).collect();
+        let flat = |p: &Point3| Point3::new(p.x, p.y, if p.z < 0.0 { 0.8 * p.z } else { p.z });
+        let shape: Vec<Point3> = ball.positions.iter().map(flat).collect();
+        let found = volume.extrapolated(&ball.positions, &shape, &seen, 0.0).unwrap();
+        let volume_of = |shape: &[Point3]| -> f64 {
+            let faces = ball.topology.faces.iter().map(|f| f.map(|v| shape[v as usize].coords));
+            faces.map(|[a, b, c]| a.dot(&b.cross(&c)) / 6.0).sum()
+        };
+        let [rest, stays, moved] = [&ball.positions, &shape, &found].map(|s| volume_of(s));
+        assert!((rest - moved).abs() < 0.5 * (rest - stays).abs(), "{rest} {stays} {moved}");
     }
 
     #[test]

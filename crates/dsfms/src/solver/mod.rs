@@ -2,10 +2,11 @@
 //!
 //! [`minimize`] is the only loop and knows nothing of what it minimises (meshes, bundles, cameras, lights);
 //! `minimize_few` takes a small problem as functions, `conjugate_gradients` is the iterative solver of large
-//! linear systems. [`NormalEquations`] holds the block-sparse
+//! linear systems, `Anderson` shortens a fixed-point iteration. [`NormalEquations`] holds the block-sparse
 //! Gauss–Newton system of per-vertex unknowns bordered by a few global ones (gain, ambient, …), and
 //! [`cholesky`] and `ordering` are the only places that see the sparse linear algebra crate.
 
+mod anderson;
 pub mod cholesky;
 pub(crate) mod conjugate_gradients;
 mod direct;
@@ -21,6 +22,7 @@ pub mod scalar;
 pub mod summary;
 
 pub use crate::geometry::Loss;
+pub(crate) use anderson::Anderson;
 pub(crate) use few::minimize_few;
 pub use levenberg_marquardt::{Options, Problem, Step, minimize};
 pub use normal_equations::NormalEquations;
