@@ -44,8 +44,8 @@ const CHANGED: f64 = 0.5;
 const REST_STRETCH: f64 = 2e-3;
 
 /// And for every visible radius that the calmest half of the matches moved: on 68 frames of deformed tissue under the
-/// exploration's exposure it is at most 6.6. Raised from 7.5 after a look at one held frame (`docs/results/exposure.md`).
-const STRETCHED: f64 = 9.0;
+/// exploration's exposure it is at most 6.6, and of 7, 7.5 and 9 the clips ask for 7.5 (`docs/results/exposure.md`).
+const STRETCHED: f64 = 7.5;
 
 /// Tissue that moved by no more than this part of the visible radius tells the exposure to 0.02: on the
 /// same scenes, with found matches, -0.02 to 0.00.
@@ -265,7 +265,7 @@ mod tests {
         let all = |_: &Point3| true;
         assert!((median_stretch(&scene, &by(1.01, &all)) - 1.01_f64.ln()).abs() < 1e-9);
         assert!(!scaled(&posed, 0.0) && !scaled(&by(1.001, &all), 0.0));
-        assert!(scaled(&by(1.012, &all), 1e-3) && scaled(&by(0.988, &all), 1e-3));
+        assert!(scaled(&by(1.01, &all), 1e-3) && scaled(&by(0.99, &all), 1e-3));
         assert!(!scaled(&by(1.01, &all), 2e-3) && !scaled(&by(1.5, &all), f64::INFINITY));
         // A part of it may stretch as it likes, and without matches nothing tells.
         let few = |p: &Point3| p.x > posed.iter().map(|p| p.x).fold(f64::MIN, f64::max) - 5.0;

@@ -17,13 +17,13 @@
 //! an open surface has an inside too, as deep as it is hollow. A sheet has none, and its stretch and bending carry what is
 //! not seen of it.
 
-use crate::geometry::{Neighbours, Point3, Vector3, align_rigid};
+use crate::geometry::{Neighbours, Point3, Vector3, align_rigid, bounding_box};
 use crate::mesh::Mesh;
 use crate::solver::{Anderson, ScalarCholesky};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
-/// Edges of every point to its nearest: as many as fill a shell of a cubic grid (6 + 8).
+/// Edges of every point to its nearest: on a body-centred grid 8 and 6.
 const EDGES: usize = 14;
 
 /// Points along the shortest side of the bounding box, at most: the hidden side is as smooth as what
@@ -68,14 +68,19 @@ impl Volume {
     /// The volume behind a rest surface: what lies in a closed one, or in the hollow of an open one. `None` where there is
     /// hardly any.
     pub fn of(mesh: &Mesh) -> Option<Self> {
-        let [low, high] = mesh.bounding_box();
+        let axes = own_axes(&mesh.positions);
+        let own: Vec<Point3> =
+            mesh.positions.iter().map(|p| axes.tr_mul(&p.coords).into()).collect();
+        let [low, high] = bounding_box(&own);
         let size = high - low;
         let spacing = (size.min() / ACROSS).max((size.product() / CELLS).cbrt());
         if spacing.is_nan() || spacing <= 0.0 {
             return None;
         }
+        let own = mesh.with_positions(own);
         let mut points = mesh.positions.clone();
-        points.extend(inside(mesh, low, high, spacing));
+        points
+            .extend(inside(&own, low, high, spacing).iter().map(|p| Point3::from(axes * p.coords)));
         if points.len() - mesh.positions.len() < LEAST {
             return None;
         }
@@ -236,16 +241,28 @@ fn rotation(m: Matrix3<f64>) -> Matrix3<f64> {
     u * Matrix3::from_diagonal(&sign) * v_t
 }
 
-/// Points of a cubic grid inside a surface, none nearer to it than half a spacing.
+/// Directions in which points are spread (columns, in no order): what is made along them turns with the points.
+fn own_axes(points: &[Point3]) -> Matrix3<f64> {
+    let middle = points.iter().map(|p| p.coords).sum::<Vector3>() / points.len().max(1) as f64;
+    let offsets = points.iter().map(|p| p.coords - middle);
+    let spread: Matrix3<f64> = offsets.map(|d| d * d.transpose()).sum();
+    spread.symmetric_eigen().eigenvectors
+}
+
+/// Points of a body-centred cubic grid inside a surface, one in `spacing³` and none nearer to a vertex than half a spacing. It
+/// looks the same from both ends of every axis, and each of its points has 14 neighbours nearer than the others.
 fn inside(mesh: &Mesh, low: Point3, high: Point3, spacing: f64) -> Vec<Point3> {
-    let count = [0, 1, 2].map(|c| ((high[c] - low[c]) / spacing).ceil() as usize);
-    let at = |i: usize| {
-        let (x, y, z) = (i % count[0], i / count[0] % count[1], i / count[0] / count[1]);
-        low + (Vector3::new(x as f64, y as f64, z as f64) + Vector3::repeat(0.5)) * spacing
+    let (side, middle) = (2.0_f64.cbrt() * spacing, nalgebra::center(&low, &high));
+    let reach = [0, 1, 2].map(|c| (0.5 * (high[c] - low[c]) / side).ceil() as i64);
+    let count = reach.map(|n| 2 * n + 1);
+    let at = |i: i64| {
+        let cell = [i % count[0], i / count[0] % count[1], i / count[0] / count[1]];
+        let corner = Vector3::from([0, 1, 2].map(|c| (cell[c] - reach[c]) as f64));
+        [0.0, 0.5].map(|half| middle + (corner + Vector3::repeat(half)) * side)
     };
-    let all = (0..count.iter().product::<usize>()).into_par_iter().map(at);
     let away = 0.25 * spacing * spacing;
     let free = |p: &Point3| mesh.positions.iter().all(|q| (p - q).norm_squared() > away);
+    let all = (0..count.iter().product::<i64>()).into_par_iter().flat_map_iter(at);
     all.filter(|p| winding(mesh, p).abs() > 0.5 && free(p)).collect()
 }
 
