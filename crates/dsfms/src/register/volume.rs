@@ -296,20 +296,17 @@ mod tests {
     }
 
     #[test]
-    fn what_is_pressed_in_comes_out_beside() {
-        let ball = shapes::icosphere(3, 10.0);
-        let volume = Volume::of(&ball).unwrap();
-        // The seen half flattened by a fifth: the rest bulges, as it does not where volume is free.
-        let seen: Vec<bool> = ball.positions.iter().map(|p| p.z < 0.0).collect();
-        let flat = |p: &Point3| Point3::new(p.x, p.y, if p.z < 0.0 { 0.8 * p.z } else { p.z });
-        let shape: Vec<Point3> = ball.positions.iter().map(flat).collect();
-        let found = volume.extrapolated(&ball.positions, &shape, &seen, 0.0).unwrap();
-        let volume_of = |shape: &[Point3]| -> f64 {
-            let faces = ball.topology.faces.iter().map(|f| f.map(|v| shape[v as usize].coords));
-            faces.map(|[a, b, c]| a.dot(&b.cross(&c)) / 6.0).sum()
-        };
-        let [rest, stays, moved] = [&ball.positions, &shape, &found].map(|s| volume_of(s));
-        assert!((rest - moved).abs() < 0.5 * (rest - stays).abs(), "{rest} {stays} {moved}");
+    fn the_nearest_map_that_keeps_the_volume() {
+        // A scale of 1.1 becomes 1.1 + (1 − 1.331) / 3.63 = 1.0088, and from there 1.0001.
+        let scaled = unimodular(Matrix3::identity() * 1.1);
+        assert!((scaled - Matrix3::identity() * 1.000077).amax() < 1e-6, "{scaled}");
+        let sheared = Matrix3::new(1.0, 0.3, 0.0, 0.0, 1.0, -0.2, 0.0, 0.0, 1.0);
+        assert_eq!(unimodular(sheared), sheared);
+        let turned = nalgebra::Rotation3::new(Vector3::new(0.4, -0.2, 0.7)).into_inner();
+        let any = Matrix3::new(1.1, 0.2, -0.1, 0.05, 0.8, 0.1, -0.2, 0.1, 0.95);
+        let found = unimodular(any);
+        assert!((found.determinant() - 1.0).abs() < 1e-3, "{}", found.determinant());
+        assert!((unimodular(turned * any) - turned * found).amax() < 1e-12);
     }
 
     #[test]
