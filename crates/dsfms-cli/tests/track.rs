@@ -214,7 +214,7 @@ fn realtime_accounts_for_every_frame_however_fast_they_come() {
     let numbers = column(&out, "frame");
     assert_eq!(numbers.len() + dropped, 12, "{dropped} and {numbers:?}");
     assert_eq!(numbers.last().unwrap(), "11", "the newest frame is never dropped");
-    assert_eq!(said.contains(" dropped"), dropped > 0, "{said}");
+    assert_eq!(said.contains(&format!("{dropped} dropped")), dropped > 0, "{said}");
     // Until the search beside has answered, a frame is lost with that reason.
     let (status, reasons) = (column(&out, "status"), column(&out, "reasons"));
     assert_eq!(status[0], "lost");

@@ -12,6 +12,7 @@ pub use alignment::{align_rigid, align_rigid_robust, align_similarity};
 pub use neighbours::Neighbours;
 pub use robust::Loss;
 pub use sets::DisjointSets;
+pub(crate) use statistics::scatter;
 pub use statistics::{centre_and_spread, median};
 pub use triangle::{area, area_normal, barycentric, normal, point_at};
 

@@ -2,9 +2,9 @@
 
 use super::options::ScaleRule;
 use super::verdict::PreoperativeError;
-use crate::geometry::{Point3, Similarity, Vector3, align_rigid, align_similarity};
+use crate::geometry::{Point3, Similarity, Vector3, align_rigid, align_similarity, scatter};
 use crate::sfm::random::Random;
-use nalgebra::{Matrix3, Translation3};
+use nalgebra::Translation3;
 
 /// The same place on both surfaces.
 #[derive(Clone, Debug, PartialEq)]
@@ -145,11 +145,7 @@ fn left_out(pairs: &[LandmarkPair], agree: &[bool], rule: ScaleRule) -> Vec<Opti
 
 /// Second over first root of the eigenvalues of the spread: 0 for points on a line.
 pub(super) fn flatness(points: impl Iterator<Item = Point3> + Clone) -> f64 {
-    let count = points.clone().count() as f64;
-    let mean = points.clone().map(|p| p.coords).sum::<Vector3>() / count;
-    let spread: Matrix3<f64> =
-        points.map(|p| (p.coords - mean) * (p.coords - mean).transpose()).sum();
-    let mut values = spread.symmetric_eigenvalues();
+    let mut values = scatter(points).1.symmetric_eigenvalues();
     values.as_mut_slice().sort_unstable_by(|a, b| b.total_cmp(a));
     if values[0] > 0.0 { (values[1].max(0.0) / values[0]).sqrt() } else { 0.0 }
 }

@@ -10,10 +10,9 @@ use super::objective::{MotionProblem, hold};
 use super::pose::rest_point;
 use super::solve::{expected_displacement, in_rounds, losses_from, register_in};
 use super::{Match, Posed, RegisterOptions, Registered, Scene};
-use crate::geometry::{Isometry, Point2, Point3, Vector3};
+use crate::geometry::{Isometry, Point2, Point3, Vector3, scatter};
 use crate::sfm::resection::refine_pose;
 use crate::solver::Loss;
-use nalgebra::Matrix3;
 
 /// Displacement expected at another start, over what its matches share: a pose of all matches hides
 /// most of the bend from them. Conformal error of kinectPaper with 1, 2 and 3: 12.9, 8.8 and 6.7 mm (`docs/results/totem.md`).
@@ -159,10 +158,7 @@ impl<'a> Sighted<'a> {
 
     /// Centre of the points and the two directions in which they spread most.
     fn longest_axes(&self) -> (Point3, [Vector3; 2]) {
-        let sum: Vector3 = self.points.iter().map(|p| p.coords).sum();
-        let centre = Point3::from(sum / self.points.len() as f64);
-        let spread: Matrix3<f64> =
-            self.points.iter().map(|p| (p - centre) * (p - centre).transpose()).sum();
+        let (centre, spread) = scatter(self.points.iter().copied());
         let eigen = spread.symmetric_eigen();
         let mut order = [0, 1, 2];
         order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
