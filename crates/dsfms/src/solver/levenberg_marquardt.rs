@@ -76,7 +76,7 @@ const MIN_REFUSED_DAMPING: f64 = 1e-5;
 
 /// Minimise from `state`; the cost of what is returned is never above that of the start.
 ///
-/// An infeasible start is returned unchanged with [`Stop::NoProgress`] and no terms.
+/// An infeasible start is returned unchanged with [`Stop::Infeasible`] and no terms.
 ///
 /// ```
 /// use dsfms::solver::{Options, Problem, Step, minimize};
@@ -118,7 +118,7 @@ pub fn minimize<P: Problem>(
 ) -> (P::State, Summary) {
     let start = Instant::now();
     let Some(before) = problem.trial(&state) else {
-        return (state, summary(problem, Stop::NoProgress, [0, 0], [&[], &[]], start));
+        return (state, summary(problem, Stop::Infeasible, [0, 0], [&[], &[]], start));
     };
     let mut descent = Descent {
         problem,
@@ -261,6 +261,7 @@ mod tests {
     impl Problem for Rosenbrock {
         type State = Vector2<f64>;
         fn costs(&self, s: &Vector2<f64>) -> Option<Vec<f64>> {
+            s.x.is_finite().then_some(())?;
             Some(vec![100.0 * (s.y - s.x * s.x).powi(2), (1.0 - s.x).powi(2)])
         }
         fn labels(&self) -> Vec<&'static str> {
@@ -290,6 +291,15 @@ mod tests {
         assert!((x - Vector2::new(1.0, 1.0)).norm() < 1e-6, "{x} {summary:?}");
         assert!(summary.cost().1 < 1e-12);
         assert_eq!(summary.terms[0].label, "valley");
+    }
+
+    #[test]
+    fn an_infeasible_start_is_the_best_of_none() {
+        let mut problem = Rosenbrock { hessian: Matrix2::zeros(), gradient: Vector2::zeros() };
+        let nowhere = Vector2::new(f64::NAN, 1.0);
+        let (_, summary) = minimize(&mut problem, nowhere, &Options::default());
+        assert_eq!(summary.stop, Stop::Infeasible);
+        assert!(summary.cost().1 > f64::MAX);
     }
 
     #[test]

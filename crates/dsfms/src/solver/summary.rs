@@ -16,6 +16,8 @@ pub enum Stop {
     StepLimit,
     /// No damping up to the largest gave a step that lowers the cost.
     NoProgress,
+    /// The start has no cost: a point lies behind the camera, a face is folded flat.
+    Infeasible,
 }
 
 /// Weighted cost of one term.
@@ -45,8 +47,11 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Total cost before and after.
+    /// Total cost before and after; infinite of an infeasible start, which is no best of several.
     pub fn cost(&self) -> (f64, f64) {
+        if self.stop == Stop::Infeasible {
+            return (f64::INFINITY, f64::INFINITY);
+        }
         self.terms.iter().fold((0.0, 0.0), |(b, a), t| (b + t.before, a + t.after))
     }
 }
