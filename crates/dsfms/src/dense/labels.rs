@@ -16,12 +16,12 @@
 //! Weights were chosen on five of the generated scenes (`docs/results/parting.md` has what others give).
 
 use super::cells::{Colours, Grid, GridNode, NODES, NodePair};
-use super::cut::Graph;
+
 use super::looks::LogRatio;
 use super::seeds::Seeds;
 use super::{DepthMap, PosedFrame};
 use crate::geometry::{DisjointSets, Point2, Point3, Vector3};
-use crate::image::Mask;
+use crate::image::{Mask, cut::Graph};
 use rayon::prelude::*;
 
 /// Cost of a border between nodes side by side where nothing speaks for one, in units of log likelihood, on a grid

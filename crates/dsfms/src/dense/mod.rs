@@ -16,7 +16,6 @@ mod cells;
 mod clean;
 mod consistency;
 mod contour;
-mod cut;
 mod error;
 mod exchange;
 mod fit;

@@ -5,6 +5,7 @@ use crate::geometry::Point2;
 mod bilinear;
 pub mod clahe;
 pub mod corners;
+pub(crate) mod cut;
 pub mod distance;
 pub mod exposure;
 pub mod filter;
@@ -16,6 +17,7 @@ pub mod outline;
 pub mod picture;
 pub mod plane;
 mod polygon;
+pub(crate) mod segment;
 pub mod tone;
 pub mod viewport;
 

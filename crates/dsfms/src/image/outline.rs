@@ -13,15 +13,20 @@ pub struct Outline {
     /// Signed distance to it, px: negative on the organ, of which what an instrument covers counts
     /// as a part.
     pub distance: Plane,
-    /// Distance to the nearest instrument, px.
-    instrument: Option<Plane>,
+    /// Distance to the nearest pixel where it is not known, as at an instrument, px.
+    unknown: Option<Plane>,
 }
 
 impl Outline {
     /// Of masks of one size; `organ` is `true` where the organ is the first surface hit.
     pub fn new(organ: &Mask, instrument: Option<&Mask>) -> Self {
         let whole = instrument.map_or_else(|| organ.clone(), |tool| organ.or(tool));
-        Self { distance: signed_distance(&whole), instrument: instrument.map(distance_to) }
+        Self { distance: signed_distance(&whole), unknown: instrument.map(distance_to) }
+    }
+
+    /// Of a mask that is not believed near the `unknown` pixels.
+    pub(crate) fn known_off(organ: &Mask, unknown: &Mask) -> Self {
+        Self { distance: signed_distance(organ), unknown: Some(distance_to(unknown)) }
     }
 
     /// Whether the part of the outline nearest to a pixel is one that was seen.
@@ -30,9 +35,9 @@ impl Outline {
         let reach = distance.abs() + MARGIN;
         let [w, h] = self.distance.size.map(|s| s as f64 - 1.0);
         let border = p.x.min(p.y).min(w - p.x).min(h - p.y);
-        let tool =
-            self.instrument.as_ref().and_then(|d| d.sample(p)).map_or(f64::INFINITY, |d| d.0);
-        reach < border.min(tool)
+        let unknown =
+            self.unknown.as_ref().and_then(|d| d.sample(p)).map_or(f64::INFINITY, |d| d.0);
+        reach < border.min(unknown)
     }
 }
 

@@ -115,6 +115,11 @@ pub(super) fn reconstruction(frame: &Frame, result: &Reconstruction) {
     debug!(frame = %frame.name, evidence = ?result.evidence, "evidence");
 }
 
+/// What share of an outline found by colour is known.
+pub(super) fn outline(frame: &Frame, marked: f64) {
+    info!(frame = %frame.name, marked, "outline by colour");
+}
+
 fn stage(frame: &Frame, stage: &StageReport) {
     let (name, seconds) = (&stage.name, stage.seconds);
     let Some(summary) = &stage.summary else {

@@ -7,6 +7,9 @@ use super::trust::{Trusted, trust};
 use super::{Method, Observation, ReconstructError, ReconstructOptions, Reconstruction};
 use crate::camera::Camera;
 use crate::expected_error::{Model, Solved, expected_errors};
+use crate::geometry::Point3;
+use crate::image::segment::{Segment, segment};
+use crate::raster::rasterize;
 use crate::refine::{Joined, Photograph, RefineOptions, Refined, join, refine, refine_printed};
 use crate::register::scene::visibility;
 use crate::register::solve::{EXPLAINED, kept_matches, limit_px};
@@ -145,6 +148,14 @@ impl FrameSolve<'_> {
         }
         let kept = kept_matches(&on_body, &coarse.kept);
         let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
+        let found = log.time("outline", || self.segmented(method, &result.vertices, &photo));
+        let photo = match &found {
+            Some(Segment { outline, usable, marked }) => {
+                logging::outline(sight.observation.frame, *marked);
+                Photograph { outline: Some(outline), usable, ..photo }
+            }
+            None => photo,
+        };
         if method == Method::Dsfms {
             let refined = log.time("refine (eq. 4)", || self.refined(&coarse, &kept, &photo));
             log.attach(&refined.summary);
@@ -155,6 +166,17 @@ impl FrameSolve<'_> {
             take_joined(result, &joined);
         }
         Ok(())
+    }
+
+    /// The organ by its colours, about the silhouette of `shape`, if the joint solve asks and no mask says.
+    fn segmented(&self, method: Method, shape: &[Point3], photo: &Photograph) -> Option<Segment> {
+        let asked = method == Method::Joint && self.options.joint.find_outline;
+        if !asked || self.sight.observation.organ.is_some() {
+            return None;
+        }
+        let topology = &self.sight.template.mesh.topology;
+        let rough = rasterize(photo.camera, topology, shape).silhouette();
+        segment(&photo.picture.linear, &rough, photo.usable)
     }
 
     /// Eq. 4 from the shape of eq. 3.

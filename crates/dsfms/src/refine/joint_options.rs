@@ -16,8 +16,11 @@ pub struct JointOptions {
     /// Weight of the mean over the photometric samples: where all are off by their noise they cost like this
     /// many matches that are off by 1 px. Fewer than there are samples, since neighbours are off together.
     pub shading: f64,
-    /// Weight of the mean over the points of the occluding contour, where an organ mask tells its outline.
+    /// Weight of the mean over the points of the occluding contour, where an organ mask tells its outline, or colour
+    /// does.
     pub outline: f64,
+    /// Whether the outline is found by colour where no organ mask is given (one frame alone; not in tracking).
+    pub find_outline: bool,
     /// Weight of saturated vertices under a near light, over all that are seen. Under a distant light, where only
     /// the matches tell distance, highlights are no cue.
     pub highlights: f64,
@@ -132,6 +135,7 @@ impl Default for JointOptions {
             },
             shading: 1336.0,
             outline: 100.0,
+            find_outline: true,
             highlights: 334.0,
             image: PhotometricModel::default(),
             robust: 3.0,

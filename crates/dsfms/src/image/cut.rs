@@ -7,7 +7,7 @@
 use std::collections::VecDeque;
 
 /// A graph whose nodes take one of two labels.
-pub(super) struct Graph {
+pub(crate) struct Graph {
     /// Arc `2e` leads along edge `e`, arc `2e + 1` back.
     head: Vec<u32>,
     weight: Vec<i32>,
@@ -27,7 +27,7 @@ enum Parent {
 
 impl Graph {
     /// Nodes and what different labels of two of them cost.
-    pub(super) fn new(nodes: usize, edges: impl Iterator<Item = (u32, u32, i32)>) -> Self {
+    pub(crate) fn new(nodes: usize, edges: impl Iterator<Item = (u32, u32, i32)>) -> Self {
         let (mut head, mut weight) = (Vec::new(), Vec::new());
         for (p, q, cost) in edges {
             head.extend([q, p]);
@@ -48,7 +48,7 @@ impl Graph {
 
     /// The labels of least energy; of equal ones those with fewest `true`. `favour`: what the label `true` saves
     /// at each node, less what `false` does.
-    pub(super) fn labels(&self, favour: Vec<i32>) -> Vec<bool> {
+    pub(crate) fn labels(&self, favour: Vec<i32>) -> Vec<bool> {
         let mut flow = Flow::new(self, favour);
         while let Some(arc) = flow.grow() {
             flow.augment(arc);
