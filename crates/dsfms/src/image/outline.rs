@@ -15,18 +15,29 @@ pub struct Outline {
     pub distance: Plane,
     /// Distance to the nearest pixel where it is not known, as at an instrument, px.
     unknown: Option<Plane>,
+    /// Whether the rim of an open surface may not lie outside of it.
+    pub(crate) holds_rims: bool,
 }
 
 impl Outline {
     /// Of masks of one size; `organ` is `true` where the organ is the first surface hit.
     pub fn new(organ: &Mask, instrument: Option<&Mask>) -> Self {
         let whole = instrument.map_or_else(|| organ.clone(), |tool| organ.or(tool));
-        Self { distance: signed_distance(&whole), unknown: instrument.map(distance_to) }
+        Self {
+            distance: signed_distance(&whole),
+            unknown: instrument.map(distance_to),
+            holds_rims: true,
+        }
     }
 
-    /// Of a mask that is not believed near the `unknown` pixels.
+    /// Of a mask that is not believed near the `unknown` pixels. It holds no rims: where the surface was reconstructed to is
+    /// not where colours change, and what holds it on one side only shrinks it by the noise of the outline.
     pub(crate) fn known_off(organ: &Mask, unknown: &Mask) -> Self {
-        Self { distance: signed_distance(organ), unknown: Some(distance_to(unknown)) }
+        Self {
+            distance: signed_distance(organ),
+            unknown: Some(distance_to(unknown)),
+            holds_rims: false,
+        }
     }
 
     /// Whether the part of the outline nearest to a pixel is one that was seen.

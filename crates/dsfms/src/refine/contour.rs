@@ -13,7 +13,7 @@ use crate::register::Body;
 const AT_CONTOUR: f64 = 2.0;
 
 /// Vertices of the contour of `shape` (camera axes) against its surroundings: where faces turned to
-/// the camera meet others, and the rim of an open surface, held on one side only; with `true` for the
+/// the camera meet others, and the rim of an open surface, held on one side only, if at all; with `true` for the
 /// rim.
 fn contour(
     camera: &CameraModel,
@@ -35,7 +35,8 @@ fn contour(
     for (v, faces) in topology.vertex_faces.iter().enumerate() {
         let front = faces.iter().filter(|&&f| turned[f as usize]).count();
         let rim = topology.boundary[v] && front > 0;
-        if !rim && (front == 0 || front == faces.len()) {
+        let held = if rim { outline.holds_rims } else { front > 0 && front < faces.len() };
+        if !held {
             continue;
         }
         let Some(pixel) = camera.project(&shape[v]).map(|p| p.pixel) else { continue };
@@ -79,6 +80,15 @@ mod tests {
     use crate::mesh::shapes;
     use crate::raster::rasterize;
 
+    fn camera() -> CameraModel {
+        CameraModel {
+            size: [160, 120],
+            focal: [300.0; 2],
+            centre: [80.0, 60.0],
+            lens: Lens::Pinhole,
+        }
+    }
+
     #[test]
     fn the_contour_of_a_ball_is_its_widest_circle() {
         let mesh = shapes::icosphere(3, 10.0);
@@ -87,12 +97,7 @@ mod tests {
             .iter()
             .map(|p| p + crate::geometry::Vector3::new(0.0, 0.0, 60.0))
             .collect();
-        let camera = CameraModel {
-            size: [160, 120],
-            focal: [300.0; 2],
-            centre: [80.0, 60.0],
-            lens: Lens::Pinhole,
-        };
+        let camera = camera();
         let raster = rasterize(&camera, &mesh.topology, &shape);
         let organ: Mask = raster.silhouette();
         let outline = Outline::new(&organ, None);
@@ -104,5 +109,22 @@ mod tests {
             let distance = outline.distance.sample(&pixel).unwrap().0;
             assert!(distance.abs() < 2.5, "vertex {v}: {distance} px");
         }
+    }
+
+    #[test]
+    fn a_mask_holds_the_rim_of_an_open_surface_and_colours_do_not() {
+        // A sheet that faces the camera.
+        let mesh = shapes::irregular_sheet(9);
+        let facing = |p: &Point3| Point3::new(20.0 * (p.x - 0.5), 20.0 * (0.5 - p.y), 60.0);
+        let shape: Vec<Point3> = mesh.positions.iter().map(facing).collect();
+        let camera = camera();
+        let raster = rasterize(&camera, &mesh.topology, &shape);
+        let organ = raster.silhouette();
+        let rims = |outline: &Outline| {
+            let found = contour(&camera, &mesh.topology, &shape, &raster, outline);
+            found.iter().filter(|(_, rim)| *rim).count()
+        };
+        assert!(rims(&Outline::new(&organ, None)) > 10);
+        assert_eq!(rims(&Outline::known_off(&organ, &Mask::filled(organ.size, false))), 0);
     }
 }
