@@ -16,7 +16,6 @@
 //! Weights were chosen on five of the generated scenes (`docs/results/parting.md` has what others give).
 
 use super::cells::{Colours, Grid, GridNode, NODES, NodePair};
-
 use super::looks::LogRatio;
 use super::seeds::Seeds;
 use super::{DepthMap, PosedFrame};

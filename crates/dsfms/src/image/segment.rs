@@ -6,7 +6,7 @@
 //!      + Σ_pq λ·exp(−‖c_p − c_q‖² / 2⟨‖c_p − c_q‖²⟩)·[x_p ≠ x_q]    neighbours that differ, less across an edge
 //! ```
 //!
-//! Colours `c` are two log ratios of the channels, which shading leaves alone, and brightness. What
+//! Neighbours on a diagonal cost `1/√2` of that. Colours `c` are two log ratios of the channels, which shading leaves alone, and brightness. What
 //! lies well inside the rough silhouette or far outside keeps its label. The outline counts only where the colours
 //! on its two sides differ: a mesh that ends within the organ has none there.
 
@@ -25,9 +25,9 @@ const BINS: usize = 16;
 const TAIL: f64 = 0.01;
 /// Share of values that may be anything.
 const ANYTHING: f64 = 0.02;
-/// Most that a cell says for either label, and the toll of a border between cells that look alike (that of GrabCut),
-/// in units of log likelihood.
-const SAYS: f64 = 8.0;
+/// Largest log ratio of a cell, and cost λ of a border between cells of one colour (that of GrabCut), in units of log
+/// likelihood.
+const MOST: f64 = 8.0;
 const LAMBDA: f64 = 50.0;
 /// Cuts, each of which learns from the last.
 const CUTS: usize = 5;
@@ -43,6 +43,8 @@ const ENOUGH: f64 = 0.5;
 const SAME: f64 = 0.6;
 /// Energies are counted in whole numbers of this size.
 const UNIT: f64 = 1.0 / 64.0;
+/// Log ratio of a cell whose label is kept: more than all borders of one cell cost.
+const KEPT: f64 = 1e4;
 
 /// An organ that its colours part from its surroundings.
 pub(crate) struct Segment {
@@ -77,7 +79,9 @@ pub(crate) fn segment(picture: &ColorImage, rough: &Mask, usable: &Mask) -> Opti
 struct Cells {
     /// Width and height of the picture, px.
     pixels: [usize; 2],
+    /// Side of a cell, px.
     step: usize,
+    /// Width and height in cells.
     size: [usize; 2],
     /// Every colour in units of its spread, 0 to 1.
     colours: Vec<[f64; 3]>,
@@ -151,17 +155,17 @@ impl Cells {
     /// The labels of least energy, and what the colours say for the organ; `None` where one label is left.
     fn labels(&self) -> Option<(Vec<bool>, Vec<f64>)> {
         let whole = |e: f64| (e / UNIT).round() as i32;
-        let toll = |(p, q, near): (usize, usize, f64)| {
+        let cost = |(p, q, near): (usize, usize, f64)| {
             (p as u32, q as u32, whole(LAMBDA * near * self.like(p, q)))
         };
-        let graph = Graph::new(self.known.len(), self.neighbours().map(toll));
+        let graph = Graph::new(self.known.len(), self.neighbours().map(cost));
         let mut labels = self.rough.clone();
         let mut favour = Vec::new();
         for _ in 0..CUTS {
             favour = self.favour(&labels)?;
             let held = |c: usize| match self.distance[c] {
-                d if d < -INNER => whole(1e4),
-                d if d > OUTER => whole(-1e4),
+                d if d < -INNER => whole(KEPT),
+                d if d > OUTER => whole(-KEPT),
                 _ => whole(favour[c]),
             };
             labels = graph.labels((0..labels.len()).map(held).collect());
@@ -180,7 +184,7 @@ impl Cells {
         }
         let likely = counts.map(likelihoods);
         let [Some(other), Some(organ)] = likely else { return None };
-        let say = |b: usize| (organ[b] / other[b]).ln().clamp(-SAYS, SAYS);
+        let say = |b: usize| (organ[b] / other[b]).ln().clamp(-MOST, MOST);
         let of = |c: usize| if self.known[c] { say(bin(self.colours[c])) } else { 0.0 };
         Some((0..labels.len()).map(of).collect())
     }
@@ -365,15 +369,14 @@ mod tests {
     #[test]
     fn an_outline_that_no_colour_marks_is_not_known() {
         // The organ goes on to the right of the mesh, whose silhouette ends in the middle of it.
-        let organ = Mask { size: SIZE, data: (0..320 * 240).map(|i| i % 320 > 100).collect() };
-        let rough = Mask {
+        let columns = |kept: std::ops::Range<usize>| Mask {
             size: SIZE,
-            data: (0..320 * 240).map(|i| (104..200).contains(&(i % 320))).collect(),
+            data: (0..320 * 240).map(|i| kept.contains(&(i % 320))).collect(),
         };
-        let found = segment(&picture(&organ), &rough, &everywhere());
-        let there = |x: f64| Point2::new(x, 120.0);
-        let known = |x: f64| found.as_ref().is_some_and(|f| f.outline.known_at(&there(x)));
-        assert!(!known(200.0));
+        let (organ, rough) = (columns(101..320), columns(104..260));
+        let found = segment(&picture(&organ), &rough, &everywhere()).unwrap();
+        let known = |x: f64| found.outline.known_at(&Point2::new(x, 120.0));
+        assert!(known(100.0) && !known(260.0));
         // And nowhere at all in one colour.
         assert!(segment(&picture(&everywhere()), &rough, &everywhere()).is_none());
         assert!(segment(&picture(&organ), &everywhere(), &everywhere()).is_none());

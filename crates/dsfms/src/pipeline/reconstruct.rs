@@ -148,19 +148,19 @@ impl FrameSolve<'_> {
         }
         let kept = kept_matches(&on_body, &coarse.kept);
         let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
-        let found = log.time("outline", || self.segmented(method, &result.vertices, &photo));
-        let photo = match &found {
-            Some(Segment { outline, usable, marked }) => {
-                logging::outline(sight.observation.frame, *marked);
-                Photograph { outline: Some(outline), usable, ..photo }
-            }
-            None => photo,
-        };
         if method == Method::Dsfms {
             let refined = log.time("refine (eq. 4)", || self.refined(&coarse, &kept, &photo));
             log.attach(&refined.summary);
             take_refined(result, &refined);
         } else {
+            let found = log.time("outline", || self.segmented(&result.vertices, &photo));
+            let photo = match &found {
+                Some(Segment { outline, usable, marked }) => {
+                    logging::outline(sight.observation.frame, *marked);
+                    Photograph { outline: Some(outline), usable, ..photo }
+                }
+                None => photo,
+            };
             let joined = log.time("joint", || joined(body, &coarse, &kept, &photo, options));
             log.attach(&joined.summary);
             take_joined(result, &joined);
@@ -168,10 +168,9 @@ impl FrameSolve<'_> {
         Ok(())
     }
 
-    /// The organ by its colours, about the silhouette of `shape`, if the joint solve asks and no mask says.
-    fn segmented(&self, method: Method, shape: &[Point3], photo: &Photograph) -> Option<Segment> {
-        let asked = method == Method::Joint && self.options.joint.find_outline;
-        if !asked || self.sight.observation.organ.is_some() {
+    /// The organ by its colours, about the silhouette of `shape` (camera axes), if it is asked for and no mask says.
+    fn segmented(&self, shape: &[Point3], photo: &Photograph) -> Option<Segment> {
+        if !self.options.joint.find_outline || self.sight.observation.organ.is_some() {
             return None;
         }
         let topology = &self.sight.template.mesh.topology;
