@@ -19,7 +19,12 @@ import numpy as np
 from measure import read_ply
 from score import given, template
 
-STAGES = {"matching": "matching", "pose": "pose", "register (eq. 3)": "eq. 3", "joint": "joint"}
+COLUMNS = {
+    "matching": ["matching"],
+    "pose": ["pose"],
+    "eq. 3": ["register (eq. 3)"],
+    "joint": ["outline", "joint", "matching again"],
+}
 
 
 def timed(a, scene, made, frame, out):
@@ -37,7 +42,8 @@ def timed(a, scene, made, frame, out):
     if not told.exists():
         sys.exit(f"{scene.name} {frame.name}: exit {done.returncode}\n{done.stderr}")
     report = json.loads(told.read_text())
-    found = {STAGES[s["name"]]: 1e3 * s["seconds"] for s in report["stages"] if s["name"] in STAGES}
+    spent = lambda names: 1e3 * sum(s["seconds"] for s in report["stages"] if s["name"] in names)
+    found = {column: spent(names) for column, names in COLUMNS.items()}
     found["frame"] = 1e3 * sum(s["seconds"] for s in report["stages"])
     return dict(found, setup=1e3 * wall - found["frame"])
 
@@ -53,7 +59,7 @@ def main():
     ap.add_argument("--template-key", default="a")
     ap.add_argument("--work", type=Path, default=Path("/tmp/dsfms-score"), help="cache of templates, as of score.py")
     a = ap.parse_args()
-    columns = [*STAGES.values(), "frame", "setup"]
+    columns = [*COLUMNS, "frame", "setup"]
     print("| scene | vertices | " + " | ".join(columns) + " |\n" + "| --- " * (len(columns) + 2) + "|")
     for scene in sorted(s for s in a.scenes.iterdir() if (s / "DONE").exists() and (a.half == "all" or a.half in s.name)):
         made = template(a, scene, "mesh")

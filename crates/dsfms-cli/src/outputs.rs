@@ -1,7 +1,7 @@
 //! What a reconstruction leaves on disk. Every file appears under its final name only when it is
 //! complete.
 
-use crate::draw::overlay::{INSTRUMENT, ORGAN, outline, overlay};
+use crate::draw::overlay::{INSTRUMENT, ORGAN, found_outline, outline, overlay};
 use crate::poses::rows;
 use crate::reasons::sentences;
 use anyhow::Context;
@@ -234,6 +234,9 @@ impl FrameFiles<'_> {
         let mut picture =
             overlay(frame, camera, topology, &result.vertices, &result.visible, &result.matches);
         masks.outline(&mut picture);
+        if let Some(outline) = &result.outline {
+            found_outline(&mut picture, outline, ORGAN);
+        }
         write_png(&self.path("_overlay.png"), &picture)
     }
 

@@ -5,8 +5,8 @@ use dsfms::camera::PosedFrame;
 use dsfms::geometry::{Isometry, Point3, Vector3};
 use dsfms::image::{Frame, Mask, ToneCurve};
 use dsfms::light::LightModel;
-use dsfms::pipeline::Method;
-use dsfms::register::find::find;
+use dsfms::pipeline::{Method, Observation, ReconstructOptions, reconstruct};
+use dsfms::register::find::Search;
 use dsfms::sfm::{SfmOptions, detect};
 use dsfms::synth::{LightKind, RenderOptions, render};
 use dsfms::template::anchor::{AnchorOptions, FeatureView, anchor_features};
@@ -317,14 +317,36 @@ fn pale_clip() -> Clip {
 }
 
 #[test]
+fn matches_found_again_about_the_shape_are_no_fewer() {
+    let clip = pale_clip();
+    let frame = Observation::new(&clip.frames[5], &clip.camera);
+    let kept = |look_again: usize| {
+        let mut options = ReconstructOptions::default();
+        options.joint.look_again = look_again;
+        let found = reconstruct(&clip.template, &frame, Method::Joint, &options).unwrap();
+        let off: Vec<f64> = (found.vertices.iter().zip(clip.truth[5].as_ref().unwrap()))
+            .map(|(v, truth)| (v - truth).norm())
+            .collect();
+        let kept = found.matches.iter().filter(|m| m.1).count();
+        (kept, off.iter().sum::<f64>() / off.len() as f64)
+    };
+    let [once, again] = [0, 2].map(kept);
+    assert!(again.0 >= once.0, "{again:?} matches and mm, {once:?} without");
+    assert!(again.1 < 1.1 * once.1, "{again:?} matches and mm, {once:?} without");
+}
+
+#[test]
 fn a_followed_frame_has_no_fewer_matches_than_a_fresh_look() {
     let clip = pale_clip();
     let usable = Mask::filled(clip.camera.size, true);
     let features = clip.template.features.as_ref().unwrap();
     let (camera, rest) = (&clip.camera, &clip.template.mesh);
     let register = TrackOptions::default().reconstruct.register;
-    let fresh =
-        |frame| find(camera, rest, features, frame, &usable, &register, 0).map_or(0, |m| m.len());
+    let search = Search::new(rest, features);
+    let fresh = |frame| {
+        let seen = detect(frame, Some(&usable), &SfmOptions::default());
+        search.matches(camera, &seen, &register, 0).map_or(0, |m| m.len())
+    };
     let tracked = track(&clip);
     let figures: Vec<_> = (tracked.iter().zip(&clip.frames))
         .map(|(t, frame)| {

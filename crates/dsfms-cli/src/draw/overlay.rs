@@ -6,7 +6,7 @@ use crate::sheet::legend::ColourBar;
 use crate::sheet::{Anchor, Ink, Item, Place, font, raster};
 use dsfms::camera::{Camera, CameraModel};
 use dsfms::geometry::{Point2, Point3, Vector3};
-use dsfms::image::{Frame, Mask};
+use dsfms::image::{Frame, Mask, Outline};
 use dsfms::mesh::Topology;
 use dsfms::register::Match;
 use image::RgbImage;
@@ -57,6 +57,18 @@ pub fn overlay(
     raster::stroke(&mut canvas, &edges, pen, &[], WIRE, 0.6);
     draw_matches(&mut canvas, camera, (topology, vertices), matches, pen);
     canvas
+}
+
+/// The outline found in a frame, where it is known, inside of the organ.
+pub fn found_outline(canvas: &mut RgbImage, outline: &Outline, colour: [u8; 3]) {
+    let (size, pen) = (outline.distance.size, pen(outline.distance.size) as f32);
+    for (i, distance) in outline.distance.data.iter().enumerate() {
+        let [x, y] = [i % size[0], i / size[0]];
+        let on_line = (-1.5 * pen..0.0).contains(distance);
+        if on_line && outline.known_at(&Point2::new(x as f64, y as f64)) {
+            super::blend(canvas, x as i64, y as i64, colour, 0.9);
+        }
+    }
 }
 
 /// The outline of a mask, inside of it.
@@ -234,5 +246,23 @@ mod tests {
         assert!(
             lit(10, 15) && lit(29, 15) && lit(20, 10) && !lit(20, 15) && !lit(5, 5) && !lit(9, 15)
         );
+    }
+
+    #[test]
+    fn a_found_outline_is_drawn_where_it_is_known() {
+        let size = [80, 60];
+        let columns = |kept: std::ops::Range<usize>| Mask {
+            size,
+            data: (0..80 * 60)
+                .map(|i| kept.contains(&(i % 80)) && (10..50).contains(&(i / 80)))
+                .collect(),
+        };
+        let found = Outline::new(&columns(20..60), Some(&columns(60..70)));
+        let mut canvas = RgbImage::new(80, 60);
+        found_outline(&mut canvas, &found, [255; 3]);
+        let lit = |x, y| canvas.get_pixel(x, y).0[0] > 200;
+        assert!(lit(20, 30) && lit(40, 10) && !lit(40, 30) && !lit(18, 30));
+        // Beside the instrument the organ goes on.
+        assert!(!lit(59, 30) && !lit(69, 30));
     }
 }

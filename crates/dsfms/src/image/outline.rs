@@ -41,7 +41,7 @@ impl Outline {
     }
 
     /// Whether the part of the outline nearest to a pixel is one that was seen.
-    pub(crate) fn known_at(&self, p: &Point2) -> bool {
+    pub fn known_at(&self, p: &Point2) -> bool {
         let Some((distance, _)) = self.distance.sample(p) else { return false };
         let reach = distance.abs() + MARGIN;
         let [w, h] = self.distance.size.map(|s| s as f64 - 1.0);

@@ -1,5 +1,6 @@
 //! One deformed frame through all stages of a method.
 
+mod frame_solve;
 pub mod inputs;
 mod logging;
 pub(crate) mod moved;
@@ -12,8 +13,8 @@ mod surroundings;
 pub mod template;
 mod trust;
 
+pub(crate) use frame_solve::joined;
 pub use progress::{Progress, Silent};
-pub(crate) use reconstruct::joined;
 pub use reconstruct::{reconstruct, reconstruct_with};
 pub use reconstruct_options::ReconstructOptions;
 pub use surroundings::CameraSight;
@@ -28,7 +29,7 @@ pub use template::{
 
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point3};
-use crate::image::{Frame, Mask, ToneCurve};
+use crate::image::{Frame, Mask, Outline, ToneCurve};
 use crate::options::OptionError;
 use crate::register::{Match, RegisterError};
 use crate::sfs::SfsError;
@@ -143,6 +144,8 @@ pub struct Reconstruction {
     pub matches: Vec<(Match, bool)>,
     /// Vertices or samples that shading was read from, where the method reads any.
     pub shaded: Option<usize>,
+    /// The organ's outline as its colours show it, where method joint found one for want of a mask.
+    pub outline: Option<Outline>,
     /// Name, wall time in seconds and solver report of every stage, in order.
     pub stages: Vec<StageReport>,
 }
@@ -164,8 +167,8 @@ impl Reconstruction {
 /// One stage of a reconstruction.
 #[derive(Clone, Debug, Serialize)]
 pub struct StageReport {
-    /// `mesh`, `prepare`, `matching`, `pose`, `register (eq. 3)`, `refine (eq. 4)`, `joint`, `sfs`,
-    /// `visibility`, `expected error`, `verdict`: all that a reconstruction does.
+    /// `mesh`, `prepare`, `matching`, `pose`, `register (eq. 3)`, `refine (eq. 4)`, `outline`, `joint`, `matching
+    /// again`, `sfs`, `visibility`, `expected error`, `verdict`: all that a reconstruction does. A name may come twice.
     pub name: String,
     /// Wall time, seconds.
     pub seconds: f64,

@@ -1,21 +1,19 @@
 //! Pose, eq. 3 and eq. 4 in a row, with the visibility, the masks and the verdict around them.
 
+use super::frame_solve::FrameSolve;
 use super::logging;
-use super::sight::{Sight, check};
+use super::sight::{Described, Sight, check};
 use super::stage_log::StageLog;
 use super::trust::{Trusted, trust};
 use super::{Method, Observation, ReconstructError, ReconstructOptions, Reconstruction};
 use crate::camera::Camera;
 use crate::expected_error::{Model, Solved, expected_errors};
-use crate::geometry::Point3;
-use crate::image::segment::{Segment, segment};
-use crate::raster::rasterize;
-use crate::refine::{Joined, Photograph, RefineOptions, Refined, join, refine, refine_printed};
+use crate::refine::RefineOptions;
 use crate::register::scene::visibility;
-use crate::register::solve::{EXPLAINED, kept_matches, limit_px};
+use crate::register::solve::{EXPLAINED, limit_px};
 use crate::register::{
-    Body, Deformable, KnownPoses, Match, Posed, RegisterError, RegisterMemory, RegisterOptions,
-    Registered, Scene, find, pose, posed_from, register, register_in, register_printed,
+    Body, Deformable, KnownPoses, Match, Posed, RegisterError, RegisterOptions, Scene, pose,
+    posed_from,
 };
 use crate::sfs::{SfsInput, SfsOptions, shape_from_shading};
 use crate::template::Template;
@@ -77,7 +75,12 @@ fn reconstruct_logged(
         check(template, observation, method)?;
         Ok::<_, ReconstructError>(Sight::new(template, observation, method))
     })?;
-    let matches = log.time("matching", || matches_of(&sight, method, options))?;
+    let (described, matches) = log.time("matching", || {
+        let asked = finds_matches(observation, method, options);
+        let described = asked.then(|| sight.described()).flatten();
+        let matches = matches_of(&sight, described.as_ref(), options)?;
+        Ok::<_, ReconstructError>((described, matches))
+    })?;
     let posed = log.time("pose", || posed(template, observation, &matches, options))?;
     let rigid = template.mesh.positions.iter().map(|p| posed.pose * p).collect();
     let scene = Scene::new(observation.camera, &template.mesh, rigid);
@@ -91,7 +94,8 @@ fn reconstruct_logged(
                 true => Body::plain(&scene),
                 false => Body::new(&scene, deformable, options.register.anchor),
             };
-            let deformation = FrameSolve { sight: &sight, body: &body, options };
+            let described = described.as_ref();
+            let deformation = FrameSolve { sight: &sight, described, body: &body, options };
             deformation.solve(method, &matches, &posed, &mut result, &mut log)?;
         }
     }
@@ -109,105 +113,6 @@ fn reconstruct_logged(
         Level::Lost => Err(ReconstructError::Refused(Box::new(result))),
         Level::Ok | Level::Degraded => Ok(result),
     }
-}
-
-/// The solves of a frame that deforms, on the mesh of `body`.
-struct FrameSolve<'a> {
-    sight: &'a Sight<'a>,
-    body: &'a Body<'a>,
-    options: &'a ReconstructOptions,
-}
-
-impl FrameSolve<'_> {
-    /// Eq. 3, and from its shape what the method asks for; into `result`.
-    fn solve(
-        &self,
-        method: Method,
-        matches: &[Match],
-        posed: &Posed,
-        result: &mut Reconstruction,
-        log: &mut StageLog,
-    ) -> Result<(), ReconstructError> {
-        let Self { sight, body, options } = self;
-        let on_body = body.matches(matches);
-        let coarse = log.time("register (eq. 3)", || {
-            let (scene, options, literal) = (body.scene(), &options.register, options.literal);
-            match method {
-                _ if literal => register_printed(scene, &on_body, posed, options),
-                Method::Dsfm => register(scene, &on_body, posed, options),
-                _ => {
-                    let memory = &mut RegisterMemory::default();
-                    register_in(memory, scene, &on_body, posed, options)
-                }
-            }
-        });
-        log.attach(&coarse.summary);
-        take_coarse(result, body, matches, &coarse);
-        if method == Method::Dsfm {
-            return Ok(());
-        }
-        let kept = kept_matches(&on_body, &coarse.kept);
-        let photo = sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
-        if method == Method::Dsfms {
-            let refined = log.time("refine (eq. 4)", || self.refined(&coarse, &kept, &photo));
-            log.attach(&refined.summary);
-            take_refined(result, &refined);
-        } else {
-            let found = log.time("outline", || self.segmented(&result.vertices, &photo));
-            let photo = match &found {
-                Some(Segment { outline, usable, marked }) => {
-                    logging::outline(sight.observation.frame, *marked);
-                    Photograph { outline: Some(outline), usable, ..photo }
-                }
-                None => photo,
-            };
-            let joined = log.time("joint", || joined(body, &coarse, &kept, &photo, options));
-            log.attach(&joined.summary);
-            take_joined(result, &joined);
-        }
-        Ok(())
-    }
-
-    /// The organ by its colours, about the silhouette of `shape` (camera axes), if it is asked for and no mask says.
-    fn segmented(&self, shape: &[Point3], photo: &Photograph) -> Option<Segment> {
-        if !self.options.joint.find_outline || self.sight.observation.organ.is_some() {
-            return None;
-        }
-        let topology = &self.sight.template.mesh.topology;
-        let rough = rasterize(photo.camera, topology, shape).silhouette();
-        segment(&photo.picture.linear, &rough, photo.usable)
-    }
-
-    /// Eq. 4 from the shape of eq. 3.
-    fn refined(&self, coarse: &Registered, kept: &[Match], photo: &Photograph) -> Refined {
-        let Self { body, options, .. } = self;
-        let start = &coarse.vertices;
-        if options.literal {
-            return refine_printed(body, start, kept, photo, &options.refine);
-        }
-        let mut refined = refine(body, start, kept, photo, &options.refine);
-        // Eq. 3 follows the noise of its matches too: what explains no more than rest does stays at rest.
-        let comparison = options.comparison(body, kept, photo);
-        let beyond_motion = comparison.kept_beyond(start, refined.vertices);
-        refined.vertices = comparison.kept(&body.scene().posed, beyond_motion);
-        refined.settled(body)
-    }
-}
-
-/// Motion and shading in one problem, from the shape of eq. 3; `kept`: the matches that it explains, on the mesh of
-/// `body`. What explains no more than rest does stays at rest.
-pub(crate) fn joined(
-    body: &Body,
-    coarse: &Registered,
-    kept: &[Match],
-    photo: &Photograph,
-    options: &ReconstructOptions,
-) -> Joined {
-    let (start, depth_sigma) = (&coarse.vertices, coarse.depth_sigma);
-    let mut joined = join(body, start, depth_sigma, kept, photo, &options.joint);
-    let still = &body.scene().posed;
-    joined.vertices = options.comparison(body, kept, photo).kept(still, joined.vertices);
-    joined.settled(body)
 }
 
 /// The rigid pose of the frame.
@@ -231,25 +136,27 @@ fn posed(
 /// The given matches, with found ones behind them for the joint solve; or found ones alone.
 fn matches_of(
     sight: &Sight,
-    method: Method,
+    described: Option<&Described>,
     options: &ReconstructOptions,
 ) -> Result<Vec<Match>, ReconstructError> {
-    let Sight { template, observation, usable, .. } = sight;
-    let Observation { camera, frame, .. } = observation;
-    let found = || {
-        let features = template.features.as_ref().ok_or(ReconstructError::NoDescriptors)?;
-        let (mesh, register) = (&template.mesh, &options.register);
-        Ok(find(camera, mesh, features, frame, usable, register, options.seed)?)
-    };
-    match observation.matches {
-        None => found(),
-        // Eqs. 3 and 4 are those of the matches that they are given.
-        Some(given) if method == Method::Joint && options.find_beside_given && !options.literal => {
-            let beside = found().unwrap_or_default();
-            Ok(given.iter().copied().chain(beside).collect())
+    let Observation { camera, matches: given, .. } = *sight.observation;
+    let found = described.map(|Described { search, seen }| {
+        search.matches(camera, seen, &options.register, options.seed)
+    });
+    match (given, found) {
+        (None, None) => Err(ReconstructError::NoDescriptors),
+        (None, Some(found)) => Ok(found?),
+        (Some(given), None) => Ok(given.to_vec()),
+        (Some(given), Some(found)) => {
+            Ok(given.iter().copied().chain(found.unwrap_or_default()).collect())
         }
-        Some(given) => Ok(given.to_vec()),
     }
+}
+
+/// Whether descriptors are asked for matches: eqs. 3 and 4 are those of the matches that they are given.
+fn finds_matches(observation: &Observation, method: Method, options: &ReconstructOptions) -> bool {
+    let beside = method == Method::Joint && options.find_beside_given && !options.literal;
+    observation.matches.is_none() || beside
 }
 
 fn rigid_result(
@@ -274,25 +181,9 @@ fn rigid_result(
         ambient: 0.0,
         matches: matches.iter().copied().zip(kept).collect(),
         shaded: None,
+        outline: None,
         stages: Vec::new(),
     }
-}
-
-fn take_coarse(result: &mut Reconstruction, body: &Body, matches: &[Match], coarse: &Registered) {
-    result.vertices = body.carried(&body.settled(coarse.vertices.clone())).into_owned();
-    result.matches = matches.iter().copied().zip(coarse.kept.iter().copied()).collect();
-}
-
-fn take_refined(result: &mut Reconstruction, refined: &Refined) {
-    result.vertices.clone_from(&refined.vertices);
-    (result.gain, result.ambient) = (refined.gain, refined.ambient);
-    result.shaded = Some(refined.diffuse_vertices);
-}
-
-fn take_joined(result: &mut Reconstruction, joined: &Joined) {
-    result.vertices.clone_from(&joined.vertices);
-    (result.gain, result.ambient) = (joined.gain, joined.ambient);
-    result.shaded = Some(joined.samples);
 }
 
 /// The SfS baseline at the rigid registration.

@@ -6,7 +6,15 @@ use crate::image::{Mask, Outline, Picture, usable, viewport};
 use crate::light::Coated;
 use crate::refine::Photograph;
 use crate::register::Match;
+use crate::register::find::Search;
+use crate::sfm::{Features2d, SfmOptions, detect};
 use crate::template::{SurfaceTexels, Template};
+
+/// The descriptors of a template, and those of a frame.
+pub(super) struct Described<'a> {
+    pub(super) search: Search<'a>,
+    pub(super) seen: Features2d,
+}
 
 /// What the stages read of one frame, made once.
 pub(super) struct Sight<'a> {
@@ -15,7 +23,7 @@ pub(super) struct Sight<'a> {
     /// Pixels where the organ may be seen.
     pub(super) usable: Mask,
     /// Where the organ ends, if a mask says and the method asks.
-    outline: Option<Outline>,
+    pub(super) outline: Option<Outline>,
     pub(super) light: Coated,
     /// The frame beside the albedo, where there is one.
     pub(super) compared: Option<(Picture, &'a SurfaceTexels)>,
@@ -40,6 +48,13 @@ impl<'a> Sight<'a> {
             light: template.lighting(),
             compared: albedo.map(|albedo| (Picture::of(frame, tone), albedo)),
         }
+    }
+
+    /// Descriptors, where the template has some.
+    pub(super) fn described(&self) -> Option<Described<'a>> {
+        let search = Search::new(&self.template.mesh, self.template.features.as_ref()?);
+        let seen = detect(self.observation.frame, Some(&self.usable), &SfmOptions::default());
+        Some(Described { search, seen })
     }
 
     pub(super) fn photograph(&self) -> Option<Photograph<'_>> {

@@ -5,6 +5,7 @@ use super::{Method, ReconstructOptions, Reconstruction};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point3, median};
 use crate::image::diagonal;
+use crate::refine::outline_distance;
 use crate::register::{Match, Posed, Scene};
 use crate::verdict::evidence::{EXPECTED, Evidence, MatchCount};
 use crate::verdict::intrinsics::other_camera;
@@ -102,6 +103,7 @@ impl Trusted<'_> {
                 given: self.sight.observation.matches.is_some(),
             },
             residual_px,
+            outline_px: self.outline_px(result),
             rigid_px: Some([self.posed.median_px(), camera.size()[0] as f64]),
             pose,
             depth: depth.zip(template.usual.map(|u| u.depth)),
@@ -120,6 +122,12 @@ impl Trusted<'_> {
             strain: Some(strain(rest, shape)),
             ..Evidence::default()
         }
+    }
+
+    /// Distance of its contour from the organ's outline, px.
+    fn outline_px(&self, result: &Reconstruction) -> Option<f64> {
+        let outline = self.sight.outline.as_ref().or(result.outline.as_ref())?;
+        outline_distance(self.camera(), &self.scene.rest.topology, &result.vertices, outline)
     }
 
     /// Distance of a match from the surface, px.

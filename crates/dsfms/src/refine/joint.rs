@@ -65,15 +65,15 @@ impl Joined {
     }
 }
 
-/// Solve motion, prior and shading together, from `start` (V′ of eq. 3, on the mesh of `body` that is
-/// solved on, as the matches).
+/// Solve motion, prior and shading together, from `start`, on the mesh of `body` that is solved on, as the matches;
+/// `coarse` (V′ of eq. 3): what moved since is also tried the other way.
 ///
 /// `depth_sigma` is eq. 3's tolerance for the depth of the matches under a distant light. An exposure
 /// that is held and scales the surface is taken for unknown.
 #[doc(alias("joint optimisation", "photometric refinement"))]
 pub fn join(
     body: &Body,
-    start: &[Point3],
+    [coarse, start]: [&[Point3]; 2],
     depth_sigma: f64,
     matches: &[Match],
     photo: &Photograph,
@@ -81,7 +81,7 @@ pub fn join(
 ) -> Joined {
     let posed = &body.scene().posed;
     let frame = NearFrame { body, matches, posed, depth_sigma, photo };
-    with_exposure(&frame, |frame| join_told(frame, start, options))
+    with_exposure(&frame, |frame| join_told(frame, [coarse, start], options))
 }
 
 /// Solve with the exposure as the photograph tells it, and again as unknown where it was held and scaled the
@@ -100,10 +100,14 @@ pub(super) fn with_exposure(
 }
 
 /// Solve with the exposure as the photograph tells it; `true` where brightness told distance.
-fn join_told(frame: &NearFrame, start: &[Point3], options: &JointOptions) -> (Joined, bool) {
+fn join_told(
+    frame: &NearFrame,
+    [coarse, start]: [&[Point3]; 2],
+    options: &JointOptions,
+) -> (Joined, bool) {
     // Without any blur the picture is taken as it is.
     let blurs = if options.blurs.is_empty() { &[0.0][..] } else { &options.blurs };
-    let mut solve = JointSolve::new(frame, start, options);
+    let mut solve = JointSolve::new(frame, [coarse, start], options);
     let mut last = None;
     for (k, &blur) in blurs.iter().enumerate() {
         let finest = k + 1 == blurs.len();
@@ -120,6 +124,7 @@ fn join_told(frame: &NearFrame, start: &[Point3], options: &JointOptions) -> (Jo
 /// The solve from coarse blur to fine, and what one blur leaves to the next.
 struct JointSolve<'a> {
     frame: &'a NearFrame<'a>,
+    coarse: &'a [Point3],
     start: &'a [Point3],
     options: &'a JointOptions,
     rings: FaceRings,
@@ -131,9 +136,14 @@ struct JointSolve<'a> {
 }
 
 impl<'a> JointSolve<'a> {
-    fn new(frame: &'a NearFrame, start: &'a [Point3], options: &'a JointOptions) -> Self {
+    fn new(
+        frame: &'a NearFrame,
+        [coarse, start]: [&'a [Point3]; 2],
+        options: &'a JointOptions,
+    ) -> Self {
         Self {
             frame,
+            coarse,
             start,
             options,
             rings: FaceRings::of(&frame.body.scene().rest.topology),
@@ -189,7 +199,7 @@ impl<'a> JointSolve<'a> {
         };
         let topology = &scene.rest.topology;
         let (found, summary) =
-            settle(&problem, &mut self.workspace, self.start, state.clone(), mirrors);
+            settle(&problem, &mut self.workspace, self.coarse, state.clone(), mirrors);
         let residual = shading.mean_residual(topology, &found.vertices, &found.globals);
         // A near light tells the distance of everything, so the shape knows the pose better than
         // the matches did; under a distant one only the matches hold it.

@@ -50,6 +50,9 @@ pub struct JointOptions {
     pub smooth_length: f64,
     /// Blurs of image and albedo, coarse to fine, as fractions of the image diagonal; at least one.
     pub blurs: Vec<f64>,
+    /// Coarsest blurs by which one frame alone is solved first, to find matches and outline again about that shape, before
+    /// it is solved by all of them; 0 leaves it out.
+    pub look_again: usize,
     /// Three samples a face as long as they are no more than this, else one.
     pub max_samples: usize,
     /// Regions whose movement along the viewing rays is tried the other way, in every stage but the
@@ -82,6 +85,12 @@ impl JointOptions {
     pub(super) fn without_exposure(&self) -> Self {
         let ExposureUnknown { stretch, strain, smooth_gain } = self.exposure_unknown;
         Self { prior: PriorWeights { stretch, ..self.prior }, strain, smooth_gain, ..self.clone() }
+    }
+
+    /// Those of the solve before matches and outline are found again; `None` where there is none.
+    pub(crate) fn first_look(&self) -> Option<Self> {
+        let blurs: Vec<f64> = self.blurs.iter().copied().take(self.look_again).collect();
+        (!blurs.is_empty()).then(|| Self { blurs, ..self.clone() })
     }
 
     /// Check every field against its bounds.
@@ -148,6 +157,7 @@ impl Default for JointOptions {
             smooth_gain: 0.0,
             smooth_length: 0.3,
             blurs: vec![0.018, 0.009, 0.0045, 0.003],
+            look_again: 2,
             max_samples: 8000,
             mirrors: 2,
         }
@@ -157,6 +167,16 @@ impl Default for JointOptions {
 #[cfg(test)]
 mod tests {
     use super::JointOptions;
+
+    #[test]
+    fn the_first_look_is_by_the_coarsest_blurs() {
+        let options = JointOptions::default();
+        assert_eq!(options.first_look().unwrap().blurs, options.blurs[..2]);
+        let none = JointOptions { look_again: 0, ..options.clone() };
+        assert_eq!(none.first_look(), None);
+        let all = JointOptions { look_again: 99, ..options.clone() };
+        assert_eq!(all.first_look().unwrap().blurs, options.blurs);
+    }
 
     #[test]
     fn no_blur_at_all_is_refused() {

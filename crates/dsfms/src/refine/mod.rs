@@ -24,6 +24,7 @@ mod solve;
 mod support;
 pub mod video;
 
+pub(crate) use contour::outline_distance;
 pub use evidence::ShadingEvidence;
 pub use gain::AtMatches;
 pub use joint::{Joined, join};

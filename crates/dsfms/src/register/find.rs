@@ -3,12 +3,11 @@
 use super::{Match, RegisterError, RegisterOptions};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Neighbours, Point2, Point3, Vector2, median, point_at};
-use crate::image::{Frame, Mask};
 use crate::mesh::Mesh;
 use crate::sfm::matching::{DescriptorMatch, UnitDescriptors, distance, product};
 use crate::sfm::places::{match_places, unique_places};
 use crate::sfm::random::Random;
-use crate::sfm::{Features2d, SfmOptions, detect, resect};
+use crate::sfm::{Features2d, SfmOptions, resect};
 use crate::template::Features;
 use rayon::prelude::*;
 
@@ -22,29 +21,6 @@ const ONE_PLACE: f64 = 0.02;
 
 /// Matches kept at most; more only repeat one another.
 const MOST: usize = 600;
-
-/// Find matches of a template in a frame.
-///
-/// `usable`: `true` where the organ may be seen. A rigid pose with a tolerance of
-/// `options.robust_px[0] / 2` finds the part of the frame that is this organ; after it, a match is
-/// kept when its displacement from the pose agrees with that of its neighbours, so that tissue that
-/// moved together is kept and a stray match is not.
-///
-/// # Errors
-/// Fewer than [`NEEDED`] descriptor matches, or fewer than that in agreement with a pose.
-#[doc(alias = "feature matching")]
-pub fn find(
-    camera: &CameraModel,
-    rest: &Mesh,
-    features: &Features,
-    frame: &Frame,
-    usable: &Mask,
-    options: &RegisterOptions,
-    seed: u64,
-) -> Result<Vec<Match>, RegisterError> {
-    let seen = detect(frame, Some(usable), &SfmOptions::default());
-    Search::new(rest, features).matches(camera, &seen, options, seed)
-}
 
 /// A template's descriptors, ready to be looked for in many frames.
 pub struct Search<'a> {
@@ -66,10 +42,15 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Matches with the features of a frame, as [`find`] gives them.
+    /// Matches with the features of a frame.
+    ///
+    /// A rigid pose with a tolerance of `options.robust_px[0] / 2` finds the part of the frame that is this organ; after
+    /// it, a match is kept when its displacement from the pose agrees with that of its neighbours, so that tissue that
+    /// moved together is kept and a stray match is not.
     ///
     /// # Errors
-    /// As for [`find`].
+    /// Fewer than [`NEEDED`] descriptor matches, or fewer than that in agreement with a pose.
+    #[doc(alias = "feature matching")]
     pub fn matches(
         &self,
         camera: &CameraModel,
@@ -127,6 +108,24 @@ impl Search<'_> {
         let (face, barycentric) =
             (self.features.faces[feature as usize], self.features.barycentrics[feature as usize]);
         Match { face, barycentric, pixel }
+    }
+
+    /// Which of the template's features a shape (camera axes) shows, and where; all corners of their faces are `visible`.
+    pub fn expected(
+        &self,
+        camera: &CameraModel,
+        rest: &Mesh,
+        shape: &[Point3],
+        visible: &[bool],
+    ) -> Vec<(u32, Point2)> {
+        let one = |(i, (&face, &barycentric)): (usize, (&u32, &[f64; 3]))| {
+            let corners = rest.topology.faces[face as usize].map(|v| v as usize);
+            let place = point_at(corners.map(|v| &shape[v]), barycentric);
+            let seen = corners.iter().all(|&v| visible[v]);
+            seen.then(|| Some((i as u32, camera.project(&place)?.pixel)))?
+        };
+        let all = self.features.faces.iter().zip(&self.features.barycentrics);
+        all.enumerate().filter_map(one).collect()
     }
 
     /// Matches with the features of a frame near where the template's are expected: `expected` holds some of

@@ -22,7 +22,6 @@ use crate::geometry::Point2;
 pub use at_rest::{KnownPoses, posed_from};
 pub use coarse::RegisterMemory;
 pub use control::{Body, Deformable};
-pub use find::find;
 pub use options::{CameraMotion, Prior, PriorWeights, RegisterOptions};
 pub use pose::{Posed, pose, pose_near};
 pub use printed::register_printed;

@@ -48,7 +48,10 @@ impl Tracker<'_> {
         if let Some(photo) = self.photograph(view, &draft.vertices) {
             let (kept, options) = (kept_matches(&on_body, &coarse.kept), &self.options);
             let joined = clock.time("joint", || match options.brief_search {
-                false => joined(&body, &coarse, &kept, &photo, &options.reconstruct),
+                false => {
+                    let (start, options) = (&coarse.vertices, &options.reconstruct);
+                    joined(&body, &coarse, start, &kept, &photo, options)
+                }
                 true => joined_briefly(&mut video, &body, &coarse, &kept, &photo, options),
             });
             draft.shown = Shown { at_matches: joined.at_matches, changed: joined.exposure_changed };

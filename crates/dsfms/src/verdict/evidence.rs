@@ -33,6 +33,9 @@ pub struct Evidence {
     pub matches: MatchCount,
     /// Median distance of the kept matches from the surface, px.
     pub residual_px: Option<f64>,
+    /// Distance of the surface's contour from the organ's outline, px, that nine tenths of it do not exceed; where an
+    /// outline is known.
+    pub outline_px: Option<f64>,
     /// Median distance of the matches from the rigid pose, px, and the frame's width.
     pub rigid_px: Option<[f64; 2]>,
     /// What the matches leave to the pose.
@@ -89,6 +92,7 @@ impl Default for Evidence {
             radius: 1.0,
             matches: MatchCount::default(),
             residual_px: None,
+            outline_px: None,
             rigid_px: None,
             pose: None,
             depth: None,

@@ -1,0 +1,189 @@
+//! The solves of a frame that deforms: eq. 3, then eq. 4 or the joint problem from its shape.
+
+use super::logging;
+use super::sight::{Described, Sight};
+use super::stage_log::StageLog;
+use super::{Method, ReconstructError, ReconstructOptions, Reconstruction};
+use crate::geometry::Point3;
+use crate::image::diagonal;
+use crate::image::segment::{Segment, segment};
+use crate::raster::rasterize;
+use crate::refine::{Joined, Photograph, Refined, join, refine, refine_printed};
+use crate::register::scene::visibility;
+use crate::register::solve::{explained, kept_matches};
+use crate::register::{
+    Body, Match, Posed, RegisterMemory, Registered, register, register_in, register_printed,
+};
+
+/// How far from where a shape of the coarse blurs shows a feature of the template it is looked for, of the image's
+/// diagonal. Twice that is no better (two choosing scenes, `docs/results/choices.md`).
+const REACH: f64 = 0.03;
+
+/// The solves of one frame, on the mesh of `body`.
+pub(super) struct FrameSolve<'a> {
+    pub(super) sight: &'a Sight<'a>,
+    /// Where matches are to be found.
+    pub(super) described: Option<&'a Described<'a>>,
+    pub(super) body: &'a Body<'a>,
+    pub(super) options: &'a ReconstructOptions,
+}
+
+impl FrameSolve<'_> {
+    /// Eq. 3, and from its shape what the method asks for; into `result`.
+    pub(super) fn solve(
+        &self,
+        method: Method,
+        matches: &[Match],
+        posed: &Posed,
+        result: &mut Reconstruction,
+        log: &mut StageLog,
+    ) -> Result<(), ReconstructError> {
+        let on_body = self.body.matches(matches);
+        let coarse = log.time("register (eq. 3)", || self.registered(method, &on_body, posed));
+        log.attach(&coarse.summary);
+        self.take_coarse(matches, &coarse, result);
+        if method == Method::Dsfm {
+            return Ok(());
+        }
+        let photo = self.sight.photograph().ok_or(ReconstructError::NoAlbedo(method))?;
+        if method == Method::Joint {
+            self.joint(&coarse, &photo, result, log);
+            return Ok(());
+        }
+        let kept = kept_matches(&on_body, &coarse.kept);
+        let refined = log.time("refine (eq. 4)", || self.refined(&coarse, &kept, &photo));
+        log.attach(&refined.summary);
+        result.vertices = refined.vertices;
+        (result.gain, result.ambient) = (refined.gain, refined.ambient);
+        result.shaded = Some(refined.diffuse_vertices);
+        Ok(())
+    }
+
+    /// Eq. 3, of matches on the mesh of `body`.
+    fn registered(&self, method: Method, matches: &[Match], posed: &Posed) -> Registered {
+        let (scene, options) = (self.body.scene(), &self.options.register);
+        match method {
+            _ if self.options.literal => register_printed(scene, matches, posed, options),
+            Method::Dsfm => register(scene, matches, posed, options),
+            _ => register_in(&mut RegisterMemory::default(), scene, matches, posed, options),
+        }
+    }
+
+    fn take_coarse(&self, matches: &[Match], coarse: &Registered, result: &mut Reconstruction) {
+        let Self { body, .. } = self;
+        result.vertices = body.carried(&body.settled(coarse.vertices.clone())).into_owned();
+        result.matches = matches.iter().copied().zip(coarse.kept.iter().copied()).collect();
+    }
+
+    /// Eq. 4 from the shape of eq. 3.
+    fn refined(&self, coarse: &Registered, kept: &[Match], photo: &Photograph) -> Refined {
+        let Self { body, options, .. } = self;
+        let start = &coarse.vertices;
+        if options.literal {
+            return refine_printed(body, start, kept, photo, &options.refine);
+        }
+        let mut refined = refine(body, start, kept, photo, &options.refine);
+        // Eq. 3 follows the noise of its matches too: what explains no more than rest does stays at rest.
+        let comparison = options.comparison(body, kept, photo);
+        let beyond_motion = comparison.kept_beyond(start, refined.vertices);
+        refined.vertices = comparison.kept(&body.scene().posed, beyond_motion);
+        refined.settled(body)
+    }
+
+    /// Motion and shading in one problem: by the coarse blurs from the shape of eq. 3, and by all of them from where that
+    /// leads, with the matches that are found about it and the outline about its silhouette.
+    fn joint(
+        &self,
+        coarse: &Registered,
+        photo: &Photograph,
+        result: &mut Reconstruction,
+        log: &mut StageLog,
+    ) {
+        let again = self.described.zip(self.options.joint.first_look());
+        if let Some((described, first)) = again {
+            let options = &ReconstructOptions { joint: first, ..self.options.clone() };
+            let first = FrameSolve { options, ..*self };
+            first.join_from(coarse, &coarse.vertices, photo, result, log);
+            log.time("matching again", || self.match_again(described, result));
+            let found = self.body.restricted(&result.vertices).into_owned();
+            return self.join_from(coarse, &found, photo, result, log);
+        }
+        self.join_from(coarse, &coarse.vertices, photo, result, log);
+    }
+
+    /// The joint solve after `coarse`, from `start`, by the matches of `result` that are kept; into `result`.
+    fn join_from(
+        &self,
+        coarse: &Registered,
+        start: &[Point3],
+        photo: &Photograph,
+        result: &mut Reconstruction,
+        log: &mut StageLog,
+    ) {
+        let Self { sight, body, options, .. } = self;
+        let kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
+        let kept = body.matches(&kept);
+        let found = log.time("outline", || self.segmented(&result.vertices, photo));
+        let photo = match &found {
+            Some(Segment { outline, usable, marked }) => {
+                logging::outline(sight.observation.frame, *marked);
+                Photograph { outline: Some(outline), usable, ..*photo }
+            }
+            None => *photo,
+        };
+        let joined = log.time("joint", || joined(body, coarse, start, &kept, &photo, options));
+        log.attach(&joined.summary);
+        result.vertices = joined.vertices;
+        (result.gain, result.ambient) = (joined.gain, joined.ambient);
+        result.shaded = Some(joined.samples);
+        result.outline = found.map(|segment| segment.outline);
+    }
+
+    /// The matches that descriptors find about the shape of `result`, in the place of those found before, if they are more;
+    /// the given ones stay. Kept are those that the shape explains.
+    fn match_again(&self, described: &Described, result: &mut Reconstruction) {
+        let Described { search, seen } = described;
+        let (observation, mesh) = (self.sight.observation, &self.sight.template.mesh);
+        let visible = visibility(observation.camera, mesh, &result.vertices);
+        let expected = search.expected(observation.camera, mesh, &result.vertices, &visible);
+        let found = search.near(seen, &expected, REACH * diagonal(observation.frame.size));
+        let given = observation.matches.map_or(0, <[Match]>::len);
+        let before = result.matches[given..].iter().filter(|m| m.1).count();
+        if found.len() <= before {
+            return;
+        }
+        let given = result.matches[..given].iter().map(|m| m.0);
+        let all: Vec<Match> = given.chain(found).collect();
+        let (body, register) = (self.body, &self.options.register);
+        let shape = body.restricted(&result.vertices);
+        let (kept, _) = explained(body.scene(), &body.matches(&all), &shape, register);
+        result.matches = all.into_iter().zip(kept).collect();
+    }
+
+    /// The organ by its colours, about the silhouette of `shape` (camera axes), if it is asked for and no mask says.
+    fn segmented(&self, shape: &[Point3], photo: &Photograph) -> Option<Segment> {
+        if !self.options.joint.find_outline || self.sight.observation.organ.is_some() {
+            return None;
+        }
+        let topology = &self.sight.template.mesh.topology;
+        let rough = rasterize(photo.camera, topology, shape).silhouette();
+        segment(&photo.picture.linear, &rough, photo.usable)
+    }
+}
+
+/// Motion and shading in one problem, from `start`, after the shape of eq. 3; `kept`: the matches that it explains, on
+/// the mesh of `body`. What explains no more than rest does stays at rest.
+pub(crate) fn joined(
+    body: &Body,
+    coarse: &Registered,
+    start: &[Point3],
+    kept: &[Match],
+    photo: &Photograph,
+    options: &ReconstructOptions,
+) -> Joined {
+    let shapes = [&coarse.vertices, start];
+    let mut joined = join(body, shapes, coarse.depth_sigma, kept, photo, &options.joint);
+    let still = &body.scene().posed;
+    joined.vertices = options.comparison(body, kept, photo).kept(still, joined.vertices);
+    joined.settled(body)
+}
