@@ -90,7 +90,8 @@ fn bench_shading(
         let options = JointOptions::default();
         let hold = start.depth_sigma;
         let (time, found) = median_time(n, |_| {
-            join(&Body::plain(scene), &start.vertices, hold, &case.matches, &photo, &options)
+            let shapes = [&start.vertices[..]; 2];
+            join(&Body::plain(scene), shapes, hold, &case.matches, &photo, &options)
         });
         report(n, "joint", time, &found.summary, rms(case, &found.vertices));
         let (matches, posed) = (&case.matches[..], &scene.posed[..]);
