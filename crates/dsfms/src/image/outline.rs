@@ -40,7 +40,8 @@ impl Outline {
         }
     }
 
-    /// Whether the part of the outline nearest to a pixel is one that was seen.
+    /// Whether the part of the outline nearest to `p` (px) is one that was seen: not at an instrument, the image's border or
+    /// where colours do not tell.
     pub fn known_at(&self, p: &Point2) -> bool {
         let Some((distance, _)) = self.distance.sample(p) else { return false };
         let reach = distance.abs() + MARGIN;

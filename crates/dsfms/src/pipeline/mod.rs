@@ -144,7 +144,8 @@ pub struct Reconstruction {
     pub matches: Vec<(Match, bool)>,
     /// Vertices or samples that shading was read from, where the method reads any.
     pub shaded: Option<usize>,
-    /// The organ's outline as its colours show it, where method joint found one for want of a mask.
+    /// The organ's outline in the frame (px) as its colours show it: method joint, where no organ mask is given and colours
+    /// tell it.
     pub outline: Option<Outline>,
     /// Name, wall time in seconds and solver report of every stage, in order.
     pub stages: Vec<StageReport>,

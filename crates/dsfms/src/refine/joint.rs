@@ -124,7 +124,9 @@ fn join_told(
 /// The solve from coarse blur to fine, and what one blur leaves to the next.
 struct JointSolve<'a> {
     frame: &'a NearFrame<'a>,
+    /// V′ of eq. 3.
     coarse: &'a [Point3],
+    /// Where the coarsest blur begins.
     start: &'a [Point3],
     options: &'a JointOptions,
     rings: FaceRings,

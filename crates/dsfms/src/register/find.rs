@@ -110,7 +110,8 @@ impl Search<'_> {
         Match { face, barycentric, pixel }
     }
 
-    /// Which of the template's features a shape (camera axes) shows, and where; all corners of their faces are `visible`.
+    /// Features of the template (indices of [`places`](Self::places)) that `shape` shows, with their pixels: those on faces
+    /// all of whose corners are `visible`. `shape` holds the vertices of `rest` in camera axes.
     pub fn expected(
         &self,
         camera: &CameraModel,
