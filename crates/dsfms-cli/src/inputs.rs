@@ -27,7 +27,7 @@ pub fn options<T, E>(path: &Path, parse: impl FnOnce(&str) -> Result<T, E>) -> a
 where
     E: std::error::Error + Send + Sync + 'static,
 {
-    let text = guard::read_text(path)
+    let text = guard::read_text_at_most(path, guard::MOST_OPTIONS_BYTES)
         .with_context(|| format!("cannot read the options file {}", path.display()))?;
     parse(&text).with_context(|| format!("{} is not a valid options file", path.display()))
 }

@@ -301,7 +301,7 @@ pub fn summary_csv(rows: &[(String, FrameReport)]) -> String {
     );
     let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:.6}"));
     for (name, r) in rows {
-        let method = crate::commands::reconstruct::method_name(r.method);
+        let method = r.method.name();
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,

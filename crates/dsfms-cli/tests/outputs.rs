@@ -119,6 +119,34 @@ fn numbers_and_names_that_are_wrong_are_refused_at_once() {
     refused(raw.timeout(Duration::from_secs(60)), USAGE, &["64 million"]);
 }
 
+#[test]
+fn text_that_is_far_too_long_is_refused_before_it_is_parsed() {
+    let case = Case::new();
+    case.template();
+    fs::write(case.path("long.toml"), "# \n".repeat(600_000)).unwrap();
+    let mut options = rigid(&case, "frames", "out");
+    options.args(["--options", "long.toml"]);
+    refused(&mut options, NOTHING, &["long.toml", "1 MiB"]);
+    fs::write(case.path("long.json"), format!("[{}0]", "0,".repeat(17 << 20))).unwrap();
+    let mut camera = case.reconstruct(&["frames", "--camera", "long.json", "-o", "out"]);
+    refused(&mut camera, NOTHING, &["long.json", "MiB"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn written_files_can_be_read_by_others() {
+    use std::os::unix::fs::PermissionsExt;
+    let case = Case::new();
+    let out = case.path("cases");
+    let words = ["synth", "--ext", "10", "--count", "1", "--vertices", "100", "-o"];
+    case.dsfms(&[&words[..], &[out.to_str().unwrap()]].concat()).assert().success();
+    let folder = out.join("ext10/case_0000");
+    for name in ["camera.json", "matches.csv", "rest.obj"] {
+        let mode = fs::metadata(folder.join(name)).unwrap().permissions().mode();
+        assert_eq!(mode & 0o444, 0o444, "{name}: {mode:o}");
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn pipes_and_devices_are_no_input() {
@@ -137,4 +165,11 @@ fn pipes_and_devices_are_no_input() {
     let mut options = rigid(&case, "frames", "out");
     options.args(["--options", "pipe.json"]).timeout(Duration::from_secs(60));
     refused(&mut options, NOTHING, &["not a regular file"]);
+    fs::create_dir_all(case.path("series")).unwrap();
+    let series = ["experiment", "ext", "--ext", "0", "--count", "1", "-o", "series"];
+    let mut options = case.dsfms(&[&series[..], &["--options", "pipe.json"]].concat());
+    refused(options.timeout(Duration::from_secs(60)), NOTHING, &["not a regular file"]);
+    std::os::unix::fs::symlink("../pipe.png", case.path("series/cases.csv")).unwrap();
+    let mut results = case.dsfms(&series);
+    refused(results.timeout(Duration::from_secs(60)), NOTHING, &["not a regular file"]);
 }

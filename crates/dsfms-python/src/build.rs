@@ -113,7 +113,6 @@ pub fn build_template(
             second_distortion: false,
         };
     }
-    camera.tell_options(&mut options);
     if mesh.is_some() && poses.is_none() {
         return Err(wrong("poses", "the poses of the frames in the world of `mesh`", "None"));
     }

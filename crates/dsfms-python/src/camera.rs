@@ -100,8 +100,13 @@ impl Camera {
         let lens = lens(distortion, model)?;
         let camera = CameraModel { size: [width, height], focal: [fx, fy], centre: [cx, cy], lens };
         camera.validate().map_err(|e| pyo3::exceptions::PyValueError::new_err(e.to_string()))?;
-        if vignetting.is_some_and(|a| !(-2.0..=0.0).contains(&a)) {
-            return Err(wrong("vignetting", "-2 to 0", format!("{vignetting:?}")));
+        let [least, most] = dsfms::light::vignetting::BOUNDS;
+        if vignetting.is_some_and(|a| !(least..=most).contains(&a)) {
+            return Err(wrong(
+                "vignetting",
+                format!("{least} to {most}"),
+                format!("{vignetting:?}"),
+            ));
         }
         let tone = tone.as_ref().map(self::tone).transpose()?;
         Ok(Self { file: CameraFile { camera, tone, light: None, vignetting } })

@@ -55,7 +55,6 @@ pub fn run() -> Result<[f64; 2], Box<dyn Error>> {
     let posed = pose(&case.camera, rest, &case.matches, &options, 0)?;
     let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
     let scene = Scene::new(&case.camera, rest, rigid);
-
     // At every third vertex: exact here, believed to 0.05 mm.
     Ok([0.0, 1.0].map(|weight| {
         let measured = (0..).zip(&case.truth).step_by(3);

@@ -11,6 +11,9 @@ use std::sync::Once;
 /// Most bytes of a file that is read as a whole (everything but videos, which are read piece by piece).
 pub const MOST_BYTES: u64 = 1 << 30;
 
+/// Most bytes of a file of options.
+pub const MOST_OPTIONS_BYTES: u64 = 1 << 20;
+
 /// Most bytes that a picture may take while it is decoded.
 pub(crate) const MOST_IMAGE_BYTES: u64 = 512 << 20;
 
@@ -68,7 +71,15 @@ fn read_at_most(path: &Path, most: u64) -> io::Result<Vec<u8>> {
 /// # Errors
 /// Those of [`read`]; [`io::ErrorKind::InvalidData`] where it is no UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
-    String::from_utf8(read(path)?)
+    read_text_at_most(path, MOST_BYTES)
+}
+
+/// The same of at most `most` bytes.
+///
+/// # Errors
+/// As [`read_text`].
+pub fn read_text_at_most(path: &Path, most: u64) -> io::Result<String> {
+    String::from_utf8(read_at_most(path, most)?)
         .map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "not a text file (invalid UTF-8)"))
 }
 

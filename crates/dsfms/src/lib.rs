@@ -62,8 +62,8 @@
 //! integers, lengths in mm where the scale is known (else template units), linear light in
 //! `[0, 1]`, `f64` in every solver.
 
-// What is public is meant to be: `.ci/run` denies every warning.
-#![warn(unreachable_pub)]
+// What is public is meant to be.
+#![deny(unreachable_pub)]
 
 #[doc(alias = "camera calibration")]
 pub mod calibrate;

@@ -17,6 +17,15 @@ example!(track, "../examples/3_track.rs");
 example!(own_energy_term, "../examples/4_own_energy_term.rs");
 
 #[test]
+fn each_is_under_80_lines() {
+    for entry in std::fs::read_dir("examples").unwrap() {
+        let path = entry.unwrap().path();
+        let lines = std::fs::read_to_string(&path).unwrap().lines().count();
+        assert!(lines < 80, "{}: {lines} lines", path.display());
+    }
+}
+
+#[test]
 fn template_lies_on_the_true_surface() {
     let median = template::run().unwrap();
     assert!(median < 1.0, "{median:.3} mm");

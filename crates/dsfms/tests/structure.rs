@@ -183,7 +183,7 @@ fn without_tests(text: &str) -> &str {
     &text[..test.unwrap_or(text.len())]
 }
 
-/// The `use` lines of a file.
+/// What a file takes, by its `use` lines and by paths within its code.
 fn uses(
     code: &str,
     module: &Module,
@@ -195,6 +195,9 @@ fn uses(
             let line = line.trim_start_matches("pub(crate) ").trim_start_matches("pub(super) ");
             line.trim_start_matches("pub ").starts_with("use ")
         }) else {
+            let absolute = |path: Vec<String>| absolute(&path, module, modules);
+            let inline = inline(statement).filter_map(absolute);
+            found.extend(inline.map(|path| (path, String::new(), false)));
             continue;
         };
         let text: String = statement.lines().skip(line).collect();
@@ -206,6 +209,16 @@ fn uses(
         }
     }
     found
+}
+
+/// Paths from the root or from above that stand within code.
+fn inline(code: &str) -> impl Iterator<Item = Vec<String>> {
+    let part = |c: char| c.is_alphanumeric() || "_:".contains(c);
+    let words = code.split(move |c: char| !part(c));
+    let from_above = |word: &&str| word.starts_with("crate::") || word.starts_with("super::");
+    words
+        .filter(from_above)
+        .map(|word| word.split("::").filter(|name| !name.is_empty()).map(String::from).collect())
 }
 
 /// `a::{b, c as d}` as `a::b` named `b` and `a::c` named `d`.

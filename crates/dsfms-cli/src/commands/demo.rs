@@ -1,6 +1,5 @@
 //! `dsfms demo`: the whole road on an embedded scene, compared with its truth.
 
-use super::reconstruct::method_name;
 use crate::args::Global;
 use crate::demo::METHODS;
 use crate::demo::report::{FrameResult, Report, page};
@@ -149,7 +148,7 @@ fn reconstruct_all(
                 (report, Some((surface, errors)))
             }
             Err(error) => {
-                reporter.error(&format!("{input}, {}: {error}", method_name(method)));
+                reporter.error(&format!("{input}, {}: {error}", method.name()));
                 let why = error.to_string();
                 (FrameReport::failed(&input, method, template.unit, why), None)
             }
@@ -202,7 +201,7 @@ fn write_files(
     frames: &[FrameResult],
 ) -> anyhow::Result<()> {
     for (k, method) in METHODS.into_iter().enumerate() {
-        let folder = output.join(method_name(method));
+        let folder = output.join(method.name());
         let mut rows = Vec::new();
         for (frame, deformed) in frames.iter().zip(&scene.deformed) {
             let name = deformed.frame.name.clone();

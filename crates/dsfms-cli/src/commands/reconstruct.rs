@@ -16,7 +16,7 @@ use crate::report::data::ShownFrame;
 use crate::report::template::{MOST_FRAMES, chosen};
 use crate::structures::{Placed, Structures};
 use crate::volume::CarriedVolume;
-pub use args::{MethodName, ReconstructArgs, method_name};
+pub use args::{MethodName, ReconstructArgs};
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
 use dsfms::image::{Frame, Mask, ToneCurve, diagonal};
@@ -219,7 +219,7 @@ impl Job<'_> {
             (_, Method::Rigid | Method::Dsfm) => {}
             (None, _) => self.method = Method::Dsfm,
             (Some(_), method) => {
-                let name = method_name(method);
+                let name = method.name();
                 return Err(Usage(format!(
                     "--method {name} looks at images; give them, or --method dsfm or rigid, which need matches alone"
                 ))

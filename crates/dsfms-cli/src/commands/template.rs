@@ -245,9 +245,6 @@ fn from_frames(
     let loaded = load(args, &cameras, camera_path, reporter)?;
     let also = load_also(args, &cameras, camera_path, reporter)?;
     let camera = &cameras.common;
-    let mut options = options.clone();
-    camera.tell_options(&mut options);
-    let options = &options;
     let exploration = camera.exploration(&loaded.frames).valid(&loaded.valid).organ(&loaded.organ);
     let exploration = exploration.metric(metric.as_ref().map(|m| &m.mesh)).also(&also);
     let names: Vec<&str> = loaded.frames.iter().map(|f| f.name.as_str()).collect();

@@ -5,6 +5,7 @@ use super::data::ShownFrame;
 use super::embed;
 use crate::outputs::write_text;
 use anyhow::Context;
+use dsfms::guard;
 use dsfms::image::Frame;
 use dsfms::io::names::natural_order;
 use std::collections::HashMap;
@@ -90,7 +91,7 @@ pub fn read(page: &Path, name: &str) -> anyhow::Result<Option<String>> {
     if !is_frame(name) || !path.is_file() {
         return Ok(None);
     }
-    let text = std::fs::read_to_string(&path);
+    let text = guard::read_text(&path);
     text.map(Some).with_context(|| format!("cannot read {}", path.display()))
 }
 

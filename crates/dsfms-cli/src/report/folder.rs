@@ -6,6 +6,7 @@ use super::data::{PageData, ShownFrame, ShownSurface};
 use super::embed::{self, Cloud, Numbers};
 use super::template::{MOST_FRAMES, definition_list, still, template_page};
 use anyhow::Context;
+use dsfms::guard;
 use dsfms::io::images::read_frame;
 use dsfms::io::mesh::{MeshFile, MeshUnit, read_mesh};
 use dsfms::io::names::natural_order;
@@ -76,7 +77,7 @@ impl Source {
     pub fn html(&self) -> anyhow::Result<String> {
         match self {
             Self::Report(path) => {
-                let html = std::fs::read_to_string(path)
+                let html = guard::read_text(path)
                     .with_context(|| format!("cannot read {}", path.display()))?;
                 Ok(clip::streamed(html, &clip::names(path)))
             }

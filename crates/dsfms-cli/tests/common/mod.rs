@@ -1,6 +1,6 @@
 //! A tiny synthetic case on disk: a textured, bumpy patch with known albedo, pushed by a tool.
 
-#![allow(dead_code)]
+#![allow(dead_code, reason = "no test file needs all of it")]
 
 pub mod refusal;
 

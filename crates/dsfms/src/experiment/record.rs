@@ -1,6 +1,7 @@
 //! One method on one case, and the file that keeps them.
 
 use super::{Arm, Errors, ExperimentError, Plan};
+use crate::guard;
 use crate::synth::Cell;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -93,7 +94,7 @@ pub(super) type Finished = BTreeMap<(usize, usize), Vec<Record>>;
 /// The finished cases of a file of results; nothing where there is no file. The last line may be
 /// cut short, as a kill leaves it.
 pub(super) fn read(path: &Path, plan: &Plan) -> Result<Finished, ExperimentError> {
-    let text = match std::fs::read_to_string(path) {
+    let text = match guard::read_text(path) {
         Ok(text) => text,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Finished::new()),
         Err(error) => return Err(ExperimentError::io(path, error)),

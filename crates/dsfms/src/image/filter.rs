@@ -4,14 +4,20 @@
 
 use super::{Mask, Plane};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Gaussian blur of standard deviation `sigma` px, cut off at 3 sigma. At the border the weights
 /// inside the image are normalised to one; `sigma <= 0` returns a copy.
 pub fn blur(plane: &Plane, sigma: f64) -> Plane {
     let Some(kernel) = half_kernel(sigma) else { return plane.clone() };
-    let mut sums = convolve(plane, &kernel);
+    blur_window(plane, &kernel, &plane.size.map(|n| 0..n))
+}
+
+/// Blur of a plane that is 0 outside a window of columns and rows, wherever its values do not reach either.
+fn blur_window(plane: &Plane, kernel: &[f32], window: &[Range<usize>; 2]) -> Plane {
+    let mut sums = convolve(plane, kernel, window);
     // The border's missing weight is separable too.
-    let [wx, wy] = plane.size.map(|n| border_weights(n, &kernel));
+    let [wx, wy] = plane.size.map(|n| border_weights(n, kernel));
     for (row, wy) in sums.data.chunks_mut(plane.size[0].max(1)).zip(wy) {
         row.iter_mut().zip(&wx).for_each(|(v, wx)| *v /= wx * wy);
     }
@@ -34,7 +40,12 @@ pub(crate) fn blur_masked(plane: &Plane, mask: &Mask, sigma: f64) -> (Plane, Pla
 /// # Panics
 /// If a plane differs from the mask in size.
 pub(crate) fn blur_masked_all(planes: &[Plane], mask: &Mask, sigma: f64) -> (Vec<Plane>, Plane) {
-    let soften = |p: Plane| if half_kernel(sigma).is_some() { blur(&p, sigma) } else { p };
+    let kernel = half_kernel(sigma);
+    let window = reached(mask, kernel.as_ref().map_or(0, Vec::len));
+    let soften = |p: Plane| match &kernel {
+        Some(kernel) => blur_window(&p, kernel, &window),
+        None => p,
+    };
     let inside = mask.data.iter().map(|&m| if m { 1.0 } else { 0.0 }).collect::<Vec<f32>>();
     let weight = soften(Plane { size: mask.size, data: inside });
     let blurred = planes.par_iter().map(|plane| {
@@ -103,18 +114,33 @@ fn border_weights(n: usize, kernel: &[f32]) -> Vec<f32> {
     out
 }
 
-/// Rows, then columns; pixels outside the image count as zero.
-fn convolve(plane: &Plane, kernel: &[f32]) -> Plane {
-    let [w, h] = plane.size;
-    let mut rows = vec![0.0; w * h];
-    let pairs = rows.par_chunks_mut(w.max(1)).zip(plane.data.par_chunks(w.max(1)));
-    pairs.for_each(|(out, row)| convolve_row(row, kernel, out));
-    let mut data = vec![0.0; w * h];
-    data.par_chunks_mut(w.max(1)).enumerate().for_each(|(y, out)| {
-        let reach = kernel.len() - 1;
-        for source in y.saturating_sub(reach)..(y + reach + 1).min(h) {
+/// Columns and rows that the pixels of a mask reach.
+fn reached(mask: &Mask, reach: usize) -> [Range<usize>; 2] {
+    let [w, h] = mask.size;
+    let on = (0..w * h).filter(|&i| mask.data[i]).map(|i| [i % w, i / w]);
+    let ends = on.fold([w..0, h..0], |[columns, rows], [x, y]| {
+        [columns.start.min(x)..columns.end.max(x + 1), rows.start.min(y)..y + 1]
+    });
+    let [columns, rows] = ends.map(|r| r.start.saturating_sub(reach).min(r.end)..r.end + reach);
+    [columns.start..columns.end.min(w), rows.start..rows.end.min(h)]
+}
+
+/// Rows, then columns; pixels outside the window of columns and rows count as zero.
+fn convolve(plane: &Plane, kernel: &[f32], [columns, lines]: &[Range<usize>; 2]) -> Plane {
+    let w = plane.size[0];
+    let mut rows = vec![0.0; plane.data.len()];
+    let inside = lines.start * w..lines.end * w;
+    let pairs = rows[inside.clone()].par_chunks_mut(w.max(1));
+    pairs.zip(plane.data[inside.clone()].par_chunks(w.max(1))).for_each(|(out, row)| {
+        convolve_row(&row[columns.clone()], kernel, &mut out[columns.clone()]);
+    });
+    let mut data = vec![0.0; plane.data.len()];
+    data[inside].par_chunks_mut(w.max(1)).enumerate().for_each(|(k, out)| {
+        let (y, reach) = (lines.start + k, kernel.len() - 1);
+        let out = &mut out[columns.clone()];
+        for source in y.saturating_sub(reach).max(lines.start)..(y + reach + 1).min(lines.end) {
             let weight = kernel[source.abs_diff(y)];
-            let row = &rows[source * w..(source + 1) * w];
+            let row = &rows[source * w..][columns.clone()];
             out.iter_mut().zip(row).for_each(|(sum, v)| *sum += weight * v);
         }
     });
@@ -171,6 +197,27 @@ mod tests {
             }
             assert_eq!(weight.at(19, y), 0.0);
             assert_eq!(value.at(19, y), 0.0);
+        }
+    }
+
+    #[test]
+    fn a_window_changes_no_bit() {
+        let size = [40, 30];
+        let values = (0..1200).map(|i| ((i * 37) % 101) as f32 * 0.01).collect();
+        let plane = Plane { size, data: values };
+        for place in [[12..20, 9..14], [0..3, 25..30], [0..40, 0..30], [7..7, 3..3]] {
+            let on = |i: usize| place[0].contains(&(i % 40)) && place[1].contains(&(i / 40));
+            let mask = Mask { size, data: (0..1200).map(on).collect() };
+            let masked = |of: &dyn Fn(usize) -> f32| {
+                let data = (0..1200).map(|i| if on(i) { of(i) } else { 0.0 }).collect();
+                blur(&Plane { size, data }, 1.7)
+            };
+            let (whole, weight) = (masked(&|i| plane.data[i]), masked(&|_| 1.0));
+            let (value, in_window) = blur_masked(&plane, &mask, 1.7);
+            assert_eq!(in_window, weight);
+            let ratio = whole.data.iter().zip(&weight.data);
+            let ratio: Vec<f32> = ratio.map(|(v, w)| if *w > 1e-6 { v / w } else { 0.0 }).collect();
+            assert_eq!(value.data, ratio);
         }
     }
 

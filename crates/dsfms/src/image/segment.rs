@@ -29,7 +29,7 @@ const ANYTHING: f64 = 0.02;
 /// likelihood.
 const MOST: f64 = 8.0;
 const LAMBDA: f64 = 50.0;
-/// Cuts, each of which learns from the last.
+/// Cuts at most, each of which learns from the last.
 const CUTS: usize = 5;
 /// Cells around a place of the border whose colours are compared, and the difference of the mean log ratio on its two
 /// sides by which it is marked.
@@ -168,7 +168,10 @@ impl Cells {
                 d if d > OUTER => whole(-KEPT),
                 _ => whole(favour[c]),
             };
-            labels = graph.labels((0..labels.len()).map(held).collect());
+            let next = graph.labels((0..labels.len()).map(held).collect());
+            if std::mem::replace(&mut labels, next) == labels {
+                break;
+            }
         }
         let with_tools =
             (0..labels.len()).map(|c| labels[c] || !self.known[c] && self.rough[c]).collect();

@@ -1,5 +1,6 @@
 //! What can be wrong with an input file. Every message names the file.
 
+use super::atomic::{parent, write_atomic};
 use crate::guard;
 use std::path::{Path, PathBuf};
 
@@ -217,20 +218,22 @@ pub(super) fn read_text(path: &Path) -> Result<String, InputError> {
     Ok(text.trim_start_matches('\u{feff}').to_owned())
 }
 
-/// Write a file under a temporary name first, so that an interrupted run leaves no half of it.
+/// Write a text file as a whole ([`write_atomic`]) into a folder that is there.
 pub(super) fn write_text(path: &Path, text: &str) -> Result<(), InputError> {
     let failed = |source| InputError::Write { path: path.into(), source };
-    let _writing = super::atomic::Writing::begin();
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let prefix = super::atomic::partial_prefix("");
-    let mut file = tempfile::Builder::new().prefix(&prefix).tempfile_in(folder).map_err(failed)?;
-    std::io::Write::write_all(&mut file, text.as_bytes()).map_err(failed)?;
-    file.persist(path).map_err(|e| failed(e.error))?;
-    Ok(())
+    parent(path).metadata().map_err(failed)?;
+    write_atomic(path, |file| file.write_all(text.as_bytes())).map_err(|error| failed(error.source))
 }
+
+/// Most bytes of a JSON document: what it is parsed to takes up to 32 times as much.
+const MOST_JSON_BYTES: usize = 32 << 20;
 
 /// A JSON document; NaN and infinities, which JSON does not have, get their own message.
 pub(super) fn parse_json(path: &Path, text: &str) -> Result<serde_json::Value, InputError> {
+    if text.len() > MOST_JSON_BYTES {
+        let mib = MOST_JSON_BYTES >> 20;
+        return Err(InputError::format(path, format!("JSON of more than {mib} MiB")));
+    }
     serde_json::from_str(text).map_err(|error| {
         let line = text.lines().nth(error.line().saturating_sub(1)).unwrap_or_default();
         // The error's column points at the token, give or take its sign.

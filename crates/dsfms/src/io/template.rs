@@ -6,7 +6,7 @@
 //! Reading uses the manifest, the PLY, `usual.toml`, the npz files and the points of `sparse/`; the rest is for other
 //! programs.
 
-use super::atomic::{WriteError, Writing, old_prefix, parent, partial_prefix, share};
+use super::atomic::{WriteError, Writing, old_prefix, parent, partial_prefix, share, write_atomic};
 use super::mesh::read_mesh;
 use super::ply::{PlyExtras, Precision, write_ply};
 pub use super::template_error::TemplateFileError;
@@ -164,7 +164,7 @@ fn write_files(folder: &Path, template: &Template) -> Result<(), TemplateFileErr
     if let Some(usual) = &template.usual {
         let file = note(USUAL, "how the exploration frames look beside this template");
         let text = toml::to_string(usual).map_err(|e| damaged(&file, &e))?;
-        fs::write(&file, text).map_err(|e| WriteError::new(&file, e))?;
+        write_atomic(&file, |w| w.write_all(text.as_bytes()))?;
     }
     if let Some(Surroundings { mesh, features }) = &template.surroundings {
         let file = note(SURROUNDINGS, "what lies around the organ, a coarse surface");
@@ -209,8 +209,7 @@ fn write_manifest(
     let path = folder.join(MANIFEST);
     let text = toml::to_string(&manifest)
         .map_err(|e| TemplateFileError::Manifest { path: path.clone(), reason: e.to_string() })?;
-    fs::write(&path, text).map_err(|e| WriteError::new(&path, e))?;
-    Ok(())
+    Ok(write_atomic(&path, |w| w.write_all(text.as_bytes()))?)
 }
 
 fn counts(template: &Template) -> Counts {
@@ -333,7 +332,11 @@ fn read_manifest(folder: &Path) -> Result<Manifest, TemplateFileError> {
         let path = folder.to_path_buf();
         return Err(TemplateFileError::Version { path, found: version.version });
     }
-    toml::from_str(&text).map_err(|e| wrong(e.to_string()))
+    let manifest: Manifest = toml::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+    if !manifest.coat.is_plausible() {
+        return Err(wrong("coat: a figure is not finite or out of its bounds".into()));
+    }
+    Ok(manifest)
 }
 
 #[cfg(test)]

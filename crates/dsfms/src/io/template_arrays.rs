@@ -9,6 +9,9 @@ use crate::template::{Features, Flattening, SurfaceTexels};
 use std::io;
 use std::path::Path;
 
+/// Texture coordinates of a chart are within the unit square; what is far outside is no coordinate.
+const LARGEST_UV: f64 = 1e6;
+
 /// Write an npz whole, with what fills it.
 fn write_npz(
     path: &Path,
@@ -69,6 +72,7 @@ pub(super) fn write_sigma(path: &Path, sigma: &[f64]) -> Result<(), WriteError> 
 pub(super) fn read_sigma(path: &Path, vertices: usize) -> Result<Vec<f64>, TemplateFileError> {
     let sigma: Vec<f64> = ArrayReader::open(path)?.list("sigma")?;
     expect(path, "vertices", vertices, sigma.len())?;
+    // Infinite where nothing was measured.
     match sigma.iter().find(|s| s.is_nan() || **s < 0.0) {
         Some(bad) => Err(damaged(path, format!("a standard deviation is {bad}"))),
         None => Ok(sigma),
@@ -106,7 +110,14 @@ pub(super) fn read_albedo(
     expect(path, "texels", count, texels.value.len())?;
     expect(path, "spreads", count, texels.spread.len())?;
     expect(path, "view counts", count, texels.views.len())?;
-    Ok(texels)
+    if let Some(bad) = texels.value.iter().flatten().find(|v| !v.is_finite() || **v < 0.0) {
+        return Err(damaged(path, format!("an albedo is {bad}, expected 0 or more")));
+    }
+    // NaN: no view saw the texel.
+    match texels.spread.iter().find(|s| s.is_infinite() || **s < 0.0) {
+        Some(bad) => Err(damaged(path, format!("a standard deviation is {bad}"))),
+        None => Ok(texels),
+    }
 }
 
 pub(super) fn write_flattening(path: &Path, map: &Flattening) -> Result<(), WriteError> {
@@ -147,6 +158,11 @@ pub(super) fn read_flattening(
     };
     expect(path, "quasi-conformal ratios", faces, map.quasi_conformal.len())?;
     expect(path, "log areas", faces, map.log_area.len())?;
+    if corners.values.iter().any(|x| !x.is_finite() || x.abs() > LARGEST_UV) {
+        let reason =
+            format!("a corner is not finite, or further than {LARGEST_UV} from the origin");
+        return Err(damaged(path, reason));
+    }
     if let Some([a, b]) = map.seam.iter().find(|e| topology.edge_index(e[0], e[1]).is_none()) {
         return Err(damaged(path, format!("the seam names {a}-{b}, which is no edge of the mesh")));
     }

@@ -10,7 +10,7 @@
 //! camera. `a` is the light that the surroundings throw back, in units of the shading. `V` is the
 //! vignetting of the lens ([`vignetting`]).
 
-use super::vignetting::vignetting;
+use super::vignetting::{BOUNDS, vignetting};
 use super::{Cosine, Light, LightModel, Shade};
 use crate::geometry::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -64,6 +64,15 @@ impl Light for Coated {
 }
 
 impl Coat {
+    /// Whether its figures can be those of tissue and a lens.
+    pub(crate) fn is_plausible(&self) -> bool {
+        let Self { refractive_index, ambient, vignetting } = *self;
+        let [least, most] = BOUNDS;
+        (1.0..4.0).contains(&refractive_index)
+            && ambient.is_finite()
+            && (least..=most).contains(&vignetting)
+    }
+
     /// `V · T · (s + a)` with its derivatives; 0 where the light itself does not reach.
     pub fn shade(&self, light: &LightModel, point: &Point3, normal: &Vector3) -> Shade {
         let bare = light.shade(point, normal);

@@ -12,7 +12,7 @@
 use crate::geometry::{Point3, Vector3};
 
 /// Least and largest `a` of a lens: none takes more (cos⁴ is −2), and none brightens its corners much.
-pub(crate) const BOUNDS: [f64; 2] = [-2.0, 0.2];
+pub const BOUNDS: [f64; 2] = [-2.0, 0.2];
 
 /// V₀: a polynomial that is right near the axis must not turn the corners dark, or negative.
 const LEAST: f64 = 0.1;

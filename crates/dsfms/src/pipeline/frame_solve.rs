@@ -90,7 +90,7 @@ impl FrameSolve<'_> {
         refined.settled(body)
     }
 
-    /// Motion and shading in one problem: by the coarse blurs from the shape of eq. 3, and by all of them from where that
+    /// Motion and shading in one problem: by the coarse blurs from the shape of eq. 3, and by the fine ones from where that
     /// leads, with the matches that are found about it and the outline about its silhouette.
     fn joint(
         &self,
@@ -99,19 +99,20 @@ impl FrameSolve<'_> {
         result: &mut Reconstruction,
         log: &mut StageLog,
     ) {
-        let again = self.described.zip(self.options.joint.first_look());
-        if let Some((described, first)) = again {
-            let options = &ReconstructOptions { joint: first, ..self.options.clone() };
-            let first = FrameSolve { options, ..*self };
-            first.join_from(coarse, &coarse.vertices, photo, result, log);
-            log.time("matching again", || self.match_again(described, result));
-            let found = self.body.restricted(&result.vertices).into_owned();
-            return self.join_from(coarse, &found, photo, result, log);
-        }
-        self.join_from(coarse, &coarse.vertices, photo, result, log);
+        let Some((described, looks)) = self.described.zip(self.options.joint.looks()) else {
+            return self.join_from(coarse, &coarse.vertices, photo, result, log, true);
+        };
+        let [first, second] =
+            looks.map(|joint| ReconstructOptions { joint, ..self.options.clone() });
+        let look = |options| FrameSolve { options, ..*self };
+        look(&first).join_from(coarse, &coarse.vertices, photo, result, log, false);
+        log.time("matching again", || self.match_again(described, result));
+        let found = self.body.restricted(&result.vertices).into_owned();
+        look(&second).join_from(coarse, &found, photo, result, log, true);
     }
 
-    /// The joint solve after `coarse`, from `start`, by the matches of `result` that are kept; into `result`.
+    /// The joint solve after `coarse`, from `start`, by the matches of `result` that are kept; into `result`. After the `last`,
+    /// what explains no more than rest does stays at rest.
     fn join_from(
         &self,
         coarse: &Registered,
@@ -119,6 +120,7 @@ impl FrameSolve<'_> {
         photo: &Photograph,
         result: &mut Reconstruction,
         log: &mut StageLog,
+        last: bool,
     ) {
         let Self { sight, body, options, .. } = self;
         let kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
@@ -131,7 +133,13 @@ impl FrameSolve<'_> {
             }
             None => *photo,
         };
-        let joined = log.time("joint", || joined(body, coarse, start, &kept, &photo, options));
+        let joined = log.time("joint", || match last {
+            true => joined(body, coarse, start, &kept, &photo, options),
+            false => {
+                let (shapes, sigma) = ([&coarse.vertices, start], coarse.depth_sigma);
+                join(body, shapes, sigma, &kept, &photo, &options.joint).settled(body)
+            }
+        });
         log.attach(&joined.summary);
         result.vertices = joined.vertices;
         (result.gain, result.ambient) = (joined.gain, joined.ambient);

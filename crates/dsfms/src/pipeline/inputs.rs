@@ -1,7 +1,7 @@
 //! What every front end does with what a user points at: frames of files, folders and videos, the camera
 //! file and what it says of a template, masks by name.
 
-use super::{Exploration, Observation, Progress, TemplateOptions};
+use super::{Exploration, Observation, Progress};
 use crate::camera::CameraModel;
 use crate::image::{Frame, Mask, ToneCurve};
 use crate::io::InputError;
@@ -9,7 +9,6 @@ use crate::io::camera::{CameraFile, read_camera};
 use crate::io::images::{check_camera_size, find_frames, read_frame};
 use crate::io::masks::{MaskKind, read_masks};
 use crate::template::Template;
-use crate::template::light_fit::Vignetting;
 use crate::video::{
     SelectOptions, VideoError, VideoFrame, each_frame, frame_name, is_video, select_reporting,
 };
@@ -41,20 +40,16 @@ impl CameraInput {
 
     /// Frames of this camera at rest.
     pub fn exploration<'a>(&'a self, frames: &'a [Frame]) -> Exploration<'a> {
-        let CameraFile { camera, light, .. } = &self.file;
-        Exploration::new(frames, camera).tone(&self.tone).light(light.as_ref())
+        let CameraFile { camera, light, vignetting, .. } = &self.file;
+        let exploration = Exploration::new(frames, camera).tone(&self.tone);
+        exploration.light(light.as_ref()).vignetting(*vignetting)
     }
 
     /// A deformed frame of this camera.
     pub fn observation<'a>(&'a self, frame: &'a Frame) -> Observation<'a> {
-        Observation::new(frame, &self.file.camera).tone(&self.tone)
-    }
-
-    /// What the camera file says of a template that is about to be built.
-    pub fn tell_options(&self, options: &mut TemplateOptions) {
-        if let Some(a) = self.file.vignetting {
-            options.light.vignetting = Vignetting::Known(a);
-        }
+        let CameraFile { camera, light, vignetting, .. } = &self.file;
+        let observation = Observation::new(frame, camera).tone(&self.tone);
+        observation.light(light.as_ref()).vignetting(*vignetting)
     }
 
     /// What the camera file of other frames says of a template: the light where the template knows none (a
@@ -250,10 +245,11 @@ pub fn mask_of(
 
 #[cfg(test)]
 mod tests {
+    use super::super::sight::Sight;
     use super::*;
     use crate::light::LightModel;
-    use crate::pipeline::{Silent, template_from_mesh};
-    use crate::synth::patch;
+    use crate::pipeline::{Method, Silent, TemplateOptions, template_from_mesh};
+    use crate::synth::{Case, patch};
     use crate::template::LengthUnit;
 
     fn file(light: Option<LightModel>, vignetting: Option<f64>) -> CameraFile {
@@ -275,8 +271,25 @@ mod tests {
         assert_eq!(asked.tone, ToneCurve::Srgb, "what is asked for counts more than the file");
         asked.tell_template(&mut bare);
         assert_eq!(bare.light, Some(LightModel::Collinear), "a known light stays");
-        let mut options = TemplateOptions::default();
-        CameraInput::new(file(None, Some(-0.1)), None).tell_options(&mut options);
-        assert_eq!(options.light.vignetting, Vignetting::Known(-0.1));
+    }
+
+    #[test]
+    fn what_a_camera_file_says_goes_with_its_frames() {
+        let input = CameraInput::new(file(Some(LightModel::Collinear), Some(-0.1)), None);
+        let exploration = input.exploration(&[]);
+        assert_eq!(
+            (exploration.light, exploration.vignetting),
+            (Some(&LightModel::Collinear), Some(-0.1))
+        );
+        let mut case = Case::example(1);
+        case.template.coat.vignetting = -0.3;
+        let lit = |observation: &Observation| {
+            Sight::new(&case.template, observation, Method::Joint).light
+        };
+        let own = lit(&input.observation(&case.frame));
+        assert_eq!(own.coat.vignetting, -0.1);
+        assert_eq!(Some(&own.light), case.template.light.as_ref(), "a known light stays");
+        let other = lit(&Observation::new(&case.frame, &case.camera));
+        assert_eq!(other.coat.vignetting, -0.3);
     }
 }

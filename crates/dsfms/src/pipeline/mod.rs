@@ -30,6 +30,7 @@ pub use template::{
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point3};
 use crate::image::{Frame, Mask, Outline, ToneCurve};
+use crate::light::LightModel;
 use crate::options::OptionError;
 use crate::register::{Match, RegisterError};
 use crate::sfs::SfsError;
@@ -55,6 +56,17 @@ pub enum Method {
 }
 
 impl Method {
+    /// As `--method` and files call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rigid => "rigid",
+            Self::Sfs => "sfs",
+            Self::Dsfm => "dsfm",
+            Self::Dsfms => "dsfms",
+            Self::Joint => "joint",
+        }
+    }
+
     /// Where none is asked for: the best that the template allows.
     pub fn best_for(template: &Template) -> Self {
         if template.albedo.is_some() { Self::Joint } else { Self::Dsfm }
@@ -70,6 +82,10 @@ pub struct Observation<'a> {
     pub camera: &'a CameraModel,
     /// Tone curve of this frame.
     pub tone: &'a ToneCurve,
+    /// Light of the camera file, where the template knows none.
+    pub light: Option<&'a LightModel>,
+    /// Fall-off of this frame's lens towards the border, where it is known; else that of the exploration.
+    pub vignetting: Option<f64>,
     /// Given matches; `None` = find them by the template's descriptors.
     pub matches: Option<&'a [Match]>,
     /// `true` where an instrument covers the organ.
@@ -90,12 +106,32 @@ impl<'a> Observation<'a> {
     /// ```
     pub fn new(frame: &'a Frame, camera: &'a CameraModel) -> Self {
         let tone = &ToneCurve::Srgb;
-        Self { frame, camera, tone, matches: None, instrument: None, organ: None }
+        let (light, vignetting) = (None, None);
+        Self {
+            frame,
+            camera,
+            tone,
+            light,
+            vignetting,
+            matches: None,
+            instrument: None,
+            organ: None,
+        }
     }
 
     /// With another tone curve than sRGB.
     pub fn tone(self, tone: &'a ToneCurve) -> Self {
         Self { tone, ..self }
+    }
+
+    /// With the light that counts where the template knows none (a bare mesh).
+    pub fn light(self, light: impl Into<Option<&'a LightModel>>) -> Self {
+        Self { light: light.into(), ..self }
+    }
+
+    /// With the known fall-off of this frame's lens towards the border ([`crate::light::vignetting`]).
+    pub fn vignetting(self, vignetting: impl Into<Option<f64>>) -> Self {
+        Self { vignetting: vignetting.into(), ..self }
     }
 
     /// With given matches; none are looked for.

@@ -96,7 +96,8 @@ fn reconstruct_logged(
             };
             let described = described.as_ref();
             let deformation = FrameSolve { sight: &sight, described, body: &body, options };
-            deformation.solve(method, &matches, &posed, &mut result, &mut log)?;
+            // On a thread of the pool its many small parallel loops cost no hand-over.
+            rayon::scope(|_| deformation.solve(method, &matches, &posed, &mut result, &mut log))?;
         }
     }
     log.time("visibility", || see(&sight, &mut result));

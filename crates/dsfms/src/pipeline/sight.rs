@@ -35,7 +35,7 @@ impl<'a> Sight<'a> {
         observation: &'a Observation,
         method: Method,
     ) -> Self {
-        let Observation { frame, tone, instrument, organ, .. } = *observation;
+        let Observation { frame, tone, light, vignetting, instrument, organ, .. } = *observation;
         let lit = viewport(std::slice::from_ref(frame));
         let albedo = template.albedo.as_ref();
         Self {
@@ -45,7 +45,7 @@ impl<'a> Sight<'a> {
             outline: organ
                 .filter(|_| method == Method::Joint)
                 .map(|organ| Outline::new(organ, instrument)),
-            light: template.lighting(),
+            light: template.lighting_of(light, vignetting),
             compared: albedo.map(|albedo| (Picture::of(frame, tone), albedo)),
         }
     }

@@ -70,6 +70,8 @@ pub struct Exploration<'a> {
     pub tone: &'a ToneCurve,
     /// Light of the camera file, if it names one: the start of its estimation.
     pub light: Option<&'a LightModel>,
+    /// Fall-off of the image towards its border, where the camera file names one: it is not estimated then.
+    pub vignetting: Option<f64>,
     /// A surface of the organ in mm, in any place: it gives a template from frames its scale.
     pub metric: Option<&'a Mesh>,
     /// Frames of the deformed organ, by the same camera: what moves apart in them is apart.
@@ -99,6 +101,7 @@ impl<'a> Exploration<'a> {
             camera,
             tone,
             light: None,
+            vignetting: None,
             metric: None,
             also: &[],
             keep: Keep::default(),
@@ -123,6 +126,11 @@ impl<'a> Exploration<'a> {
     /// With the light that its estimation starts from.
     pub fn light(self, light: impl Into<Option<&'a LightModel>>) -> Self {
         Self { light: light.into(), ..self }
+    }
+
+    /// With the known fall-off of the image towards its border ([`crate::light::vignetting`]).
+    pub fn vignetting(self, vignetting: impl Into<Option<f64>>) -> Self {
+        Self { vignetting: vignetting.into(), ..self }
     }
 
     /// With frames of the deformed organ, which help to tell it from what stays.

@@ -113,6 +113,7 @@ impl Trusted<'_> {
                 other_camera([camera, own], limit, rest, &all, register, self.options.seed)
             }),
             appearance: looked.map(|l| l.appearance),
+            uncompared: self.sight.compared.is_some() && looked.is_none(),
             usual: template.usual.map_or(EXPECTED, |u| u.appearance),
             no_shading: result.shaded == Some(0),
             gain: (self.method == Method::Dsfms && result.shaded != Some(0)).then_some(result.gain),

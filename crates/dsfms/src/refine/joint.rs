@@ -110,9 +110,9 @@ fn join_told(
     let mut solve = JointSolve::new(frame, [coarse, start], options);
     let mut last = None;
     for (k, &blur) in blurs.iter().enumerate() {
-        let finest = k + 1 == blurs.len();
-        let mirrors = if k == 0 || finest { 0 } else { options.mirrors };
-        last = Some(solve.at_blur(blur, mirrors, finest));
+        let left = blurs.len() - k - 1;
+        let mirrors = if k > 0 && left == 1 { options.mirrors } else { 0 };
+        last = Some(solve.at_blur(blur, mirrors, left == 0));
     }
     let last = last.expect("there is at least one blur");
     let JointSolve { state, told, .. } = solve;

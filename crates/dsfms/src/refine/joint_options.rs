@@ -51,12 +51,12 @@ pub struct JointOptions {
     /// Blurs of image and albedo, coarse to fine, as fractions of the image diagonal; at least one.
     pub blurs: Vec<f64>,
     /// Coarsest blurs by which one frame alone is solved first, to find matches and outline again about that shape, before
-    /// it is solved by all of them; 0 leaves it out.
+    /// it is solved by the last of them and the finer ones; 0 leaves it out.
     pub look_again: usize,
     /// Three samples a face as long as they are no more than this, else one.
     pub max_samples: usize,
-    /// Regions whose movement along the viewing rays is tried the other way, in every stage but the
-    /// coarsest, whose blur hides the texture that tells them apart, and the last.
+    /// Regions whose movement along the viewing rays is tried the other way, in the last stage but one: coarser ones hide the
+    /// texture that tells them apart.
     pub mirrors: usize,
 }
 
@@ -87,10 +87,12 @@ impl JointOptions {
         Self { prior: PriorWeights { stretch, ..self.prior }, strain, smooth_gain, ..self.clone() }
     }
 
-    /// Those of the solve before matches and outline are found again; `None` where there is none.
-    pub(crate) fn first_look(&self) -> Option<Self> {
-        let blurs: Vec<f64> = self.blurs.iter().copied().take(self.look_again).collect();
-        (!blurs.is_empty()).then(|| Self { blurs, ..self.clone() })
+    /// Those of the look before matches and outline are found again, and of the one after, which begins by the last blur of the
+    /// first; `None` where there is one look.
+    pub(crate) fn looks(&self) -> Option<[Self; 2]> {
+        let first = self.look_again.min(self.blurs.len());
+        let by = |blurs: &[f64]| Self { blurs: blurs.to_vec(), ..self.clone() };
+        (first > 0).then(|| [by(&self.blurs[..first]), by(&self.blurs[first - 1..])])
     }
 
     /// Check every field against its bounds.
@@ -169,13 +171,16 @@ mod tests {
     use super::JointOptions;
 
     #[test]
-    fn the_first_look_is_by_the_coarsest_blurs() {
+    fn the_first_look_is_by_the_coarsest_blurs_and_the_second_goes_on() {
         let options = JointOptions::default();
-        assert_eq!(options.first_look().unwrap().blurs, options.blurs[..2]);
-        let none = JointOptions { look_again: 0, ..options.clone() };
-        assert_eq!(none.first_look(), None);
-        let all = JointOptions { look_again: 99, ..options.clone() };
-        assert_eq!(all.first_look().unwrap().blurs, options.blurs);
+        let blurs = |look_again: usize| {
+            let looks = JointOptions { look_again, ..options.clone() }.looks();
+            looks.map(|looks| looks.map(|look| look.blurs))
+        };
+        let all = options.blurs.as_slice();
+        assert_eq!(blurs(2), Some([all[..2].to_vec(), all[1..].to_vec()]));
+        assert_eq!(blurs(0), None);
+        assert_eq!(blurs(99), Some([all.to_vec(), all[3..].to_vec()]));
     }
 
     #[test]

@@ -62,10 +62,13 @@ impl Comparison<'_> {
     fn kept_between(&self, still: &[Point3], moved: Vec<Point3>, ramps: Ramps) -> Vec<Point3> {
         let noise = self.sigma_px * self.sigma_px;
         let motion = |shape| self.reprojection(shape) + noise;
-        let seen = self.mean_square(still).zip(self.mean_square(&moved));
-        let seen = seen.map_or(1.0, |(still, moved)| still / moved.max(f64::MIN_POSITIVE));
-        let matched = motion(still) / motion(&moved);
-        match share(seen.sqrt(), ramps.seen).max(share(matched.sqrt(), ramps.matched)) {
+        let by_matches = share((motion(still) / motion(&moved)).sqrt(), ramps.matched);
+        // Two looks at the image, where the matches do not say all.
+        let seen = || self.mean_square(still).zip(self.mean_square(&moved));
+        let ratio = || seen().map_or(1.0, |(still, moved)| still / moved.max(f64::MIN_POSITIVE));
+        let by_image = || share(ratio().sqrt(), ramps.seen);
+        let share = if by_matches < 1.0 { by_image().max(by_matches) } else { 1.0 };
+        match share {
             1.0 => moved,
             share => still.iter().zip(&moved).map(|(a, b)| a + (b - a) * share).collect(),
         }

@@ -4,7 +4,7 @@
 //! `minimize_few` takes a small problem as functions, `conjugate_gradients` is the iterative solver of large
 //! linear systems, `Anderson` shortens a fixed-point iteration. [`NormalEquations`] holds the block-sparse
 //! Gauss–Newton system of per-vertex unknowns bordered by a few global ones (gain, ambient, …), and
-//! [`cholesky`] and `ordering` are the only places that see the sparse linear algebra crate.
+//! [`cholesky`], `scalar` and `ordering` are the only places of it that see the crate of sparse linear algebra.
 
 mod anderson;
 pub mod cholesky;

@@ -116,7 +116,18 @@ impl Template {
 
     /// The light of a frame and the tissue it falls on.
     pub fn lighting(&self) -> Coated {
-        Coated { light: self.light.clone().unwrap_or_default(), coat: self.coat }
+        self.lighting_of(None, None)
+    }
+
+    /// The same of a frame of another camera file: its `light` where the template knows none, its own `vignetting`.
+    pub(crate) fn lighting_of(
+        &self,
+        light: Option<&LightModel>,
+        vignetting: Option<f64>,
+    ) -> Coated {
+        let light = self.light.as_ref().or(light).cloned().unwrap_or_default();
+        let vignetting = vignetting.unwrap_or(self.coat.vignetting);
+        Coated { light, coat: Coat { vignetting, ..self.coat } }
     }
 }
 

@@ -53,6 +53,8 @@ pub struct Evidence {
     pub places: Option<[usize; 2]>,
     /// Image beside prediction.
     pub appearance: Option<Appearance>,
+    /// There is an albedo, and nothing of the image could be compared with it.
+    pub uncompared: bool,
     /// That of the exploration frames.
     pub usual: Appearance,
     /// Photometric residual of the solve over that of the good frames before (videos).
@@ -101,6 +103,7 @@ impl Default for Evidence {
             camera: None,
             places: None,
             appearance: None,
+            uncompared: false,
             usual: EXPECTED,
             photometric: None,
             no_shading: false,

@@ -80,6 +80,11 @@ impl Verdict {
         }
     }
 
+    /// Degraded above a limit; NaN is above everything.
+    fn degrade_above(&mut self, value: f64, limit: f64, reason: Reason) {
+        self.degrade_if(value.is_nan() || limit.is_nan() || value > limit, reason);
+    }
+
     /// Lost below the first limit, degraded below the second; NaN is below everything.
     fn least(&mut self, value: f64, [lost, degraded]: [f64; 2], reason: Reason) {
         let below = |limit: f64| value.is_nan() || value < limit;
@@ -123,7 +128,7 @@ fn matches(verdict: &mut Verdict, evidence: &Evidence, limits: &Thresholds) {
     let disagree = (kept as f64) < limits.kept[usize::from(given)] * total as f64;
     verdict.degrade_if(disagree, Reason::MatchesDisagree { kept, total });
     if let (Some(px), false) = (evidence.residual_px, given) {
-        verdict.degrade_if(px > limits.residual_px, Reason::Residual { px });
+        verdict.degrade_above(px, limits.residual_px, Reason::Residual { px });
     }
 }
 
@@ -142,11 +147,11 @@ fn place(verdict: &mut Verdict, evidence: &Evidence, limits: &Thresholds) {
         verdict.least(px / diagonal, limits.tiny, Reason::Tiny { px });
     }
     if let Some([px, width]) = evidence.rigid_px {
-        verdict.degrade_if(px > limits.rigid * width, Reason::FarFromRigid { px });
+        verdict.degrade_above(px, limits.rigid * width, Reason::FarFromRigid { px });
     }
     if let Some(share) = evidence.depth_uncertainty {
         let reason = Reason::DepthUncertain { share };
-        verdict.degrade_if(share > limits.depth_uncertainty, reason);
+        verdict.degrade_above(share, limits.depth_uncertainty, reason);
     }
     if let Some((apart_px, [given_px, own_px])) = evidence.camera {
         let [contradicted, confirmed] = limits.camera_fit;
@@ -154,8 +159,8 @@ fn place(verdict: &mut Verdict, evidence: &Evidence, limits: &Thresholds) {
             let reason = Reason::CameraContradicted { apart_px, given_px, own_px };
             verdict.object(Level::Lost, reason);
         } else {
-            let unsure = own_px < confirmed * given_px;
-            verdict.degrade_if(unsure, Reason::CameraUnconfirmed { apart_px });
+            let reason = Reason::CameraUnconfirmed { apart_px };
+            verdict.degrade_above(confirmed * given_px, own_px, reason);
         }
     }
 }
@@ -179,19 +184,23 @@ fn appearance(verdict: &mut Verdict, evidence: &Evidence, limits: &Thresholds) {
         let usual = evidence.usual;
         verdict.least(found.shown, limits.shown, Reason::Covered { shown: found.shown });
         let uncompared = Reason::Uncompared { share: found.compared };
-        verdict.degrade_if(found.compared < limits.compared, uncompared);
+        verdict.degrade_above(limits.compared, found.compared, uncompared);
         if let (Some(correlation), Some(usual)) = (found.correlation, usual.correlation) {
             let reason = Reason::Structure { correlation, usual };
             verdict.least(correlation / usual, limits.structure, reason);
         }
         if let (Some(contrast), Some(usual)) = (found.contrast, usual.contrast) {
             let reason = Reason::Faint { contrast, usual };
-            verdict.degrade_if(contrast < limits.contrast * usual, reason);
+            verdict.degrade_above(limits.contrast * usual, contrast, reason);
         }
     }
+    verdict.degrade_if(evidence.uncompared, Reason::Uncompared { share: 0.0 });
     let beside = |found: Appearance| found.residual / evidence.usual.residual.max(LEAST_RESIDUAL);
-    let times = evidence.appearance.map_or(0.0, beside).max(evidence.photometric.unwrap_or(0.0));
-    verdict.degrade_if(times > limits.photometric, Reason::Brightness { times });
+    let times = [evidence.appearance.map_or(0.0, beside), evidence.photometric.unwrap_or(0.0)];
+    // `f64::max` would drop NaN.
+    let times =
+        times.into_iter().fold(0.0, |most, t| if t <= most || most.is_nan() { most } else { t });
+    verdict.degrade_above(times, limits.photometric, Reason::Brightness { times });
     verdict.degrade_if(evidence.no_shading, Reason::NoShading);
     if let Some(gain) = evidence.gain {
         let [least, most] = limits.gain;
@@ -202,15 +211,13 @@ fn appearance(verdict: &mut Verdict, evidence: &Evidence, limits: &Thresholds) {
 /// Parts of the surface.
 fn parts(verdict: &mut Verdict, evidence: &Evidence, limits: &Thresholds) {
     if let Some(part) = evidence.contradicted {
-        let doubt = part.share > limits.contradicted;
-        verdict.degrade_if(doubt, Reason::RegionContradicted(part));
+        verdict.degrade_above(part.share, limits.contradicted, Reason::RegionContradicted(part));
     }
     if let Some(part) = evidence.unobserved {
-        let doubt = part.share > limits.unobserved;
-        verdict.degrade_if(doubt, Reason::RegionUnobserved(part));
+        verdict.degrade_above(part.share, limits.unobserved, Reason::RegionUnobserved(part));
     }
     if let Some((faces, share)) = evidence.folded {
-        verdict.degrade_if(share > limits.folded, Reason::Folded { faces, share });
+        verdict.degrade_above(share, limits.folded, Reason::Folded { faces, share });
     }
 }
 
@@ -220,7 +227,7 @@ fn shape(verdict: &mut Verdict, evidence: &Evidence, limits: &Thresholds) {
         verdict.most(share, [lost, degraded], Reason::Strain { share });
     }
     if let Some(share) = evidence.jump {
-        verdict.degrade_if(share > limits.jump, Reason::Jump { share });
+        verdict.degrade_above(share, limits.jump, Reason::Jump { share });
     }
 }
 

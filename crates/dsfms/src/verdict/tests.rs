@@ -1,6 +1,7 @@
 //! Each doubt has its reason and its level.
 
 use super::*;
+use crate::verdict::evidence::EXPECTED;
 use observability::PoseUncertainty;
 
 fn good() -> Evidence {
@@ -58,6 +59,43 @@ fn each_doubt_has_its_level() {
     );
     let camera = |own| with(|e| e.camera = Some((40.0, [1.0, own]))).level;
     assert_eq!([camera(2.0), camera(1.0), camera(0.5)], [Level::Ok, Level::Degraded, Level::Lost]);
+}
+
+#[test]
+fn what_is_no_number_or_could_not_be_looked_at_is_never_ok() {
+    let nan = f64::NAN;
+    let part = Part { share: nan, centre_px: [0.0; 2], radius_px: 0.0 };
+    let looked = |change: fn(&mut Appearance)| {
+        let mut seen = EXPECTED;
+        change(&mut seen);
+        with(|e| e.appearance = Some(seen))
+    };
+    let doubted = [
+        with(|e| e.residual_px = Some(nan)),
+        with(|e| e.rigid_px = Some([nan, 640.0])),
+        with(|e| e.depth_uncertainty = Some(nan)),
+        with(|e| e.camera = Some((1.0, [1.0, nan]))),
+        with(|e| e.photometric = Some(nan)),
+        with(|e| e.contradicted = Some(part)),
+        with(|e| e.unobserved = Some(part)),
+        with(|e| e.folded = Some((3, nan))),
+        with(|e| e.jump = Some(nan)),
+        with(|e| e.gain = Some(nan)),
+        looked(|seen| seen.residual = f64::NAN),
+        looked(|seen| seen.compared = f64::NAN),
+        looked(|seen| seen.contrast = Some(f64::NAN)),
+    ];
+    for (k, found) in doubted.iter().enumerate() {
+        assert_eq!(found.level, Level::Degraded, "{k}: {found:?}");
+    }
+    assert_eq!(looked(|_| ()).level, Level::Ok);
+    let uncompared = with(|e| e.uncompared = true);
+    assert_eq!(uncompared.reasons, [Reason::Uncompared { share: 0.0 }]);
+    let folded = with(|e| e.folded = Some((3, 0.5)));
+    assert_eq!(folded.reasons, [Reason::Folded { faces: 3, share: 0.5 }]);
+    let part = Part { share: 0.5, ..part };
+    let unobserved = with(|e| e.unobserved = Some(part));
+    assert_eq!(unobserved.reasons, [Reason::RegionUnobserved(part)]);
 }
 
 #[test]

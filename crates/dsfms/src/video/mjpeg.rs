@@ -48,7 +48,7 @@ impl<R: Read> Pictures<R> {
     ///
     /// # Errors
     /// Those of the stream.
-    #[allow(clippy::should_implement_trait)]
+    #[allow(clippy::should_implement_trait, reason = "the stream itself can fail")]
     pub fn next(&mut self) -> io::Result<Option<Result<Vec<u8>, String>>> {
         loop {
             self.skip_to_start();

@@ -51,8 +51,7 @@ fn template(scene: &Path, camera: &CameraInput) -> Result<Template> {
     let frames = frames(scene, "exploration/frame_*")?;
     let names: Vec<&str> = frames.iter().map(|f| f.name.as_str()).collect();
     let poses = match_poses(&poses, &names);
-    let mut options = TemplateOptions::default();
-    camera.tell_options(&mut options);
+    let options = TemplateOptions::default();
     let (exploration, unit) = (camera.exploration(&frames), LengthUnit::Millimetre);
     Ok(template_from_posed_frames(&exploration, mesh, unit, &poses, &options, &Silent)?.template)
 }

@@ -6,6 +6,7 @@ mod table1;
 
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
+use crate::inputs;
 use crate::interrupt;
 use crate::outputs::{prepare_folder, write_bytes, write_text};
 use crate::progress::Reporter;
@@ -101,9 +102,7 @@ struct PlaceArgs {
 impl PlaceArgs {
     fn options(&self) -> anyhow::Result<ReconstructOptions> {
         let Some(path) = &self.options else { return Ok(ReconstructOptions::default()) };
-        let name = || format!("--options {}", path.display());
-        let text = std::fs::read_to_string(path).with_context(name)?;
-        ReconstructOptions::from_toml(&text).with_context(name)
+        inputs::options(path, ReconstructOptions::from_toml)
     }
 }
 

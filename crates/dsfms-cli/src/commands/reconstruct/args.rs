@@ -112,14 +112,3 @@ impl From<MethodName> for Method {
         }
     }
 }
-
-/// The name that `--method` takes.
-pub fn method_name(method: Method) -> &'static str {
-    match method {
-        Method::Rigid => "rigid",
-        Method::Sfs => "sfs",
-        Method::Dsfm => "dsfm",
-        Method::Dsfms => "dsfms",
-        Method::Joint => "joint",
-    }
-}

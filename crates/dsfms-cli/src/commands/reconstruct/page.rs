@@ -1,6 +1,6 @@
 //! What a run leaves for the viewer.
 
-use super::{Job, method_name};
+use super::Job;
 use crate::inputs::Source;
 use crate::outputs::FrameReport;
 use crate::report::data::ShownFrame;
@@ -47,7 +47,7 @@ impl Job<'_> {
         frames: Vec<ShownFrame>,
     ) -> anyhow::Result<()> {
         let template = self.args.template.file_name().unwrap_or_default().to_string_lossy();
-        let method = method_name(self.method);
+        let method = self.method.name();
         let mut page =
             frames_page((&template, &self.template), &self.camera, method, rows, frames)?;
         page.data.structures = self.structures.as_ref().map_or(Vec::new(), Structures::shown);

@@ -5,6 +5,7 @@ use crate::outputs::write_text;
 use crate::progress::Reporter;
 use crate::report::embed::jpeg_bytes;
 use anyhow::Context;
+use dsfms::guard;
 use dsfms::image::Frame;
 use dsfms::pipeline::{OrganScene, Progress, TemplateOptions, write_strokes};
 use std::path::{Path, PathBuf};
@@ -35,7 +36,7 @@ impl Drawn {
     /// To be asked before the template is written.
     pub fn of(template: &Path) -> Self {
         let path = template.join(SCRIBBLES);
-        Self { text: std::fs::read_to_string(&path).ok(), path }
+        Self { text: guard::read_text(&path).ok(), path }
     }
 
     /// Write the strokes that the template is built with; without any, those that were drawn on its predecessor stay.

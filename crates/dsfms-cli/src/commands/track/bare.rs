@@ -82,7 +82,6 @@ fn seen_in(
     }
     let mut options = TemplateOptions::default();
     options.sfm.seed = global.seed();
-    camera.tell_options(&mut options);
     let exploration = camera.exploration(&posed.frames).valid(&posed.valid).organ(&posed.organ);
     let built =
         template_from_posed_frames(&exploration, mesh, unit, &posed.poses, &options, reporter)?;

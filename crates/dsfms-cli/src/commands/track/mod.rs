@@ -16,7 +16,6 @@ mod record;
 mod run_file;
 mod source;
 
-use super::reconstruct::method_name;
 use super::view;
 use crate::args::Global;
 use crate::exit::Outcome;
@@ -159,7 +158,7 @@ fn report<'a>(
     }
     let name = args.template.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let page = args.output.join("report.html");
-    Ok(Some(TrackReport::new(page, name, template, camera, method_name(method))?))
+    Ok(Some(TrackReport::new(page, name, template, camera, method.name())?))
 }
 
 /// Refuse files that cannot be tracked, before anything is written.

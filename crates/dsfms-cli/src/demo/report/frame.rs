@@ -3,7 +3,6 @@
 use super::super::scene::DeformedFrame;
 use super::tables::error_table;
 use super::{FrameResult, Report};
-use crate::commands::reconstruct::method_name;
 use crate::demo::METHODS;
 use crate::draw::{self, SideView};
 use crate::report::embed::{escape, jpeg};
@@ -109,7 +108,7 @@ fn method_card(
 ) -> anyhow::Result<String> {
     let result = &frame.methods[k];
     let status = result.report.status;
-    let (name, method) = (escape(&frame.name), method_name(method));
+    let (name, method) = (escape(&frame.name), method.name());
     let mut html =
         format!("<div class=\"card\"><h3>{method} <span class=\"{status}\">{status}</span></h3>");
     if let Some((surface, _)) = &result.surface {

@@ -5,7 +5,6 @@ mod tables;
 
 use super::scene::{DeformedFrame, Scene};
 use super::truth::{FrameTruth, Tie};
-use crate::commands::reconstruct::method_name;
 use crate::demo::METHODS;
 use crate::outputs::FrameReport;
 use crate::report::Page;
@@ -81,7 +80,7 @@ impl Report<'_> {
         }
         text += &format!("{:>24}\n", "ok, degraded, failed");
         for (k, method) in METHODS.into_iter().enumerate() {
-            text += &format!("{:<8}", method_name(method));
+            text += &format!("{:<8}", method.name());
             for part in Part::ALL {
                 let cell = match (self.mean(k, part, |s| s.rms), self.mean(k, part, |s| s.mean)) {
                     (Some((rms, _)), Some((mean, _))) => format!("{rms:.2} / {mean:.2}"),
@@ -121,7 +120,7 @@ fn data(report: &Report) -> anyhow::Result<PageData> {
     let scale = report.tie.mm;
     let faces = &report.built.template.mesh.topology.faces;
     let mut data = PageData::of_template(&report.built.template, scale, "mm")?;
-    data.methods = METHODS.into_iter().map(|m| method_name(m).to_string()).collect();
+    data.methods = METHODS.into_iter().map(|m| m.name().to_string()).collect();
     data.truth = Some(data.methods.len());
     data.methods.push("truth".into());
     data.chosen = METHODS.len() - 1;

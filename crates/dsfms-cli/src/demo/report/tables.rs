@@ -3,7 +3,6 @@
 use super::super::scene::{DeformedFrame, Scene};
 use super::{FrameResult, Report};
 use crate::chart::{Bar, Plot, Series, bars, lines};
-use crate::commands::reconstruct::method_name;
 use crate::demo::METHODS;
 use crate::report::frames::short;
 use dsfms::eval::{ErrorStats, Evaluation};
@@ -63,7 +62,7 @@ pub fn comparison(report: &Report) -> String {
         .enumerate()
         .filter_map(|(k, m)| {
             let (value, _) = report.mean(k, Part::Zone, |s| s.rms)?;
-            Some(Bar { label: method_name(m).into(), value, strong: m == Method::Joint })
+            Some(Bar { label: m.name().into(), value, strong: m == Method::Joint })
         })
         .collect();
     format!(
@@ -100,11 +99,7 @@ fn plots(report: &Report) -> String {
         };
         let named = METHODS.into_iter().enumerate();
         named
-            .map(|(k, m)| Series {
-                label: method_name(m).into(),
-                points: of(k),
-                ..Default::default()
-            })
+            .map(|(k, m)| Series { label: m.name().into(), points: of(k), ..Default::default() })
             .collect()
     };
     let value = "Mean error of the visible part, mm";
@@ -153,7 +148,7 @@ pub fn error_table(caption: &str, cell: impl Fn(usize, Part, Statistic) -> Optio
     }
     html += "</tr></thead><tbody>";
     for (method, row) in METHODS.into_iter().zip(&values) {
-        html += &format!("<tr><th scope=\"row\">{}</th>", method_name(method));
+        html += &format!("<tr><th scope=\"row\">{}</th>", method.name());
         for (c, value) in row.iter().enumerate() {
             html += &match value {
                 Some(v) if *v <= best(c) => format!("<td class=\"best\">{v:.2}</td>"),

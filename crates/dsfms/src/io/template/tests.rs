@@ -187,6 +187,22 @@ fn every_damage_is_named() {
         let wrong = read_template(&path).unwrap_err().to_string();
         assert!(wrong.contains(SIGMA) && wrong.contains(what), "{wrong}");
     }
+    let template = tiny();
+    let mut texels = template.albedo.clone().unwrap();
+    texels.value[3][1] = f32::NAN;
+    arrays::write_albedo(&path.join(ALBEDO), &texels).unwrap();
+    let wrong = read_template(&path).unwrap_err().to_string();
+    assert!(wrong.contains(ALBEDO) || wrong.contains("standard deviation"), "{wrong}");
+    fs::write(path.join(ALBEDO), &albedo).unwrap();
+    arrays::write_sigma(&path.join(SIGMA), &[0.1; 42]).unwrap();
+    if let Some(mut map) = template.flattening.clone() {
+        map.corners[0][0].x = f64::INFINITY;
+        arrays::write_flattening(&path.join(FLATTENING), &map).unwrap();
+        let wrong = read_template(&path).unwrap_err().to_string();
+        assert!(wrong.contains(FLATTENING) && wrong.contains("not finite"), "{wrong}");
+        let good = template.flattening.as_ref().unwrap();
+        arrays::write_flattening(&path.join(FLATTENING), good).unwrap();
+    }
     // As templates were before.
     fs::remove_file(path.join(SIGMA)).unwrap();
     fs::remove_file(path.join(USUAL)).unwrap();
@@ -205,6 +221,8 @@ fn every_damage_is_named() {
     assert!(matches!(version, TemplateFileError::Version { found: 99, .. }));
     let count = edit("vertices = 42", "vertices = 43");
     assert!(matches!(count, TemplateFileError::Count { expected: 43, found: 42, .. }), "{count}");
+    let coat = edit("ambient = ", "ambient = nan # ");
+    assert!(coat.to_string().contains("coat"), "{coat}");
     let field = edit("unit = ", "unity = ");
     assert!(field.to_string().contains("template.toml"), "{field}");
 }

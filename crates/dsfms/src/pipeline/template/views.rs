@@ -10,7 +10,7 @@ use crate::raster::{OCCLUSION_TOLERANCE, rasterize, visible_vertices};
 use crate::sfm::Features2d;
 use crate::template::albedo::{AlbedoOptions, estimate_albedo, refine_by_shading};
 use crate::template::anchor::{AnchorOptions, FeatureView, anchor_features};
-use crate::template::light_fit::{LightFit, fit_light};
+use crate::template::light_fit::{LightFit, LightFitOptions, Vignetting, fit_light};
 use crate::template::photometric::AlbedoView;
 use crate::template::{LengthUnit, Surroundings, Template, TemplateView};
 use rayon::prelude::*;
@@ -53,7 +53,10 @@ impl Views<'_> {
         progress.step("light and albedo", 0, 2);
         let views: Vec<AlbedoView> =
             registered.iter().map(|r| self.albedo_view(r, &tone)).collect();
-        let light = fit_light(&mesh, &views, self.exploration.light, &options.light)?;
+        let Exploration { light: known, vignetting, .. } = *self.exploration;
+        let vignetting = vignetting.map_or(options.light.vignetting, Vignetting::Known);
+        let fit = LightFitOptions { vignetting, ..options.light.clone() };
+        let light = fit_light(&mesh, &views, known, &fit)?;
         logging::light(&light, progress);
         if light.candidates.is_empty() {
             progress.warn(
