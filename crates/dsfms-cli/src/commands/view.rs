@@ -186,11 +186,12 @@ fn got(served: &Served, wanted: &str) -> anyhow::Result<Answer> {
         return Ok(served.desk.get(rest)?.unwrap_or_else(missing));
     }
     let Some(wanted) = Wanted::of(wanted) else { return Ok(missing()) };
-    let is_page = matches!(wanted, Wanted::Page);
     let found = served.watched.look();
-    match found.and_then(|look| wanted.body(&look, served.desk.is_there())) {
-        Err(error) if is_page => Ok(waiting(served.watched.runs(), &error)),
-        found => Ok(found?.map_or_else(missing, |(kind, body)| Answer::ok(kind, body))),
+    match (found.and_then(|look| wanted.body(&look, served.desk.is_there())), wanted) {
+        (Err(error), Wanted::Page) => Ok(waiting(served.watched.runs(), &error)),
+        // Between two runs there is nothing to show, and nothing new.
+        (Err(_), Wanted::Version) => Ok(Answer::ok("text/plain", served.watched.last_version())),
+        (found, _) => Ok(found?.map_or_else(missing, |(kind, body)| Answer::ok(kind, body))),
     }
 }
 

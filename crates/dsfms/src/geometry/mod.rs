@@ -13,7 +13,7 @@ pub use neighbours::Neighbours;
 pub use robust::Loss;
 pub use sets::DisjointSets;
 pub(crate) use statistics::scatter;
-pub use statistics::{centre_and_spread, median};
+pub use statistics::{SIGMA_OVER_MAD, centre_and_spread, median};
 pub use triangle::{area, area_normal, barycentric, normal, point_at};
 
 /// Corners of the axis-aligned box around points; infinite around none.

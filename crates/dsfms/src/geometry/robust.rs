@@ -1,6 +1,7 @@
 //! What one wrong measurement among many may weigh: losses ρ(s) of a squared residual norm s = ‖r‖² for the
 //! solver and for reweighted fits, Tukey's biweight, weighted medians.
 
+use super::statistics::SIGMA_OVER_MAD;
 use serde::{Deserialize, Serialize};
 
 /// How a residual block's squared norm `s` enters the cost.
@@ -103,7 +104,7 @@ pub(crate) fn tukey_mean(samples: &mut [(f64, f64)], scale: f64) -> f64 {
 /// Robust standard deviation about zero: 1.4826 times the median of the absolute values.
 pub(crate) fn robust_scale(residuals: impl Iterator<Item = f64>) -> f64 {
     let mut samples: Vec<_> = residuals.map(|r| (r.abs(), 1.0)).collect();
-    1.4826 * weighted_median(&mut samples)
+    SIGMA_OVER_MAD * weighted_median(&mut samples)
 }
 
 #[cfg(test)]

@@ -19,12 +19,15 @@ pub fn median(values: &mut [f64]) -> Option<f64> {
     found.map(|(_, &mut median, _)| median)
 }
 
+/// Standard deviation of a normal distribution over its median absolute deviation.
+pub const SIGMA_OVER_MAD: f64 = 1.4826;
+
 /// Median, and the standard deviation of a normal distribution with the same median absolute
 /// deviation; reorders `values`. Both 0 of nothing.
 pub fn centre_and_spread(values: &mut [f64]) -> (f64, f64) {
     let centre = median(values).unwrap_or(0.0);
     let mut deviations: Vec<f64> = values.iter().map(|v| (v - centre).abs()).collect();
-    (centre, 1.4826 * median(&mut deviations).unwrap_or(0.0))
+    (centre, SIGMA_OVER_MAD * median(&mut deviations).unwrap_or(0.0))
 }
 
 #[cfg(test)]

@@ -9,13 +9,13 @@
 use super::landmarks::LandmarkPair;
 use super::options::ScaleRule;
 use super::target::{SurfaceSample, Target, extent};
-use crate::geometry::{Point3, Similarity, Vector3, median};
+use crate::geometry::{Point3, SIGMA_OVER_MAD, Similarity, Vector3, median};
 use crate::solver::{Loss, Options, Problem, Step, minimize};
 use nalgebra::{SMatrix, SVector, Translation3, UnitQuaternion};
 use rayon::prelude::*;
 
 /// Turn, shift and growth about the middle of the placed template, in its size.
-pub(super) type Six = SVector<f64, 7>;
+pub(super) type Seven = SVector<f64, 7>;
 pub(super) type NormalMatrix = SMatrix<f64, 7, 7>;
 
 /// Independent places that a whole surface counts for: errors of neighbours go together.
@@ -126,14 +126,14 @@ pub(super) fn refine(
 /// What the nearest of the samples show, at least `least`: those that have no place do not speak.
 fn shown_sigma(rows: &[Option<SampleRow>], least: f64) -> f64 {
     let mut values: Vec<f64> = rows.iter().flatten().map(|r| r.residual.abs()).collect();
-    (1.4826 * median(&mut values).unwrap_or(0.0)).max(least)
+    (SIGMA_OVER_MAD * median(&mut values).unwrap_or(0.0)).max(least)
 }
 
 /// A distance in template units and its derivative.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SampleRow {
     pub residual: f64,
-    pub derivative: Six,
+    pub derivative: Seven,
 }
 
 /// The problem at one cut of the loss.
@@ -150,7 +150,7 @@ pub(super) struct AlignmentProblem<'a> {
     /// Standard deviation of a landmark, template units; fixed while a cut lasts.
     landmark_sigma: f64,
     matrix: NormalMatrix,
-    gradient: Six,
+    gradient: Seven,
     ahead: Option<(Similarity, Vec<Option<SampleRow>>)>,
 }
 
@@ -173,7 +173,7 @@ impl<'a> AlignmentProblem<'a> {
             landmark_mm: schedule.landmark_sigma,
             landmark_sigma: schedule.landmark_sigma,
             matrix: NormalMatrix::zeros(),
-            gradient: Six::zeros(),
+            gradient: Seven::zeros(),
             ahead: None,
         }
     }
@@ -197,7 +197,7 @@ impl<'a> AlignmentProblem<'a> {
     }
 
     /// Residuals of the landmarks, template units, and derivatives row by row.
-    pub(super) fn landmark_rows(&self, state: &Similarity) -> Vec<(Vector3, [Six; 3])> {
+    pub(super) fn landmark_rows(&self, state: &Similarity) -> Vec<(Vector3, [Seven; 3])> {
         let (scale, centre) = (state.scaling(), state * self.middle);
         let row = |pair: &LandmarkPair| {
             let at = state * pair.template;
@@ -256,9 +256,9 @@ impl<'a> AlignmentProblem<'a> {
 
 /// Derivative of `u·(T p) / (s ℓ)` by turn, shift and growth; `own`: the residual in sizes, which a growth of
 /// `s` makes smaller.
-fn along(y: &Vector3, u: &Vector3, own: f64) -> Six {
+fn along(y: &Vector3, u: &Vector3, own: f64) -> Seven {
     let turn = y.cross(u);
-    Six::from([turn.x, turn.y, turn.z, u.x, u.y, u.z, u.dot(y) - own])
+    Seven::from([turn.x, turn.y, turn.z, u.x, u.y, u.z, u.dot(y) - own])
 }
 
 /// Move a pose by turn, shift and growth about where it puts `middle`.
@@ -298,8 +298,8 @@ impl Problem for AlignmentProblem<'_> {
         let [surface, landmarks] = self.losses();
         let [ws, wl] = self.weights();
         let of_landmarks = self.landmark_rows(state);
-        (self.matrix, self.gradient) = (NormalMatrix::zeros(), Six::zeros());
-        let mut add = |weight: f64, residual: f64, derivative: &Six| {
+        (self.matrix, self.gradient) = (NormalMatrix::zeros(), Seven::zeros());
+        let mut add = |weight: f64, residual: f64, derivative: &Seven| {
             self.matrix += derivative * derivative.transpose() * weight;
             self.gradient += derivative * (weight * residual);
         };

@@ -8,7 +8,7 @@
 use super::options::PreoperativeOptions;
 use super::target::{SurfaceSample, Target, extent};
 use crate::energy::{AnchorPrior, Arap, EnergyTerm, Infeasible, Jacobian, Objective, Unknowns};
-use crate::geometry::{Point3, Vector3, median, point_at};
+use crate::geometry::{Point3, SIGMA_OVER_MAD, Vector3, median, point_at};
 use crate::mesh::Mesh;
 use crate::mesh::decimate::{Decimated, decimate};
 use crate::mesh::laplacian::Laplacian;
@@ -123,7 +123,7 @@ impl<'a> Bending<'a> {
         if contact.faces.is_empty() {
             return (shape.to_vec(), cut);
         }
-        let shown = 1.4826 * median(&mut contact.distances.clone()).unwrap_or(0.0);
+        let shown = SIGMA_OVER_MAD * median(&mut contact.distances.clone()).unwrap_or(0.0);
         let start = Unknowns { vertices: shape.to_vec(), globals: Vec::new() };
         let options = Options { max_steps: 8, cost_tolerance: 1e-4, ..Options::default() };
         let (found, _) = Objective::over(shape.len(), 0)

@@ -5,7 +5,7 @@
 //! sandwich `H⁻¹ (Σ g gᵀ) H⁻¹` over the scores of the patches (Liang and Zeger 1986). Where those happen to
 //! agree by chance, the plain `H⁻¹` counts.
 
-use super::align::{Aligned, AlignmentProblem, NormalMatrix, Schedule, Six};
+use super::align::{Aligned, AlignmentProblem, NormalMatrix, Schedule, Seven};
 use super::options::PreoperativeOptions;
 use super::target::{SurfaceSample, Target};
 use super::{LandmarkPair, align::PLACES};
@@ -31,7 +31,7 @@ pub struct Uncertainty {
     /// itself (a sphere about its centre, a plane), about 0.05 for an organ seen from one side.
     pub condition: f64,
     /// The motion of that eigenvalue.
-    weakest: Six,
+    weakest: Seven,
     /// The plain covariance.
     plain: NormalMatrix,
     sandwich: NormalMatrix,
@@ -125,7 +125,7 @@ impl Sums {
         };
         let mut total = 0.0;
         for group in &groups {
-            let mut score = Six::zeros();
+            let mut score = Seven::zeros();
             let mut heard = false;
             for row in group.iter().filter_map(|&i| rows[i as usize]) {
                 let weight = surface_loss.evaluate(row.residual * row.residual).1;
@@ -142,7 +142,7 @@ impl Sums {
         sums.surface /= total.max(f64::MIN_POSITIVE);
         for (residual, derivatives) in fit.landmark_rows(pose) {
             let weight = wl * landmark_loss.evaluate(residual.norm_squared()).1;
-            let mut score = Six::zeros();
+            let mut score = Seven::zeros();
             for k in 0..3 {
                 sums.matrix += derivatives[k] * derivatives[k].transpose() * weight;
                 score += derivatives[k] * (weight * residual[k]);
@@ -174,7 +174,7 @@ impl Sums {
         (inverse, inverse * self.meat * inverse * few)
     }
 
-    fn condition(&self, held: bool) -> (f64, Six) {
+    fn condition(&self, held: bool) -> (f64, Seven) {
         let mut matrix = self.surface;
         if held {
             matrix.row_mut(6).fill(0.0);

@@ -6,7 +6,7 @@
 //! left out.
 
 use crate::energy::Brightness;
-use crate::geometry::{centre_and_spread, median};
+use crate::geometry::{SIGMA_OVER_MAD, centre_and_spread, median};
 use crate::image::ColorImage;
 
 /// What the channels say of one surface point, linear light.
@@ -109,7 +109,7 @@ impl Glare {
         let mut all: Vec<f64> = parts().map(|(part, _)| part).collect();
         let usual = median_of(&mut all);
         let mut away: Vec<f64> = parts().map(|(p, purity)| (p - usual).abs() * purity).collect();
-        Self { usual, chance: (1.4826 * median_of(&mut away)).max(CHANNEL_NOISE) }
+        Self { usual, chance: (SIGMA_OVER_MAD * median_of(&mut away)).max(CHANNEL_NOISE) }
     }
 
     /// Relative noise of every channel by itself (light that came by way of other tissue is full of

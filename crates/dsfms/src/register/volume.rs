@@ -57,7 +57,7 @@ const NEWTON_STEPS: usize = 2;
 /// The longest step along the gradient of the determinant: a map that is nearly flat has hardly any gradient.
 const LONGEST_STEP: f64 = 0.5;
 
-/// Newton's steps towards a rotation at most: five take a map that stretches tenfold to all digits.
+/// Newton's steps towards a rotation at most: a map that stretches one way tenfold takes six.
 const POLAR_STEPS: usize = 12;
 
 /// Less determinant, of a matrix whose entries have a sum of squares of 1, is nearly flat: a rotation has 0.19.
@@ -253,7 +253,7 @@ fn rotation(m: Matrix3<f64>) -> Matrix3<f64> {
     })
 }
 
-/// The same by Newton's iteration, its determinant scaled to 1 (Higham 1986), a tenth of the work; `None` of a matrix that
+/// The same by Newton's iteration, its determinant scaled to 1 (Higham 1986), in less time; `None` of a matrix that
 /// turns inside out or is nearly flat.
 fn polar(m: Matrix3<f64>) -> Option<Matrix3<f64>> {
     let mut r = m / m.norm();

@@ -6,6 +6,11 @@ use std::io::BufReader;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+/// Containers that hold their pictures themselves: a playlist by the name of a video would have other files, and addresses
+/// of the network, read.
+const CONTAINERS: &str = "matroska,webm,mov,mp4,m4a,3gp,3g2,mj2,avi,mpegts,mpeg,mpegvideo,flv,ogg,asf,mxf,dv,\
+                          h264,hevc,m4v,mjpeg,gif,ivf,yuv4mpegpipe,nut";
+
 /// Decode a video with `program`; `reason` says why it was not decoded directly.
 pub(super) fn decode(
     program: &str,
@@ -19,7 +24,7 @@ pub(super) fn decode(
     let mut input = std::ffi::OsString::from("file:");
     input.push(path);
     let child = Command::new(program)
-        .args(["-v", "error", "-nostdin", "-i"])
+        .args(["-v", "error", "-nostdin", "-format_whitelist", CONTAINERS, "-i"])
         .arg(input)
         .args(["-map", "0:v:0", "-f", "image2pipe", "-c:v", "ppm", "-"])
         .stdin(Stdio::null())
@@ -57,6 +62,27 @@ pub(super) fn decode(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_playlist_of_other_files_is_no_video() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let made = Command::new("ffmpeg")
+            .args(["-v", "error", "-f", "lavfi", "-i", "testsrc=size=64x48:duration=1"])
+            .arg(path("a.ts"))
+            .status();
+        if !made.is_ok_and(|status| status.success()) {
+            eprintln!(
+                "!! SKIPPED  no ffmpeg (Debian: apt install ffmpeg): playlists are NOT tested"
+            );
+            return;
+        }
+        let list = "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\na.ts\n#EXT-X-ENDLIST\n";
+        std::fs::write(path("list.mkv"), list).unwrap();
+        let decoded = |name: &str| decode("ffmpeg", &path(name), "no mp4 file", &mut |_, _| true);
+        decoded("a.ts").unwrap();
+        assert!(decoded("list.mkv").is_err());
+    }
 
     #[test]
     fn without_ffmpeg_the_error_says_what_to_do() {

@@ -135,9 +135,13 @@ impl ChartArgs {
     }
 }
 
+/// Larger numbers have no place in a chart, whose arithmetic they leave.
+const LARGEST: f64 = 1e100;
+
 /// Numbers; what is none is left out of a line.
 fn numbers(values: &[&str]) -> Vec<f64> {
-    values.iter().map(|value| value.trim().parse().unwrap_or(f64::NAN)).collect()
+    let number = |value: &&str| value.trim().parse().ok().filter(|v: &f64| v.abs() < LARGEST);
+    values.iter().map(|value| number(value).unwrap_or(f64::NAN)).collect()
 }
 
 /// How many numbers of a column have no place on an axis in decades; an error where none has one.
@@ -218,6 +222,16 @@ mod tests {
         let file = tempfile::NamedTempFile::with_suffix(".csv")?;
         std::fs::write(file.path(), text)?;
         svg::paper(&args.chart(file.path())?.0.paper())
+    }
+
+    #[test]
+    fn numbers_beyond_a_chart_s_arithmetic_are_left_out() {
+        let text = "frame,error\n0,0.5\n1,1e308\n2,-1e308\n3,0.75\n";
+        let svg = drawn(&args("frame", &["error"]), text).unwrap();
+        assert!(
+            svg.contains("3:7.5000e-1") && !svg.contains("NaN") && !svg.contains("inf"),
+            "{svg}"
+        );
     }
 
     #[test]

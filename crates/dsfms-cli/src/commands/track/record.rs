@@ -103,19 +103,30 @@ fn begin(folder: &Path) -> anyhow::Result<BufWriter<File>> {
 
 fn write(folder: &Path, entry: &Entry, times: &mut impl Write) -> anyhow::Result<()> {
     let name = format!("frame_{:06}.png", entry.number);
-    let [w, h] = entry.frame.size.map(|n| n as u32);
-    let mut out = BufWriter::new(File::create(folder.join(&name))?);
-    PngEncoder::new_with_quality(&mut out, CompressionType::Fast, FilterType::Up).write_image(
-        entry.frame.rgb.as_flattened(),
-        w,
-        h,
-        image::ExtendedColorType::Rgb8,
-    )?;
-    out.flush()?;
+    // Not flushed to disk: a live source does not wait for that.
+    let partial = folder.join(format!(".partial-{}-frame", std::process::id()));
+    let done = write_picture(&partial, &entry.frame)
+        .and_then(|()| Ok(std::fs::rename(&partial, folder.join(&name))?));
+    if done.is_err() {
+        let _ = std::fs::remove_file(&partial);
+    }
+    done?;
     // A line only of what is whole; out at once, so that a run that is killed leaves its times.
     let since = entry.time.duration_since(UNIX_EPOCH).unwrap_or_default();
     writeln!(times, "{name},{}.{:09}", since.as_secs(), since.subsec_nanos())?;
     Ok(times.flush()?)
+}
+
+fn write_picture(path: &Path, frame: &Frame) -> anyhow::Result<()> {
+    let [w, h] = frame.size.map(|n| n as u32);
+    let mut out = BufWriter::new(File::create(path)?);
+    PngEncoder::new_with_quality(&mut out, CompressionType::Fast, FilterType::Up).write_image(
+        frame.rgb.as_flattened(),
+        w,
+        h,
+        image::ExtendedColorType::Rgb8,
+    )?;
+    Ok(out.flush()?)
 }
 
 /// The number in the source of a frame of a recording.

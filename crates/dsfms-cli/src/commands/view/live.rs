@@ -46,6 +46,12 @@ impl Watched {
         self.running
     }
 
+    /// The version of the last look; 0 before the first.
+    pub fn last_version(&self) -> String {
+        let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        last.as_ref().map_or_else(|| "0".into(), |look| look.version.clone())
+    }
+
     pub fn look(&self) -> anyhow::Result<Look> {
         // A poisoned lock only means that another thread panicked.
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
@@ -104,7 +110,9 @@ mod tests {
         std::fs::remove_file(&page).unwrap();
         std::fs::write(&frame, "").unwrap();
         std::thread::sleep(FRESH);
+        let before = watched.last_version();
         assert!(watched.look().is_err(), "a page of frames would take the place of the report");
+        assert_eq!(watched.last_version(), before);
         std::fs::write(&page, "").unwrap();
         assert!(matches!(*watched.look().unwrap().source, Source::Report(_)));
         // Who comes to frames alone sees them.
