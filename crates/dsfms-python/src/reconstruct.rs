@@ -23,17 +23,10 @@ use std::sync::Arc;
 
 /// The method of a name.
 pub fn method_of(name: &str) -> PyResult<Method> {
-    match name {
-        "rigid" => Ok(Method::Rigid),
-        "sfs" => Ok(Method::Sfs),
-        "dsfm" => Ok(Method::Dsfm),
-        "dsfms" => Ok(Method::Dsfms),
-        "joint" => Ok(Method::Joint),
-        _ => {
-            let expected = "\"rigid\", \"sfs\", \"dsfm\", \"dsfms\" or \"joint\"";
-            Err(wrong("method", expected, format!("{name:?}")))
-        }
-    }
+    let all = [Method::Rigid, Method::Sfs, Method::Dsfm, Method::Dsfms, Method::Joint];
+    let expected = "\"rigid\", \"sfs\", \"dsfm\", \"dsfms\" or \"joint\"";
+    let found = all.into_iter().find(|method| method.name() == name);
+    found.ok_or_else(|| wrong("method", expected, format!("{name:?}")))
 }
 
 /// What a template and the camera of its frames make together.

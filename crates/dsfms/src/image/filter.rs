@@ -13,7 +13,7 @@ pub fn blur(plane: &Plane, sigma: f64) -> Plane {
     blur_window(plane, &kernel, &plane.size.map(|n| 0..n))
 }
 
-/// Blur of a plane that is 0 outside a window of columns and rows, wherever its values do not reach either.
+/// [`blur`] of a plane that is 0, blurred or not, outside a window of columns and rows.
 fn blur_window(plane: &Plane, kernel: &[f32], window: &[Range<usize>; 2]) -> Plane {
     let mut sums = convolve(plane, kernel, window);
     // The border's missing weight is separable too.
@@ -114,7 +114,7 @@ fn border_weights(n: usize, kernel: &[f32]) -> Vec<f32> {
     out
 }
 
-/// Columns and rows that the pixels of a mask reach.
+/// Columns and rows within `reach` px of the pixels of a mask.
 fn reached(mask: &Mask, reach: usize) -> [Range<usize>; 2] {
     let [w, h] = mask.size;
     let on = (0..w * h).filter(|&i| mask.data[i]).map(|i| [i % w, i / w]);

@@ -169,7 +169,9 @@ impl Cells {
                 _ => whole(favour[c]),
             };
             let next = graph.labels((0..labels.len()).map(held).collect());
-            if std::mem::replace(&mut labels, next) == labels {
+            let settled = next == labels;
+            labels = next;
+            if settled {
                 break;
             }
         }

@@ -52,7 +52,7 @@ impl NpyValue for bool {
 /// Deflate makes no more than so many bytes of one.
 const MOST_RATIO: u64 = 1040;
 
-/// Most bytes of an array: half an hour of shapes. It takes three times that while it is read.
+/// Most bytes of an array: half an hour of shapes. Up to three times that is held while it is read.
 const MOST_ENTRY: u64 = 1 << 30;
 
 /// An npz being read. Errors say what is wrong; the caller names the file.

@@ -111,8 +111,8 @@ impl FrameSolve<'_> {
         look(&second).join_from(coarse, &found, photo, result, log, true);
     }
 
-    /// The joint solve after `coarse`, from `start`, by the matches of `result` that are kept; into `result`. After the `last`,
-    /// what explains no more than rest does stays at rest.
+    /// The joint solve after `coarse`, from `start`, by the matches of `result` that are kept; into `result`; whether it is the
+    /// `last` of the frame.
     fn join_from(
         &self,
         coarse: &Registered,
@@ -133,13 +133,8 @@ impl FrameSolve<'_> {
             }
             None => *photo,
         };
-        let joined = log.time("joint", || match last {
-            true => joined(body, coarse, start, &kept, &photo, options),
-            false => {
-                let (shapes, sigma) = ([&coarse.vertices, start], coarse.depth_sigma);
-                join(body, shapes, sigma, &kept, &photo, &options.joint).settled(body)
-            }
-        });
+        let joined =
+            log.time("joint", || joined(body, coarse, start, &kept, &photo, options, last));
         log.attach(&joined.summary);
         result.vertices = joined.vertices;
         (result.gain, result.ambient) = (joined.gain, joined.ambient);
@@ -180,7 +175,7 @@ impl FrameSolve<'_> {
 }
 
 /// Motion and shading in one problem, from `start`, after the shape of eq. 3; `kept`: the matches that it explains, on
-/// the mesh of `body`. What explains no more than rest does stays at rest.
+/// the mesh of `body`. After the `last` solve of a frame what explains no more than rest does stays at rest.
 pub(crate) fn joined(
     body: &Body,
     coarse: &Registered,
@@ -188,10 +183,13 @@ pub(crate) fn joined(
     kept: &[Match],
     photo: &Photograph,
     options: &ReconstructOptions,
+    last: bool,
 ) -> Joined {
     let shapes = [&coarse.vertices, start];
     let mut joined = join(body, shapes, coarse.depth_sigma, kept, photo, &options.joint);
-    let still = &body.scene().posed;
-    joined.vertices = options.comparison(body, kept, photo).kept(still, joined.vertices);
+    if last {
+        let still = &body.scene().posed;
+        joined.vertices = options.comparison(body, kept, photo).kept(still, joined.vertices);
+    }
     joined.settled(body)
 }

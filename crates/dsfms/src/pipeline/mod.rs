@@ -56,7 +56,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// As `--method` and files call it.
+    /// Its name in files: `rigid`, `sfs`, `dsfm`, `dsfms` or `joint`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Rigid => "rigid",

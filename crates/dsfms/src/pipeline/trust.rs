@@ -113,8 +113,8 @@ impl Trusted<'_> {
                 other_camera([camera, own], limit, rest, &all, register, self.options.seed)
             }),
             appearance: looked.map(|l| l.appearance),
-            uncompared: self.sight.compared.is_some() && looked.is_none(),
             usual: template.usual.map_or(EXPECTED, |u| u.appearance),
+            uncompared: self.sight.compared.is_some() && looked.is_none(),
             no_shading: result.shaded == Some(0),
             gain: (self.method == Method::Dsfms && result.shaded != Some(0)).then_some(result.gain),
             contradicted: part(Region::Contradicted),

@@ -253,7 +253,7 @@ fn rotation(m: Matrix3<f64>) -> Matrix3<f64> {
     })
 }
 
-/// The same by Newton's iteration, its determinant scaled to 1 (Higham 1986), in less time; `None` of a matrix that
+/// The same by Newton's iteration, its determinant scaled to 1 (Higham 1986): less work than an SVD. `None` of a matrix that
 /// turns inside out or is nearly flat.
 fn polar(m: Matrix3<f64>) -> Option<Matrix3<f64>> {
     let mut r = m / m.norm();

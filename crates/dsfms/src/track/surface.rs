@@ -50,7 +50,7 @@ impl Tracker<'_> {
             let joined = clock.time("joint", || match options.brief_search {
                 false => {
                     let (start, options) = (&coarse.vertices, &options.reconstruct);
-                    joined(&body, &coarse, start, &kept, &photo, options)
+                    joined(&body, &coarse, start, &kept, &photo, options, true)
                 }
                 true => joined_briefly(&mut video, &body, &coarse, &kept, &photo, options),
             });

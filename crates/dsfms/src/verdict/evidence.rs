@@ -53,10 +53,10 @@ pub struct Evidence {
     pub places: Option<[usize; 2]>,
     /// Image beside prediction.
     pub appearance: Option<Appearance>,
-    /// There is an albedo, and nothing of the image could be compared with it.
-    pub uncompared: bool,
     /// That of the exploration frames.
     pub usual: Appearance,
+    /// The template has an albedo, and nothing of the image could be compared with it.
+    pub uncompared: bool,
     /// Photometric residual of the solve over that of the good frames before (videos).
     pub photometric: Option<f64>,
     /// Shading was asked for and nothing could be used for it.
@@ -103,8 +103,8 @@ impl Default for Evidence {
             camera: None,
             places: None,
             appearance: None,
-            uncompared: false,
             usual: EXPECTED,
+            uncompared: false,
             photometric: None,
             no_shading: false,
             gain: None,

@@ -80,7 +80,7 @@ impl Verdict {
         }
     }
 
-    /// Degraded above a limit; NaN is above everything.
+    /// Degraded above a limit, and where either is NaN.
     fn degrade_above(&mut self, value: f64, limit: f64, reason: Reason) {
         self.degrade_if(value.is_nan() || limit.is_nan() || value > limit, reason);
     }
@@ -196,10 +196,10 @@ fn appearance(verdict: &mut Verdict, evidence: &Evidence, limits: &Thresholds) {
     }
     verdict.degrade_if(evidence.uncompared, Reason::Uncompared { share: 0.0 });
     let beside = |found: Appearance| found.residual / evidence.usual.residual.max(LEAST_RESIDUAL);
-    let times = [evidence.appearance.map_or(0.0, beside), evidence.photometric.unwrap_or(0.0)];
+    let seen = evidence.appearance.map_or(0.0, beside);
+    let solved = evidence.photometric.unwrap_or(0.0);
     // `f64::max` would drop NaN.
-    let times =
-        times.into_iter().fold(0.0, |most, t| if t <= most || most.is_nan() { most } else { t });
+    let times = if seen > solved || seen.is_nan() { seen } else { solved };
     verdict.degrade_above(times, limits.photometric, Reason::Brightness { times });
     verdict.degrade_if(evidence.no_shading, Reason::NoShading);
     if let Some(gain) = evidence.gain {

@@ -6,8 +6,8 @@ use std::io::BufReader;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Containers that hold their pictures themselves: a playlist by the name of a video would have other files, and addresses
-/// of the network, read.
+/// Demuxers of files that hold their pictures themselves. A playlist with the name of a video names other files, or
+/// addresses of the network, which ffmpeg would read.
 const CONTAINERS: &str = "matroska,webm,mov,mp4,m4a,3gp,3g2,mj2,avi,mpegts,mpeg,mpegvideo,flv,ogg,asf,mxf,dv,\
                           h264,hevc,m4v,mjpeg,gif,ivf,yuv4mpegpipe,nut";
 

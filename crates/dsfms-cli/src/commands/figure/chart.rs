@@ -135,7 +135,7 @@ impl ChartArgs {
     }
 }
 
-/// Larger numbers have no place in a chart, whose arithmetic they leave.
+/// Larger numbers overflow the arithmetic of the axes.
 const LARGEST: f64 = 1e100;
 
 /// Numbers; what is none is left out of a line.
