@@ -35,15 +35,15 @@ use dsfms::template::{LengthUnit, Template};
 pub use found::LETTERS;
 use found::{models_text, organ_hint, precision_row, summary_text, unlike_text, unmeasured_text};
 use load::{Cameras, Loaded, load, load_also};
-use mesh::{Reading, open_mesh, read_albedo, unit};
+use mesh::{MeshReading, open_mesh, read_albedo, unit};
 use resume::Resumable;
 use scene::{Drawn, SCENE, with_photos};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 impl TemplateArgs {
-    fn reading(&self) -> Reading {
-        Reading { unit: self.mesh_unit.map(Into::into), repair: self.repair }
+    fn reading(&self) -> MeshReading {
+        MeshReading { unit: self.mesh_unit.map(Into::into), repair: self.repair }
     }
 }
 
