@@ -242,7 +242,7 @@ fn from_frames(
     let metric = args.scale_mesh.as_deref().map(|p| metric_mesh(p, args, reporter)).transpose()?;
     let given = args.mesh.as_deref().map(|p| open_mesh(p, args.reading(), reporter)).transpose()?;
     let listed = args.poses.as_deref().map(|p| read_poses(p, PoseList::Exploration)).transpose()?;
-    let loaded = load(args, &cameras, camera_path, reporter)?;
+    let loaded = load(args, &options.video, &cameras, camera_path, reporter)?;
     let also = load_also(args, &cameras, camera_path, reporter)?;
     let camera = &cameras.common;
     let exploration = camera.exploration(&loaded.frames).valid(&loaded.valid).organ(&loaded.organ);

@@ -130,11 +130,22 @@ impl SfmOptions {
             ("sfm.max_distance", positive(&[self.max_distance.into()]), "positive"),
             ("sfm.min_matches", self.min_matches >= 8, "at least 8"),
             (
+                "sfm.min_inlier_fraction",
+                (0.0..=1.0).contains(&self.min_inlier_fraction),
+                "from 0 to 1",
+            ),
+            (
                 "sfm.max_epipolar_px, max_reprojection_px, min_parallax_deg",
                 positive(&[self.max_epipolar_px, self.max_reprojection_px, self.min_parallax_deg]),
                 "positive",
             ),
         ])
+    }
+
+    /// By which features of a single frame are found and compared with those of a template: always the defaults, since
+    /// a template does not say by which its own were found, and other frames of it must give the same matches.
+    pub(crate) fn of_frames() -> Self {
+        Self::default()
     }
 
     /// Limits of an acceptable point.

@@ -8,6 +8,7 @@ use super::Features;
 use crate::camera::{Camera, CameraModel, PosedFrame};
 use crate::geometry::{Point2, Point3, Vector3, area_normal, point_at};
 use crate::mesh::Mesh;
+use crate::options::{OptionError, check, from_zero};
 use crate::raster::{Raster, rasterize};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -51,6 +52,20 @@ impl Default for AnchorOptions {
             contour_px: 3.0,
             grazing_cos: 0.2,
         }
+    }
+}
+
+impl AnchorOptions {
+    /// Check every field against its bounds.
+    ///
+    /// # Errors
+    /// The first field out of them.
+    pub fn validate(&self) -> Result<(), OptionError> {
+        check(&[(
+            "anchor.merge_px, merge_deg, contour_px, grazing_cos",
+            from_zero(&[self.merge_px, self.merge_deg, self.contour_px, self.grazing_cos]),
+            "0 or more",
+        )])
     }
 }
 

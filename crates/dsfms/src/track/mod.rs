@@ -160,7 +160,7 @@ impl TrackOptions {
 }
 
 /// Where the fields of the options are documented.
-const TABLES: [Documented; 12] = [
+const TABLES: [Documented; 13] = [
     ("", include_str!("mod.rs"), "TrackOptions"),
     ("video", include_str!("../refine/video.rs"), "VideoOptions"),
     ("reconstruct.verdict", include_str!("../verdict/thresholds.rs"), "Thresholds"),
@@ -181,6 +181,7 @@ const TABLES: [Documented; 12] = [
         include_str!("../refine/joint_options.rs"),
         "ExposureUnknown",
     ),
+    ("reconstruct.sfs", include_str!("../sfs/mod.rs"), "SfsOptions"),
 ];
 
 /// What became of a frame; no surface where it is [`Lost`](crate::verdict::Level::Lost).
