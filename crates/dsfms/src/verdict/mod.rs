@@ -18,7 +18,7 @@ pub mod thresholds;
 use crate::template::usual::Appearance;
 pub use evidence::{Evidence, MatchCount};
 pub use look::{Compared, Looked, Says, look};
-pub use reason::{Part, Reason};
+pub use reason::{NoSurface, Part, Reason};
 pub use regions::{Region, regions};
 use serde::{Deserialize, Serialize};
 pub use thresholds::Thresholds;
