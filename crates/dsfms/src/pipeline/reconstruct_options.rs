@@ -60,7 +60,7 @@ impl ReconstructOptions {
 
     /// The defaults as TOML, every field under its documentation.
     pub fn commented() -> String {
-        commented(&Self::default(), &TABLES)
+        commented(&Self::default(), &FRAME_TABLES)
     }
 
     /// Check every field against its bounds.
@@ -114,7 +114,7 @@ impl ReconstructOptions {
 const DIAGONAL: f64 = 800.0;
 
 /// Where the fields of the options are documented.
-const TABLES: [Documented; 11] = [
+pub(crate) const FRAME_TABLES: [Documented; 11] = [
     ("", include_str!("reconstruct_options.rs"), "ReconstructOptions"),
     ("register", include_str!("../register/options.rs"), "RegisterOptions"),
     ("register.prior", include_str!("../register/options.rs"), "PriorWeights"),
