@@ -16,7 +16,7 @@ use outline::FixedEdges;
 use serde::{Deserialize, Serialize};
 use sizing::Sizing;
 
-/// How a surface is remeshed.
+/// How a surface is remeshed. Measured: `adaptive` (`docs/results/template.md`); other values of `corner_deg` are not.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RemeshOptions {

@@ -12,6 +12,9 @@ pub(super) const LAST_LOSS: Loss = Loss::GemanMcClure(1.0);
 /// Options of [`reconstruct`](super::reconstruct) and
 /// triangulation with known poses. The defaults suit laparoscopic frames of
 /// 480 to 1080 rows.
+///
+/// Measured: `local_contrast` and `flow_below` (`docs/results/template.md`, faint texture), and thresholds of the
+/// scores by themselves (`docs/results/choices.md`, template). Other values of the rest are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SfmOptions {

@@ -50,7 +50,7 @@ pub struct SfsInput<'a> {
     pub light: &'a LightModel,
 }
 
-/// Options of [`shape_from_shading`].
+/// Options of [`shape_from_shading`]. Other values are not measured: it is here to compare with.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SfsOptions {

@@ -7,7 +7,8 @@ use crate::light::coat::{PLAUSIBLE, WET_TISSUE};
 use crate::options::{OptionError, check, positive};
 use serde::{Deserialize, Serialize};
 
-/// Options of [`estimate_albedo`](super::albedo::estimate_albedo).
+/// Options of [`estimate_albedo`](super::albedo::estimate_albedo). What the defaults reach is in
+/// `docs/results/template.md` (albedo); other values are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AlbedoOptions {

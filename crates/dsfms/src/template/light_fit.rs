@@ -22,7 +22,8 @@ use crate::options::{OptionError, check, positive};
 use parametric::{ParametricLight, models};
 use serde::{Deserialize, Serialize};
 
-/// Options of [`fit_light`].
+/// Options of [`fit_light`]. Other values than the defaults are not measured; what they reach is in
+/// `docs/results/template.md` (albedo).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LightFitOptions {

@@ -23,7 +23,7 @@ pub struct AlbedoView<'a> {
     pub gain: f64,
 }
 
-/// When an observation counts.
+/// When an observation counts. Other values are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ObservationBounds {

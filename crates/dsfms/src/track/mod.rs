@@ -44,6 +44,9 @@ use serde::{Deserialize, Serialize};
 pub use tracker::Tracker;
 
 /// Options of a [`Tracker`].
+///
+/// Measured: `seek`, `seek_every`, `surroundings` (`docs/results/track.md`), `brief_search`, `search_beside`, `awake`
+/// (`docs/performance.md`). Other values of `correlation`, `patience` and `search_every` are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrackOptions {

@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 pub const EXTENSIONS: [&str; 10] =
     ["mp4", "m4v", "mov", "mkv", "avi", "webm", "mpg", "mpeg", "wmv", "ts"];
 
-/// How frames are chosen.
+/// How frames are chosen. Other values are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SelectOptions {
