@@ -15,7 +15,7 @@ use dsfms::mesh::Mesh;
 use dsfms::mesh::normals::vertex_normals;
 use dsfms::pipeline::{Progress, Reconstruction};
 use dsfms::raster::{Raster, rasterize};
-use dsfms::structures::{Carrier, CarrierOptions, Depth, depths};
+use dsfms::structures::{Carrier, Depth, depths};
 use dsfms::template::Template;
 use image::RgbImage;
 use rayon::prelude::*;
@@ -113,7 +113,7 @@ impl Structures {
             return Ok(None);
         }
         let rest = template.mesh.clone();
-        let carrier = Carrier::new(&rest, &CarrierOptions::default())?;
+        let carrier = Carrier::new(&rest)?;
         let middle =
             rest.positions.iter().map(|p| p.coords).sum::<Vector3>() / rest.positions.len() as f64;
         let half_extent =

@@ -315,7 +315,7 @@ struct Job {
 
 impl Job {
     fn run(self, progress: &dyn Progress) -> PyResult<BuiltTemplate> {
-        let list = self.images.sources(Purpose::Template, progress)?;
+        let list = self.images.sources(Purpose::Template(&self.options.video), progress)?;
         self.valid.check("masks", list.len())?;
         self.organ.check("organ_masks", list.len())?;
         let (mut frames, mut valid, mut organ) = (Vec::new(), Vec::new(), Vec::new());

@@ -14,6 +14,7 @@ use dsfms::image::ToneCurve;
 use dsfms::io::camera::CameraFile;
 use dsfms::pipeline::inputs::Purpose;
 use dsfms::synth::{Cell, LightKind, Protocol};
+use dsfms::video::SelectOptions;
 use numpy::PyArrayMethods;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -40,7 +41,7 @@ pub fn _calibrate<'py>(
     let board = Board { corners: [board.0, board.1], square };
     let options = CalibrateOptions { third_radial, tangential, partial };
     let (names, found) = work::run(py, None, move |told| {
-        let frames = decode(images, Purpose::Template, told)?;
+        let frames = decode(images, Purpose::Template(&SelectOptions::default()), told)?;
         let found = solve(&frames, &board, &options).map_err(IntoPython::into_python)?;
         PyResult::Ok((frames.into_iter().map(|f| f.name).collect::<Vec<_>>(), found))
     })??;

@@ -9,6 +9,7 @@ use dsfms::io::camera::CameraFile;
 use dsfms::io::template::{read_template, write_template};
 use dsfms::mesh::Mesh;
 use dsfms::pipeline::{Silent, TemplateOptions, template_from_mesh};
+use dsfms::sfm::NoPose;
 use dsfms::synth::render::encoder;
 use dsfms::template::bake::bake;
 use dsfms::template::{LengthUnit, Template as Inner};
@@ -27,7 +28,7 @@ use std::sync::Arc;
 pub struct Template {
     pub inner: Arc<Inner>,
     /// Frames that were left out when it was built, and why.
-    rejected: Vec<(String, String)>,
+    rejected: Vec<(String, NoPose)>,
 }
 
 impl Template {
@@ -35,7 +36,7 @@ impl Template {
         Self { inner: Arc::new(inner), rejected: Vec::new() }
     }
 
-    pub fn built(inner: Inner, rejected: Vec<(String, String)>) -> Self {
+    pub fn built(inner: Inner, rejected: Vec<(String, NoPose)>) -> Self {
         Self { inner: Arc::new(inner), rejected }
     }
 }
@@ -156,7 +157,7 @@ impl Template {
     /// Name of every exploration frame that was left out when this template was built, and why.
     #[getter]
     fn rejected(&self) -> std::collections::BTreeMap<String, String> {
-        self.rejected.iter().cloned().collect()
+        self.rejected.iter().map(|(name, why)| (name.clone(), why.to_string())).collect()
     }
 
     /// Light as calibrated on the exploration, a dict; None where it is not known.

@@ -138,11 +138,27 @@ fn lay_over(under: &mut toml::Table, over: toml::Table) {
 /// behind it, whose comments explain its fields.
 pub(crate) type Documented = (&'static str, &'static str, &'static str);
 
+/// The same tables where their options stand in a table of others (`""`: the root).
+pub(crate) fn below(
+    table: &str,
+    tables: &[Documented],
+) -> Vec<(String, &'static str, &'static str)> {
+    let path = |own: &str| match (table, own) {
+        ("", path) | (path, "") => path.to_owned(),
+        (table, own) => format!("{table}.{own}"),
+    };
+    tables.iter().map(|&(own, source, name)| (path(own), source, name)).collect()
+}
+
 /// A TOML file of options, every field under its documentation; what is not set is commented out.
-pub(crate) fn commented<T: Serialize>(options: &T, tables: &[Documented]) -> String {
+pub(crate) fn commented<T: Serialize>(
+    options: &T,
+    tables: &[(impl AsRef<str>, &str, &str)],
+) -> String {
     let values = toml::Table::try_from(options).unwrap_or_default();
     let mut text = String::new();
-    for &(path, source, name) in tables {
+    for (path, source, name) in tables {
+        let path = path.as_ref();
         let mut keys = path.split('.').filter(|key| !key.is_empty());
         let table = keys.try_fold(&values, |table, key| table.get(key)?.as_table());
         let Some(table) = table else { continue };
@@ -151,7 +167,7 @@ pub(crate) fn commented<T: Serialize>(options: &T, tables: &[Documented]) -> Str
         }
         for (docs, field) in fields(source, name) {
             let below = if path.is_empty() { field.to_owned() } else { format!("{path}.{field}") };
-            if tables.iter().any(|(table, ..)| *table == below) {
+            if tables.iter().any(|(table, ..)| table.as_ref() == below) {
                 continue;
             }
             docs.iter().for_each(|line| text += &format!("# {line}\n"));

@@ -16,7 +16,7 @@ use dsfms::mesh::Mesh;
 use dsfms::mesh::components::largest_component;
 use dsfms::mesh::normals::vertex_normals;
 use dsfms::pipeline::{Method, ReconstructOptions};
-use dsfms::structures::{Carrier, CarrierOptions, Depth, depths, expected_error};
+use dsfms::structures::{Carrier, Depth, depths, expected_error};
 use dsfms::synth::random::{Random, normal, uniform};
 use dsfms::synth::{Admitted, Case, CaseOptions, Deformation, Draw};
 use rayon::prelude::*;
@@ -278,7 +278,7 @@ fn reconstructed(
     let pose = align_rigid(&case.deformation.vertices, &case.truth)?;
     let goal: Vec<Point3> = points.iter().map(|p| pose * map(p)).collect();
     let found = surface(&case, method, &ReconstructOptions::default()).ok()?;
-    let carrier = Carrier::new(&template, &CarrierOptions::default()).ok()?;
+    let carrier = Carrier::new(&template).ok()?;
     let subject = Subject { name: String::new(), whole: template.clone(), template, size };
     Some(judge(&subject, [&found.vertices, &case.truth], [&points, &goal], &carrier))
 }
@@ -342,7 +342,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         for (name, open) in [("uterus", false), ("liver", false), ("uterus", true), ("liver", true)]
         {
             let subject = subject(name, open)?;
-            let carrier = Carrier::new(&subject.template, &CarrierOptions::default())?;
+            let carrier = Carrier::new(&subject.template)?;
             for (kind, what) in KINDS {
                 let one = |c| run(&subject, &carrier, (kind, level), seed, c);
                 print_row(

@@ -1,13 +1,27 @@
 //! Options from a user: bounds, what belongs to whom, and the names that reports print.
 
-use dsfms::image::{Frame, Mask};
+use dsfms::calibrate::{Board, CalibrateOptions, calibrate};
+use dsfms::geometry::Isometry;
+use dsfms::image::{Frame, Mask, Plane};
+use dsfms::light::LightModel;
+use dsfms::mesh::remesh::{RemeshOptions, remesh};
 use dsfms::pipeline::{
     Exploration, Method, Observation, ReconstructError, ReconstructOptions, Reconstruction, Silent,
     TemplateOptions, reconstruct, template_from_frames,
 };
-use dsfms::register::{Prior, PriorWeights};
+use dsfms::preoperative::{PreoperativeOptions, register_preoperative};
+use dsfms::register::{Prior, PriorWeights, RegisterOptions, pose, pose_near};
+use dsfms::sfm::bundle::{Bundle, BundleOptions, adjust, covariance};
+use dsfms::sfm::{self, SfmOptions};
+use dsfms::sfs::{SfsInput, SfsOptions, shape_from_shading};
 use dsfms::synth::{Case, Cell, Protocol};
+use dsfms::template::albedo::{AlbedoOptions, estimate_albedo, refine_by_shading};
+use dsfms::template::flatten::{FlattenOptions, flatten};
+use dsfms::template::light_fit::{LightFitOptions, Vignetting, fit_light};
 use dsfms::track::{TrackError, TrackOptions, Tracker};
+use dsfms::video::{SelectOptions, select_frames};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 fn case() -> Case {
     let protocol = Protocol { vertices: 150, ..Default::default() };
@@ -87,6 +101,148 @@ fn masks_and_matches_of_something_else_are_refused() {
     let built = template_from_frames(&exploration, &TemplateOptions::default(), &Silent);
     let error = built.unwrap_err().to_string();
     assert!(error.contains("[10, 10] px"), "{error}");
+}
+
+/// The numbers of options that are not integers: path of each, as `joint.blurs` (of a list, its first).
+fn numbers_of(table: &toml::Table, below: &str) -> Vec<String> {
+    let path = |key: &String| if below.is_empty() { key.clone() } else { format!("{below}.{key}") };
+    let of = |(key, value): (&String, &toml::Value)| match value {
+        toml::Value::Float(_) => vec![path(key)],
+        toml::Value::Array(list) if list.iter().any(toml::Value::is_float) => vec![path(key)],
+        toml::Value::Table(inner) => numbers_of(inner, &path(key)),
+        _ => Vec::new(),
+    };
+    table.iter().flat_map(of).collect()
+}
+
+/// Options with another number in one place.
+fn with_number<T: Serialize + DeserializeOwned>(base: &T, path: &str, number: f64) -> T {
+    let mut all = toml::Table::try_from(base).unwrap();
+    let (tables, key) = path.rsplit_once('.').unwrap_or(("", path));
+    let tables = tables.split('.').filter(|table| !table.is_empty());
+    let inner = tables.fold(&mut all, |table, key| table[key].as_table_mut().unwrap());
+    match &mut inner[key] {
+        toml::Value::Array(list) => list[0] = number.into(),
+        value => *value = number.into(),
+    }
+    all.try_into().unwrap()
+}
+
+/// No number of the options can be "not a number", and none but those of `signed` is negative; the error names it.
+fn numbers_are_checked<T: Serialize + DeserializeOwned>(
+    base: &T,
+    validate: impl Fn(&T) -> Result<(), String>,
+    signed: &[&str],
+) {
+    assert_eq!(validate(base), Ok(()));
+    let paths = numbers_of(&toml::Table::try_from(base).unwrap(), "");
+    assert!(!paths.is_empty());
+    for path in &paths {
+        for number in [f64::NAN, -2.5] {
+            if number < 0.0 && signed.iter().any(|s| path.starts_with(s)) {
+                continue;
+            }
+            let error = validate(&with_number(base, path, number)).expect_err(path);
+            // Bounds of observations and limits of the verdict are named by their table.
+            let named = path.rsplit('.').take(2).any(|key| error.contains(key));
+            assert!(named, "{path} = {number}: {error}");
+        }
+    }
+}
+
+#[test]
+fn every_number_of_every_options_file_is_checked_by_name() {
+    let text = |e: &dyn std::fmt::Display| e.to_string();
+    let template = |o: &TemplateOptions| o.validate().map_err(|e| text(&e));
+    numbers_are_checked(
+        &TemplateOptions::default(),
+        template,
+        &["albedo.ambient", "albedo.vignetting"],
+    );
+    let frame = |o: &ReconstructOptions| o.validate().map_err(|e| text(&e));
+    numbers_are_checked(&ReconstructOptions::default(), frame, &["verdict."]);
+    for options in [TrackOptions::default(), TrackOptions::realtime()] {
+        let track = |o: &TrackOptions| o.validate().map_err(|e| text(&e));
+        numbers_are_checked(&options, track, &["reconstruct.verdict."]);
+    }
+    let ct = |o: &PreoperativeOptions| o.validate().map_err(|e| text(&e));
+    numbers_are_checked(&PreoperativeOptions::default(), ct, &[]);
+    numbers_are_checked(&SelectOptions::default(), |o| o.validate().map_err(|e| text(&e)), &[]);
+}
+
+/// What a public root says of one bad option.
+fn refusals() -> Vec<(&'static str, String)> {
+    let case = case();
+    let mesh = &case.template.mesh;
+    let (camera, light) = (&case.camera, LightModel::default());
+    let plane = Plane { size: camera.size, data: vec![0.5; camera.size[0] * camera.size[1]] };
+    let [usable, saturated] = [true, false].map(|all| Mask::filled(camera.size, all));
+    let input = SfsInput {
+        mesh,
+        pose: Isometry::translation(0.0, 0.0, 75.0),
+        camera,
+        grey: &plane,
+        usable: &usable,
+        saturated: &saturated,
+        albedo: None,
+        light: &light,
+    };
+    let sfs = SfsOptions { curvature: f64::NAN, ..Default::default() };
+    let sfm = SfmOptions { min_inlier_fraction: -0.5, ..Default::default() };
+    let fit = LightFitOptions { vignetting: Vignetting::Known(f64::NAN), ..Default::default() };
+    let albedo = AlbedoOptions { ambient: f64::INFINITY, ..Default::default() };
+    let remeshed = RemeshOptions { rounds: 0, ..Default::default() };
+    let flattened = FlattenOptions { max_area_ratio: 1.0, ..Default::default() };
+    let register = RegisterOptions { robust_px: [60.0, f64::NAN], ..Default::default() };
+    let ct = PreoperativeOptions { strain: -0.1, ..Default::default() };
+    let video = SelectOptions { max_frames: 0, ..Default::default() };
+    let board = Board { corners: [7, 5], square: f64::NAN };
+    let adjusted = BundleOptions { prior_scale: f64::NAN, ..Default::default() };
+    let mut bundle = Bundle {
+        cameras: Vec::new(),
+        priors: Vec::new(),
+        camera_of: Vec::new(),
+        poses: Vec::new(),
+        fixed: Vec::new(),
+        points: Vec::new(),
+        observations: Vec::new(),
+    };
+    let frames = vec![case.frame.clone(); 2];
+    let (given, start) = (&case.matches, input.pose);
+    vec![
+        ("curvature", shape_from_shading(&input, &sfs).unwrap_err().to_string()),
+        (
+            "min_inlier_fraction",
+            sfm::reconstruct(&frames, &[], camera, &sfm, &|_, _, _| {}).unwrap_err().to_string(),
+        ),
+        ("vignetting", fit_light(mesh, &[], None, &fit).unwrap_err().to_string()),
+        ("ambient", estimate_albedo(mesh, &[], &light, &albedo).unwrap_err().to_string()),
+        ("ambient", refine_by_shading(mesh, &[], &[], &light, &albedo).unwrap_err().to_string()),
+        ("rounds", remesh(mesh, 100, &remeshed).unwrap_err().to_string()),
+        ("max_area_ratio", flatten(mesh, &flattened).unwrap_err().to_string()),
+        ("robust_px", pose(camera, mesh, given, &register, 0).unwrap_err().to_string()),
+        ("robust_px", pose_near(camera, &[], &[], &register, start).unwrap_err().to_string()),
+        (
+            "strain",
+            register_preoperative((mesh, &[]), mesh, &[], &ct, &|_, _, _| {})
+                .unwrap_err()
+                .to_string(),
+        ),
+        ("max_frames", select_frames("none.mp4".as_ref(), &video).unwrap_err().to_string()),
+        (
+            "square",
+            calibrate(&frames, &board, &CalibrateOptions::default()).unwrap_err().to_string(),
+        ),
+        ("prior_scale", adjust(&mut bundle, &adjusted).unwrap_err().to_string()),
+        ("prior_scale", covariance(&bundle, &adjusted).unwrap_err().to_string()),
+    ]
+}
+
+#[test]
+fn every_public_root_names_the_option_that_it_refuses() {
+    for (field, error) in refusals() {
+        assert!(error.contains(field), "{field}: {error}");
+    }
 }
 
 /// The weights as `dsfms options reconstruct` printed them when several tables had a copy of them.

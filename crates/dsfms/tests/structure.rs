@@ -59,10 +59,16 @@ fn reached<'a>(
     reached
 }
 
+/// In the library, and in the command line.
 #[test]
 fn names_of_types_are_unique() {
+    unique_names(library());
+    unique_names(sources_of("../dsfms-cli/src"));
+}
+
+fn unique_names(sources: BTreeMap<Module, Source>) {
     let mut places: BTreeMap<String, Vec<String>> = BTreeMap::new();
-    for source in library().into_values() {
+    for source in sources.into_values() {
         for line in source.code.lines() {
             let words: Vec<&str> = line.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
             let kind = ["struct", "enum", "trait", "type"];

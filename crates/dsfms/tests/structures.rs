@@ -5,7 +5,7 @@ mod organ;
 
 use dsfms::Mesh;
 use dsfms::geometry::{Isometry, Point3, Vector3};
-use dsfms::structures::{Carrier, CarrierOptions};
+use dsfms::structures::Carrier;
 use dsfms::synth::{Random, patch};
 use organ::closed;
 
@@ -43,7 +43,7 @@ fn errors(rest: &Mesh, inner: &[Point3]) -> [f64; 3] {
     let truth: Vec<Point3> = rest.positions.iter().map(deformed).collect();
     let found: Vec<Point3> =
         rest.positions.iter().zip(&truth).map(|(p, t)| t + noise(p, &mut random)).collect();
-    let carrier = Carrier::new(rest, &CarrierOptions::default()).unwrap();
+    let carrier = Carrier::new(rest).unwrap();
     let carried = carrier.carry(&found).unwrap();
     let rigid = dsfms::geometry::align_rigid(&rest.positions, &found).unwrap();
     let mean = |d: Vec<f64>| d.iter().sum::<f64>() / d.len() as f64;
@@ -87,7 +87,7 @@ fn fewer_centres_than_vertices_still_carry_rigid_motions_exactly() {
     let rest = patch(1500, 5).mesh;
     let pose = Isometry::new(Vector3::new(3.0, 1.0, 60.0), Vector3::new(0.4, -0.2, 0.9));
     let moved: Vec<Point3> = rest.positions.iter().map(|p| pose * p).collect();
-    let carrier = Carrier::new(&rest, &CarrierOptions { centres: 150 }).unwrap();
+    let carrier = Carrier::new(&rest).unwrap();
     let p = Point3::new(5.0, 6.0, 20.0);
     assert!((carrier.carry(&moved).unwrap().at(&p) - pose * p).norm() < 1e-9);
 }

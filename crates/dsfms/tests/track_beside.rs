@@ -7,7 +7,7 @@ use clip::{Clip, clip};
 use dsfms::image::ToneCurve;
 use dsfms::pipeline::Method;
 use dsfms::track::{Origin, TrackOptions, TrackStatus, Tracked, Tracker};
-use dsfms::verdict::Reason;
+use dsfms::verdict::{NoSurface, Reason};
 
 /// Frames of the clip, searched on another thread; `true` where the answer to a question is taken, and waited for.
 fn searched_beside(clip: &Clip, method: Method, frames: &[(usize, bool)]) -> Vec<Tracked> {
@@ -38,7 +38,7 @@ fn a_late_answer_is_followed_into_the_frame_at_hand() {
     assert_eq!((origin(0), origin(1)), (None, Some(Origin::Found)));
     for lost in [0, 3] {
         let reasons = &tracked[lost].reasons;
-        assert!(matches!(&reasons[..], [Reason::NoSurface { why }] if why.contains("searched")));
+        assert!(matches!(&reasons[..], [Reason::NoSurface { why: NoSurface::SearchedElsewhere }]));
     }
     let searched = |t: &Tracked| t.stages.iter().any(|stage| stage.0 == "find");
     assert!(!tracked.iter().any(searched), "no frame waits for a search");

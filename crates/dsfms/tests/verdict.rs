@@ -40,7 +40,7 @@ fn solved(
         Ok(found) if found.verdict.level == Level::Ok => Ok(found),
         Ok(found) => Err((found.verdict.level, found.verdict.reasons)),
         Err(ReconstructError::Refused(found)) => Err((found.verdict.level, found.verdict.reasons)),
-        Err(error) => Err((Level::Lost, vec![Reason::NoSurface { why: error.to_string() }])),
+        Err(error) => Err((Level::Lost, vec![Reason::NoSurface { why: error.to_string().into() }])),
     }
 }
 

@@ -30,11 +30,13 @@ function surface(f, k) {
   if (known.has(key)) return known.get(key);
   const packed = data.frames[f].surfaces[k];
   const size = data.frames[f].size;
+  // Pages of earlier versions call it confidence.
+  const expected = packed && (packed.expected_error || packed.confidence);
   const out = packed && {
     at: packed.positions ? cloud(packed.positions) : rest,
     pixels: packed.pixels && pixelsOf(packed.pixels, size),
     visible: packed.visible && bytes(packed.visible),
-    confidence: packed.confidence && numbers(packed.confidence),
+    expectedError: expected && numbers(expected),
     matches: packed.matches,
     pose: packed.pose,
     structures: (packed.structures || []).map((s) => ({

@@ -30,7 +30,7 @@ function about(k, face, b) {
     else lines.push(`${l.name.split(" (")[0]}: ${withUnit(l.per === "face" ? values[face] : between(values), l.unit)}`);
   };
   give(layer);
-  const moved = data.moving_camera ? [] : ["error", "confidence", "depth", "seen"];
+  const moved = data.moving_camera ? [] : ["error", "expected_error", "depth", "seen"];
   for (const id of moved) { const l = layers.find((other) => other.id === id); if (l && !(id === "error" && k === data.truth)) give(l); }
   s.structures.forEach((structure, i) => {
     const q = onFace(s.at, { face, b });

@@ -42,7 +42,9 @@ function restore(hash) {
     if (field.tagName === "SELECT" && ![...field.options].some((o) => o.value === value)) return;
     field.value = value;
   };
-  const layer = layers.find((l) => l.id === get("layer"));
+  // Links of earlier versions call the expected error confidence.
+  const named = get("layer") === "confidence" ? "expected_error" : get("layer");
+  const layer = layers.find((l) => l.id === named);
   if (layer) { state.layer = layer; $("layer").value = layer.id; }
   if (+get("limit") > (state.layer.low || 0)) Object.assign(state.layer, { limit: +get("limit"), chosen: true });
   const names = (get("methods") || "").split("|"), shown = methods.filter((k) => names.includes(data.methods[k]));

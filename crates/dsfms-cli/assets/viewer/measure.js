@@ -8,17 +8,17 @@ function patch() {
 }
 const total = (p, list) => list.reduce((s, f) => s + faceArea(p, f), 0);
 /** Everything measured on one surface; `list`: the faces of the patch. */
-function measureOn(p, confidence, list) {
+function measureOn(p, expected, list) {
   const [A, B] = state.picks, out = { area: total(p, list) };
   out.strain = list.length ? mean(list.map((f) => strainNow(p)[f])) : NaN;
   if (B) Object.assign(out, { straight: apart(onFace(p, A), onFace(p, B)), along: alongSurface(p, A, B) });
-  if (confidence) out.sd = uncertainty(p, confidence, list, out);
+  if (expected) out.sd = uncertainty(p, expected, list, out);
   return out;
 }
 const strainKnown = new WeakMap();
 const strainNow = (p) => { if (!strainKnown.has(p)) strainKnown.set(p, strain(p)); return strainKnown.get(p); };
 /** Measures of every method in the current frame, for tests. */
-const measures = () => methods.map((k) => { const s = surface(state.frame, k); return s && measureOn(s.at, s.confidence, patch()); });
+const measures = () => methods.map((k) => { const s = surface(state.frame, k); return s && measureOn(s.at, s.expectedError, patch()); });
 function pick(place) {
   state.picks = state.picks.length > 1 ? [place] : [...state.picks, place];
   const own = (i) => { const s = state.picks[i]; return s ? corners(s.face)[s.b.indexOf(Math.max(...s.b))] : ""; };

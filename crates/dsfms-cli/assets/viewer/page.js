@@ -123,7 +123,7 @@ function zoom(factor) { eye.position.sub(controls.target).multiplyScalar(factor)
 /** What must stay as it is for new frames to be taken over in place. */
 const kept = (d) => JSON.stringify([d.faces, d.methods, d.unit, d.structures.length,
   !!d.stream,
-  ["positions", "pixels", "visible", "confidence"].map((key) => d.frames.some((f) => f.surfaces && f.surfaces.some((s) => s && s[key])))]);
+  ["positions", "pixels", "visible", "expected_error"].map((key) => d.frames.some((f) => f.surfaces && f.surfaces.some((s) => s && s[key])))]);
 /** Take over the frames and the texts of a newer page (`dsfms view`); false where it must be loaded anew.
  * Who looks at the last frame goes on to the newest. */
 function update(page) {

@@ -9,7 +9,7 @@ function measured() {
   const list = patch(), reference = state.picks.length ? measureOn(rest, null, list) : {};
   const rows = state.picks.length ? methods.flatMap((k) => {
     const s = surface(state.frame, k);
-    return s ? [[data.methods[k], measureOn(s.at, s.confidence, list), k]] : [];
+    return s ? [[data.methods[k], measureOn(s.at, s.expectedError, list), k]] : [];
   }) : [];
   const table = $("measured"), B = state.picks.length > 1, expected = rows.some((r) => r[1].sd);
   const against = data.moving_camera ? "" : `; change and strain against ${data.reference}`;
@@ -53,14 +53,14 @@ function csvRows() {
   const header = ["frame", "method", "status", "a_face", "a_b1", "a_b2", "a_b3", "b_face", "b_b1", "b_b2", "b_b3", `straight_${u}`, `straight_sd_${u}`, `along_surface_${u}`, `along_surface_sd_${u}`, `patch_radius_${u}`, `patch_area_${u}2`, `patch_area_sd_${u}2`, "patch_mean_strain_percent", "patch_mean_strain_sd_percent"];
   const number = (v) => (Number.isFinite(v) ? v.toPrecision(7) : "");
   const quoted = (v) => (/[",\n]/.test(v) ? `"${String(v).replace(/"/g, '""')}"` : v);
-  const row = (frame, name, status, p, confidence) => {
-    const m = measureOn(p, confidence, list), sd = m.sd || {};
+  const row = (frame, name, status, p, expected) => {
+    const m = measureOn(p, expected, list), sd = m.sd || {};
     const cells = [frame, name, status, ...place(A), ...place(B), number(m.straight), number(sd.straight), number(m.along && m.along.length), number(sd.along), $("radius").value, list.length ? number(m.area) : "", number(sd.area), number(m.strain), number(sd.strain)];
     return `${cells.map(quoted).join(",")}\n`;
   };
   const of = (f) => (A ? methods : []).map((k) => {
     const s = surface(f, k);
-    return s ? row(data.frames[f].name, data.methods[k], data.frames[f].status[k], s.at, s.confidence) : "";
+    return s ? row(data.frames[f].name, data.methods[k], data.frames[f].status[k], s.at, s.expectedError) : "";
   }).join("");
   return { head: `${header.join(",")}\n${A && !data.moving_camera ? row("", data.reference, "", rest, null) : ""}`, of };
 }

@@ -31,12 +31,12 @@ function fieldAt(field, q) {
 const unitOf = (a) => { const l = length(a) || 1; return a.map((v) => v / l); };
 
 /** Standard deviations of everything in `measured` on the surface p. */
-function uncertainty(p, confidence, list, measured) {
+function uncertainty(p, expected, list, measured) {
   const [A, B] = state.picks, passed = measured.along ? measured.along.passed : [];
   const used = new Set([...list.flatMap(corners), ...passed.flatMap(([a, b]) => [a, b]), ...(A ? corners(A.face) : []), ...(B ? corners(B.face) : [])]);
   const places = [...used].map((v) => {
     const q = point(p, v), ray = unitOf(q), x = unitOf(cross(ray, Math.abs(ray[1]) < 0.9 ? [0, 1, 0] : [1, 0, 0]));
-    return { v, q, e: confidence[v], axes: [ray, x, cross(ray, x)] };
+    return { v, q, e: expected[v], axes: [ray, x, cross(ray, x)] };
   });
   const chords = (s) => {
     const way = [onFace(s, A), ...passed.map((e) => onEdge(s, e)), onFace(s, B)];

@@ -15,6 +15,7 @@ use dsfms::image::Frame;
 use dsfms::image::names::EXTENSIONS;
 use dsfms::io::camera::{CameraFile, write_camera};
 use dsfms::pipeline::Progress;
+use dsfms::video::SelectOptions;
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -123,7 +124,9 @@ pub fn run(args: &CalibrateArgs, global: &Global, reporter: &Reporter) -> anyhow
 }
 
 fn frames(args: &CalibrateArgs, reporter: &Reporter) -> anyhow::Result<Vec<Frame>> {
-    let sources = inputs::sources(&args.images, inputs::Purpose::Template, reporter)?;
+    let chosen = SelectOptions::default();
+    let purpose = inputs::Purpose::Template(&chosen);
+    let sources = inputs::sources(&args.images, purpose, reporter)?;
     let paths: Vec<&Path> = sources.iter().filter_map(Source::path).collect();
     place::keep_inputs(&args.output, paths.iter().copied())?;
     // The same picture twice tells nothing more, and makes the uncertainty too small.

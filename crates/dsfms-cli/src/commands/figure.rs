@@ -151,7 +151,7 @@ impl FigureArgs {
 
 /// Run the command.
 pub fn run(args: &FigureArgs, reporter: &Reporter) -> anyhow::Result<Outcome> {
-    let format = Format::of(&args.output)?;
+    let format = FigureFormat::of(&args.output)?;
     if args.frame.is_some() && args.paths.iter().all(|path| path.is_file()) {
         let text = "--frame chooses from an output folder, and none is given; leave it out";
         return Err(Usage(text.into()).into());
@@ -215,27 +215,27 @@ fn plate(args: &FigureArgs, reporter: &Reporter) -> anyhow::Result<Sheet> {
     Ok(plate.sheet())
 }
 
-fn write(sheet: &Sheet, output: &Path, format: Format, dpi: f64) -> anyhow::Result<()> {
+fn write(sheet: &Sheet, output: &Path, format: FigureFormat, dpi: f64) -> anyhow::Result<()> {
     prepare_for(output)?;
     match format {
-        Format::Png => {
+        FigureFormat::Png => {
             let pixels = pixels(sheet, dpi * sheet.unit_mm / MM_PER_INCH);
             write_bytes(output, &encode_png_at(&pixels, dpi)?)
         }
-        Format::Pdf => write_bytes(output, &pdf::file(sheet)?),
-        Format::Svg => write_text(output, &svg::paper(sheet)?),
+        FigureFormat::Pdf => write_bytes(output, &pdf::file(sheet)?),
+        FigureFormat::Svg => write_text(output, &svg::paper(sheet)?),
     }
 }
 
 const MM_PER_INCH: f64 = 25.4;
 
-enum Format {
+enum FigureFormat {
     Svg,
     Pdf,
     Png,
 }
 
-impl Format {
+impl FigureFormat {
     fn of(output: &Path) -> anyhow::Result<Self> {
         let extension = output.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         match extension.as_str() {

@@ -31,7 +31,7 @@ use dsfms::register::{Deformable, Match};
 use dsfms::template::Template;
 use dsfms::verdict::intrinsics::apart_px;
 use dsfms::verdict::{Reason, Thresholds};
-use page::{Page, failed_frame};
+use page::{Paged, failed_frame};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -86,7 +86,7 @@ pub fn run(
             if interrupt::asked() {
                 return None;
             }
-            let page = Page { holds: shown.contains(&i), beside };
+            let page = Paged { holds: shown.contains(&i), beside };
             let report = job.frame(source, name, i, page);
             reporter.step("frames", done.fetch_add(1, Ordering::Relaxed) + 1, sources.len());
             Some(report)
@@ -250,7 +250,7 @@ impl Job<'_> {
     }
 
     /// One frame: its files are written whatever happens; an error means that they could not be.
-    fn frame(&self, source: &Source, name: &str, i: usize, page: Page) -> anyhow::Result<Done> {
+    fn frame(&self, source: &Source, name: &str, i: usize, page: Paged) -> anyhow::Result<Done> {
         let input = source.name();
         let method = self.method;
         let files = FrameFiles { folder: &self.args.output, name };

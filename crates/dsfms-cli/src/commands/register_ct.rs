@@ -9,7 +9,7 @@ use super::template::args::UnitName;
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
 use crate::outputs::{check_folder, write_json, write_png};
-use crate::pictures::preoperative::{Shown, draw};
+use crate::pictures::preoperative::{ShownRegistration, draw};
 use crate::place;
 use crate::progress::Reporter;
 use crate::volume::ORIGINAL;
@@ -26,7 +26,7 @@ use dsfms::preoperative::{
     Doubt, Preoperative, PreoperativeOptions, ScaleRule, register_preoperative,
 };
 use dsfms::template::{LengthUnit, Template};
-use input::{Loaded, load};
+use input::{LoadedCt, load};
 use record::{failed, record};
 use std::path::{Path, PathBuf};
 
@@ -198,7 +198,7 @@ fn scale_rule(args: &RegisterCtArgs, unit: LengthUnit) -> Result<ScaleRule, Usag
 
 fn carry(
     found: &Preoperative,
-    loaded: &Loaded,
+    loaded: &LoadedCt,
     template: &Template,
 ) -> anyhow::Result<Vec<Carried>> {
     let of = |(name, mesh): &(String, Mesh)| {
@@ -219,7 +219,7 @@ fn uncertain(carried: &[Carried], options: &PreoperativeOptions) -> Vec<Doubt> {
 fn write(
     args: &RegisterCtArgs,
     template: &Template,
-    loaded: &Loaded,
+    loaded: &LoadedCt,
     found: &Preoperative,
     carried: &[Carried],
 ) -> anyhow::Result<()> {
@@ -240,7 +240,7 @@ fn write(
             let points: &[Point3] = &item.mesh.positions;
             write_ply(&path, &item.mesh.topology, points, template.unit, &extras)?;
         }
-        let shown = Shown { template: &template.mesh, ct: &loaded.ct, found, carried };
+        let shown = ShownRegistration { template: &template.mesh, ct: &loaded.ct, found, carried };
         write_png(&folder.join("registration.png"), &draw(&shown))?;
         write_json(&folder.join(CONTENT[0]), &record(args, template, loaded, found, carried))
     })

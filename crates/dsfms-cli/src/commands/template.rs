@@ -35,15 +35,15 @@ use dsfms::template::{LengthUnit, Template};
 pub use found::LETTERS;
 use found::{models_text, organ_hint, precision_row, summary_text, unlike_text, unmeasured_text};
 use load::{Cameras, Loaded, load, load_also};
-use mesh::{Reading, open_mesh, read_albedo, unit};
+use mesh::{MeshReading, open_mesh, read_albedo, unit};
 use resume::Resumable;
 use scene::{Drawn, SCENE, with_photos};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 impl TemplateArgs {
-    fn reading(&self) -> Reading {
-        Reading { unit: self.mesh_unit.map(Into::into), repair: self.repair }
+    fn reading(&self) -> MeshReading {
+        MeshReading { unit: self.mesh_unit.map(Into::into), repair: self.repair }
     }
 }
 
@@ -242,7 +242,7 @@ fn from_frames(
     let metric = args.scale_mesh.as_deref().map(|p| metric_mesh(p, args, reporter)).transpose()?;
     let given = args.mesh.as_deref().map(|p| open_mesh(p, args.reading(), reporter)).transpose()?;
     let listed = args.poses.as_deref().map(|p| read_poses(p, PoseList::Exploration)).transpose()?;
-    let loaded = load(args, &cameras, camera_path, reporter)?;
+    let loaded = load(args, &options.video, &cameras, camera_path, reporter)?;
     let also = load_also(args, &cameras, camera_path, reporter)?;
     let camera = &cameras.common;
     let exploration = camera.exploration(&loaded.frames).valid(&loaded.valid).organ(&loaded.organ);

@@ -7,11 +7,11 @@ mod organ;
 
 use crate::exit::Outcome;
 use crate::report::embed::escape;
-use crate::report::folder::Source;
+use crate::report::folder::PathContent;
 use anyhow::Context;
 use clap::Args;
 use http::{Answer, PATIENCE, Request};
-use live::{Look, Watched, live};
+use live::{Watched, WatchedContent, live};
 use organ::Desk;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::Write;
@@ -58,7 +58,7 @@ const MOST_CONNECTIONS: usize = 32;
 /// Run the command; it ends with the process.
 pub fn run(args: &ViewArgs) -> anyhow::Result<Outcome> {
     // A mistake in the path is said here and not in the browser.
-    Source::of(&args.path)?.html()?;
+    PathContent::of(&args.path)?.html()?;
     let (listener, root) = bound(args.port, "--port")?;
     let url = format!("http://{}{root}", listener.local_addr()?);
     super::to_stdout(&format!("{url}\nCtrl-C stops it\n"))?;
@@ -101,7 +101,7 @@ fn serve(listener: &TcpListener, served: &Served, root: &str) {
             std::thread::sleep(Duration::from_millis(50));
             continue;
         };
-        let place = Place(open.clone());
+        let place = Connection(open.clone());
         if open.fetch_add(1, Ordering::SeqCst) >= MOST_CONNECTIONS {
             continue;
         }
@@ -115,9 +115,9 @@ fn serve(listener: &TcpListener, served: &Served, root: &str) {
 }
 
 /// One of the connections, until it is dropped.
-struct Place(Arc<AtomicUsize>);
+struct Connection(Arc<AtomicUsize>);
 
-impl Drop for Place {
+impl Drop for Connection {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::SeqCst);
     }
@@ -185,12 +185,12 @@ fn got(served: &Served, wanted: &str) -> anyhow::Result<Answer> {
     if let Some(rest) = wanted.strip_prefix("organ") {
         return Ok(served.desk.get(rest)?.unwrap_or_else(missing));
     }
-    let Some(wanted) = Wanted::of(wanted) else { return Ok(missing()) };
+    let Some(wanted) = Asked::of(wanted) else { return Ok(missing()) };
     let found = served.watched.look();
     match (found.and_then(|look| wanted.body(&look, served.desk.is_there())), wanted) {
-        (Err(error), Wanted::Page) => Ok(waiting(served.watched.runs(), &error)),
+        (Err(error), Asked::Page) => Ok(waiting(served.watched.runs(), &error)),
         // Between two runs there is nothing to show, and nothing new.
-        (Err(_), Wanted::Version) => Ok(Answer::ok("text/plain", served.watched.last_version())),
+        (Err(_), Asked::Version) => Ok(Answer::ok("text/plain", served.watched.last_version())),
         (found, _) => Ok(found?.map_or_else(missing, |(kind, body)| Answer::ok(kind, body))),
     }
 }
@@ -210,13 +210,13 @@ fn posted(
 }
 
 /// What can be asked for under the root.
-enum Wanted<'a> {
+enum Asked<'a> {
     Page,
     Version,
     Frame(&'a str),
 }
 
-impl<'a> Wanted<'a> {
+impl<'a> Asked<'a> {
     fn of(target: &'a str) -> Option<Self> {
         match target {
             "" => Some(Self::Page),
@@ -227,7 +227,11 @@ impl<'a> Wanted<'a> {
     }
 
     /// Its type and text; `None` where the source has no such frame.
-    fn body(&self, look: &Look, organ: bool) -> anyhow::Result<Option<(&'static str, String)>> {
+    fn body(
+        &self,
+        look: &WatchedContent,
+        organ: bool,
+    ) -> anyhow::Result<Option<(&'static str, String)>> {
         Ok(match self {
             Self::Page => {
                 let page = live(&look.source.html()?, &look.version, organ);

@@ -7,12 +7,12 @@ pub type Cell = [usize; 2];
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arrangement {
     pub lines: Vec<Vec<Cell>>,
-    pub kind: Kind,
+    pub kind: ArrangementKind,
 }
 
 /// What runs across.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum ArrangementKind {
     /// Columns are surfaces, lines are looks.
     Surfaces,
     /// Columns are looks, lines are surfaces.
@@ -54,19 +54,19 @@ pub struct Layout {
 /// Surfaces side by side.
 pub fn surfaces_across(surfaces: usize, looks: usize) -> Arrangement {
     let line = |look| (0..surfaces).map(|s| [s, look]).collect();
-    Arrangement { lines: (0..looks).map(line).collect(), kind: Kind::Surfaces }
+    Arrangement { lines: (0..looks).map(line).collect(), kind: ArrangementKind::Surfaces }
 }
 
 /// Looks side by side.
 pub fn looks_across(surfaces: usize, looks: usize) -> Arrangement {
     let line = |s| (0..looks).map(|look| [s, look]).collect();
-    Arrangement { lines: (0..surfaces).map(line).collect(), kind: Kind::Looks }
+    Arrangement { lines: (0..surfaces).map(line).collect(), kind: ArrangementKind::Looks }
 }
 
 /// Of one surface: views side by side, layers under each other.
 pub fn views_across(layers: usize, views: usize) -> Arrangement {
     let line = |layer| (0..views).map(|v| [0, layer * views + v]).collect();
-    Arrangement { lines: (0..layers).map(line).collect(), kind: Kind::Views }
+    Arrangement { lines: (0..layers).map(line).collect(), kind: ArrangementKind::Views }
 }
 
 /// Layers of `views` each, all around: every layer of every surface in lines of one length, or in lines that
@@ -83,7 +83,7 @@ pub fn turntable(surfaces: usize, layers: usize, views: usize) -> Arrangement {
             all.push((ends[0]..ends[1]).map(|v| [s, layer * views + v]).collect());
         }
     }
-    Arrangement { lines: all, kind: Kind::Turntable }
+    Arrangement { lines: all, kind: ArrangementKind::Turntable }
 }
 
 impl Arrangement {

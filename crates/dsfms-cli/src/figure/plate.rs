@@ -1,7 +1,8 @@
 //! A plate laid out and drawn, in points.
 
 use super::layout::{
-    Arrangement, Kind, Layout, Room, looks_across, surfaces_across, turntable, views_across,
+    Arrangement, ArrangementKind, Layout, Room, looks_across, surfaces_across, turntable,
+    views_across,
 };
 use super::panel::{Layer, Shown, Surface, UNSEEN, View, panel, window};
 use super::surfaces::{limit, mean};
@@ -92,9 +93,9 @@ impl Plate<'_> {
         });
         let larger = |a: Layout, b: Layout| if b.scale > a.scale { b } else { a };
         // There is always one.
-        fitted
-            .reduce(larger)
-            .unwrap_or_else(|| looks_across(s, l).fitted(&sizes, most, self.room(Kind::Looks)))
+        fitted.reduce(larger).unwrap_or_else(|| {
+            looks_across(s, l).fitted(&sizes, most, self.room(ArrangementKind::Looks))
+        })
     }
 
     /// The error of the truth is no picture.
@@ -102,12 +103,16 @@ impl Plate<'_> {
         self.surfaces[cell[0]].is_truth && looks[cell[1]].layer == Layer::Error
     }
 
-    fn room(&self, kind: Kind) -> Room {
+    fn room(&self, kind: ArrangementKind) -> Room {
         let many = self.surfaces.len() > 1 || (self.turning && self.layers.len() > 1);
-        let left = if many || matches!(kind, Kind::Surfaces | Kind::Views) { LINE } else { 0.0 };
-        let above = if kind == Kind::Turntable { 0.0 } else { LINE };
-        let measured = self.measured() && kind != Kind::Turntable;
-        let under = if kind == Kind::Turntable || measured { LINE } else { 0.0 };
+        let left = if many || matches!(kind, ArrangementKind::Surfaces | ArrangementKind::Views) {
+            LINE
+        } else {
+            0.0
+        };
+        let above = if kind == ArrangementKind::Turntable { 0.0 } else { LINE };
+        let measured = self.measured() && kind != ArrangementKind::Turntable;
+        let under = if kind == ArrangementKind::Turntable || measured { LINE } else { 0.0 };
         Room { left, above, under, gap: GAP }
     }
 
@@ -174,25 +179,26 @@ impl Plate<'_> {
                 };
                 let (surface, look) = (&self.surfaces[s], &looks[l]);
                 match kind {
-                    Kind::Turntable => put(top + high + TEXT, &look.view.name),
-                    Kind::Surfaces if line == 0 => put(top - 0.4 * TEXT, &surface.name),
-                    Kind::Looks if line == 0 => put(top - 0.4 * TEXT, &self.words(look)),
-                    Kind::Views if line == 0 => put(top - 0.4 * TEXT, &look.view.name),
+                    ArrangementKind::Turntable => put(top + high + TEXT, &look.view.name),
+                    ArrangementKind::Surfaces if line == 0 => put(top - 0.4 * TEXT, &surface.name),
+                    ArrangementKind::Looks if line == 0 => put(top - 0.4 * TEXT, &self.words(look)),
+                    ArrangementKind::Views if line == 0 => put(top - 0.4 * TEXT, &look.view.name),
                     _ => (),
                 }
                 let last_view = look.view.name == self.views[self.views.len() - 1].name;
-                let counted = kind != Kind::Turntable && look.layer == Layer::Error && last_view;
+                let counted =
+                    kind != ArrangementKind::Turntable && look.layer == Layer::Error && last_view;
                 if counted && self.measured() && !surface.is_truth {
                     put(top + high + TEXT, &format!("mean {:.2} {}", mean(surface), self.unit()));
                 }
             }
             let name = match (kind, cells.first()) {
-                (Kind::Surfaces, Some(c)) => self.words(&looks[c[1]]),
-                (Kind::Looks, Some(c)) if self.surfaces.len() > 1 => {
+                (ArrangementKind::Surfaces, Some(c)) => self.words(&looks[c[1]]),
+                (ArrangementKind::Looks, Some(c)) if self.surfaces.len() > 1 => {
                     self.surfaces[c[0]].name.clone()
                 }
-                (Kind::Views, Some(c)) => self.layer(&looks[c[1]]).into(),
-                (Kind::Turntable, Some(c)) => self.turned(c, looks),
+                (ArrangementKind::Views, Some(c)) => self.layer(&looks[c[1]]).into(),
+                (ArrangementKind::Turntable, Some(c)) => self.turned(c, looks),
                 _ => String::new(),
             };
             if !name.is_empty() {

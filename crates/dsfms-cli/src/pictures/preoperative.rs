@@ -28,7 +28,7 @@ const CT: [u8; 3] = [86, 140, 190];
 const ALONE: [f64; 3] = [200.0, 90.0, 160.0];
 
 /// What is drawn.
-pub struct Shown<'a> {
+pub struct ShownRegistration<'a> {
     pub template: &'a Mesh,
     /// Topology of the preoperative mesh.
     pub ct: &'a Mesh,
@@ -38,7 +38,7 @@ pub struct Shown<'a> {
 
 /// Above: the CT surface (blue, see-through) over the template (clay) and the structures; below: the template
 /// with its distances from the CT surface.
-pub fn draw(shown: &Shown) -> RgbImage {
+pub fn draw(shown: &ShownRegistration) -> RgbImage {
     let mut sheet = Sheet::in_pixels(PANEL * SIDES.len() as u32, 2 * PANEL + LINE + LEGEND);
     let turn = facing(shown.template);
     let turned = |points: &[Point3]| points.iter().map(|p| turn * p).collect::<Vec<_>>();
@@ -61,7 +61,7 @@ pub fn draw(shown: &Shown) -> RgbImage {
 }
 
 /// What the colours of the lower row mean.
-fn legend(shown: &Shown, full: f64) -> Vec<Item> {
+fn legend(shown: &ShownRegistration, full: f64) -> Vec<Item> {
     let y = f64::from(2 * PANEL + LINE) + 8.0;
     let rms = shown.found.bent.unwrap_or(shown.found.rigid).rms;
     let words = format!("distance from the template to CT, rms {rms:.2} mm");
@@ -93,7 +93,7 @@ fn facing(mesh: &Mesh) -> Isometry {
 }
 
 fn overlaid(
-    shown: &Shown,
+    shown: &ShownRegistration,
     view: &SideView,
     template: &[Point3],
     ct: &[Point3],
@@ -136,7 +136,7 @@ fn through(
 }
 
 /// Distance at every vertex of the template, of the nearest sample, and the end of the scale, mm.
-fn residuals(shown: &Shown) -> (Vec<Option<f64>>, f64) {
+fn residuals(shown: &ShownRegistration) -> (Vec<Option<f64>>, f64) {
     let samples = &shown.found.samples;
     let nearest = |p: &Point3| {
         let away = |k: &usize| (samples[*k].point - p).norm_squared();
@@ -149,7 +149,7 @@ fn residuals(shown: &Shown) -> (Vec<Option<f64>>, f64) {
 }
 
 fn distances(
-    shown: &Shown,
+    shown: &ShownRegistration,
     view: &SideView,
     template: &[Point3],
     values: &[Option<f64>],

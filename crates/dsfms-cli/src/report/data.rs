@@ -30,7 +30,7 @@ pub struct PageData {
     /// What `rest` is: `the shape at rest`.
     pub reference: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub flattening: Option<Chart>,
+    pub flattening: Option<FlatChart>,
     /// The albedo on the flattening.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub albedo: Option<String>,
@@ -94,7 +94,7 @@ impl PointValues {
 
 /// A flattening with its distortion.
 #[derive(Clone, Debug, Serialize)]
-pub struct Chart {
+pub struct FlatChart {
     /// UV of the corners of every face, 16 bits for `[0, 1]`.
     uv: String,
     quasi_conformal: Numbers,
@@ -187,7 +187,7 @@ pub struct ShownSurface {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub visible: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub confidence: Option<Numbers>,
+    pub expected_error: Option<Numbers>,
     pub matches: Vec<ShownMatch>,
     /// `camera_from_template`, rigid part.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -252,7 +252,7 @@ impl PageData {
     ) -> anyhow::Result<Self> {
         let scaled = template.mesh.positions.iter().map(|p| p * scale).collect();
         let mut data = Self::of_mesh(&template.mesh.with_positions(scaled), unit);
-        data.flattening = template.flattening.as_ref().map(|f| Chart {
+        data.flattening = template.flattening.as_ref().map(|f| FlatChart {
             uv: embed::words(f.corners.iter().flatten().flat_map(|p| {
                 [p.x, p.y].map(|t| (t.clamp(0.0, 1.0) * f64::from(u16::MAX)).round() as u16)
             })),
@@ -329,7 +329,7 @@ impl ShownSurface {
             positions: Some(Cloud::of(&scaled)),
             pixels: Some(pixels(camera, &result.vertices)),
             visible: Some(embed::flags(&result.visible)),
-            confidence: expected
+            expected_error: expected
                 .map(|c| Numbers::of(&c.iter().map(|v| v * scale).collect::<Vec<_>>())),
             matches: shown_matches(camera, faces, &result.vertices, &result.matches),
             pose: Some(rows(&result.pose, scale)),

@@ -20,7 +20,7 @@ const GRACE: Duration = Duration::from_secs(20);
 
 /// What a path holds.
 #[derive(Debug, PartialEq, Eq)]
-pub enum Source {
+pub enum PathContent {
     /// A page that a command left.
     Report(PathBuf),
     Template(PathBuf),
@@ -35,7 +35,7 @@ pub struct Column {
     pub paths: Vec<PathBuf>,
 }
 
-impl Source {
+impl PathContent {
     /// Look at the path. A page that is older than the frames beside it is not taken.
     pub fn of(path: &Path) -> anyhow::Result<Self> {
         let is = |name: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(name));
@@ -73,7 +73,7 @@ impl Source {
         }
     }
 
-    /// The page; of a long clip with some of its frames, the others by [`Source::frame`].
+    /// The page; of a long clip with some of its frames, the others by [`PathContent::frame`].
     pub fn html(&self) -> anyhow::Result<String> {
         match self {
             Self::Report(path) => {
@@ -87,7 +87,7 @@ impl Source {
     }
 }
 
-impl Source {
+impl PathContent {
     /// A frame of a long clip by its name; `None` where there is none of that name.
     pub fn frame(&self, wanted: &str) -> anyhow::Result<Option<String>> {
         match self {
@@ -223,7 +223,7 @@ fn surface(path: &Path, first: &MeshFile) -> anyhow::Result<ShownSurface> {
     Ok(ShownSurface {
         positions: Some(Cloud::of(&file.mesh.positions)),
         visible: file.attributes.get("visible").map(flags),
-        confidence: file.attributes.get("expected_error").map(|v| Numbers::of(v)),
+        expected_error: file.attributes.get("expected_error").map(|v| Numbers::of(v)),
         ..Default::default()
     })
 }
@@ -236,15 +236,15 @@ mod tests {
     fn a_page_older_than_its_frames_is_made_again() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
-        assert!(Source::of(folder.path()).is_err());
+        assert!(PathContent::of(folder.path()).is_err());
         std::fs::write(at("report.html"), "old").unwrap();
-        assert_eq!(Source::of(folder.path()).unwrap(), Source::Report(at("report.html")));
+        assert_eq!(PathContent::of(folder.path()).unwrap(), PathContent::Report(at("report.html")));
         std::fs::write(at("frame_010.ply"), "").unwrap();
         std::fs::write(at("frame_9.ply"), "").unwrap();
         let later = SystemTime::now() + Duration::from_secs(60);
         std::fs::File::open(at("frame_9.ply")).unwrap().set_modified(later).unwrap();
-        let source = Source::of(folder.path()).unwrap();
-        let Source::Meshes(columns) = &source else { panic!("{source:?}") };
+        let source = PathContent::of(folder.path()).unwrap();
+        let PathContent::Meshes(columns) = &source else { panic!("{source:?}") };
         assert_eq!(columns[0].paths, [at("frame_9.ply"), at("frame_010.ply")]);
         assert_eq!(source.changed(), Some(later));
     }

@@ -35,7 +35,7 @@ const LATEST: usize = 100;
 const SHARE: u32 = 10;
 
 /// One frame in figures.
-struct Row {
+struct TrackRow {
     number: usize,
     status: TrackStatus,
     reasons: Vec<String>,
@@ -64,7 +64,7 @@ pub struct RunEntry<'t> {
 }
 
 /// A frame in the page and about how many bytes it takes there.
-struct Shown {
+struct PagedFrame {
     place: usize,
     bytes: usize,
     frame: ShownFrame,
@@ -79,8 +79,8 @@ pub struct TrackReport<'a> {
     method: &'static str,
     /// The page without frames.
     base: PageData,
-    rows: Vec<Row>,
-    shown: Vec<Shown>,
+    rows: Vec<TrackRow>,
+    shown: Vec<PagedFrame>,
     /// Every Nth frame is shown.
     stride: usize,
     /// Writes every frame for `dsfms view`, once the page cannot hold them all.
@@ -123,7 +123,7 @@ impl<'a> TrackReport<'a> {
         let &RunEntry { number, frame, tracked, ms, answer_ms, expected } = entry;
         let place = self.rows.len();
         let surface = tracked.surface.as_ref();
-        self.rows.push(Row {
+        self.rows.push(TrackRow {
             number,
             status: tracked.status,
             reasons: sentences(&tracked.reasons),
@@ -144,7 +144,7 @@ impl<'a> TrackReport<'a> {
         }
         let shown = self.shown(entry)?;
         let bytes = serde_json::to_string(&shown)?.len();
-        self.shown.push(Shown { place, bytes, frame: shown });
+        self.shown.push(PagedFrame { place, bytes, frame: shown });
         if due {
             let start = Instant::now();
             self.page(RUNNING).write(&self.path)?;
@@ -168,7 +168,7 @@ impl<'a> TrackReport<'a> {
     }
 
     fn thin(&mut self) -> anyhow::Result<()> {
-        let too_much = |shown: &[Shown]| {
+        let too_much = |shown: &[PagedFrame]| {
             shown.len() > MOST_FRAMES || shown.iter().map(|s| s.bytes).sum::<usize>() > MOST_BYTES
         };
         while self.shown.len() > 2 && too_much(&self.shown) {
@@ -204,7 +204,7 @@ impl<'a> TrackReport<'a> {
             positions: Some(Cloud::of(&surface.vertices)),
             pixels: Some(pixels(self.camera, &surface.vertices)),
             visible: Some(embed::flags(&surface.visible)),
-            confidence: expected.map(Numbers::of),
+            expected_error: expected.map(Numbers::of),
             matches: shown_matches(self.camera, faces, &surface.vertices, &surface.matches),
             pose: Some(rows(&surface.pose, 1.0)),
             ..Default::default()
@@ -257,8 +257,8 @@ impl<'a> TrackReport<'a> {
 
     /// Runs of frames that are not ok, with their reasons.
     fn events(&self) -> String {
-        let same = |a: &Row, b: &Row| a.status == b.status && a.reasons == b.reasons;
-        let runs: Vec<&[Row]> =
+        let same = |a: &TrackRow, b: &TrackRow| a.status == b.status && a.reasons == b.reasons;
+        let runs: Vec<&[TrackRow]> =
             self.rows.chunk_by(same).filter(|r| r[0].status != TrackStatus::Ok).collect();
         if runs.is_empty() {
             return "<p>Every frame is ok.</p>".into();
@@ -329,8 +329,11 @@ mod tests {
         let frame = Frame { name: "f".into(), size: [4, 4], rgb: vec![[9; 3]; 16] };
         for k in 0..300 {
             let status = if k == 7 { TrackStatus::Lost } else { TrackStatus::Ok };
-            let reasons =
-                if k == 7 { vec![Reason::NoSurface { why: "<dark>".into() }] } else { Vec::new() };
+            let reasons = if k == 7 {
+                vec![Reason::NoSurface { why: "<dark>".to_owned().into() }]
+            } else {
+                Vec::new()
+            };
             let tracked = Tracked {
                 status,
                 reasons,

@@ -121,7 +121,7 @@ fn a_running_video_shows_its_verdict_and_its_curves() {
     // Every vertex has its own, as a layer.
     assert!(
         browser.eval(
-            "[...document.getElementById('layer').options].some((o) => o.value === 'confidence')"
+            "[...document.getElementById('layer').options].some((o) => o.value === 'expected_error')"
         ) == true
     );
     for size in [[800, 1000], [1440, 900]] {

@@ -145,7 +145,7 @@ fn image(browser: &mut Browser) {
 
 /// Values on the surface, over the image, in the charts, and charts that follow and lead.
 fn hover(browser: &mut Browser) {
-    choose(browser, "layer", "confidence");
+    choose(browser, "layer", "expected_error");
     for pane in ["gl", "film"] {
         let [x, y, w, h] = browser.place(pane);
         browser.point([x + 0.5 * w, y + 0.45 * h], false);

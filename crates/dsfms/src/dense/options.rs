@@ -4,6 +4,9 @@ use crate::options::{OptionError, check, positive};
 use serde::{Deserialize, Serialize};
 
 /// How depth is estimated and fused.
+///
+/// Measured: `target_vertices` (`docs/results/template.md`). Other values of the rest are not measured beside one
+/// another; what the defaults reach is in the same page.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DenseOptions {

@@ -18,6 +18,9 @@ use serde::{Deserialize, Serialize};
 /// Refractive index of wet soft tissue in visible light (1.36 to 1.42).
 pub(crate) const WET_TISSUE: f64 = 1.4;
 
+/// Bounds of a film and a lens; [`BOUNDS`] are those of the vignetting.
+pub(crate) const PLAUSIBLE: &str = "an index from 1 to below 4 and a vignetting from -2 to 0.2";
+
 /// What tissue makes of the light that reaches it, and the lens of what it sends back. The default is
 /// Lambert's surface in the dark behind a perfect lens.
 #[doc(alias = "BRDF")]
@@ -64,7 +67,7 @@ impl Light for Coated {
 }
 
 impl Coat {
-    /// Whether its figures can be those of tissue and a lens.
+    /// Whether its figures can be those of tissue and a lens: [`PLAUSIBLE`].
     pub(crate) fn is_plausible(&self) -> bool {
         let Self { refractive_index, ambient, vignetting } = *self;
         let [least, most] = BOUNDS;

@@ -10,12 +10,13 @@ mod sizing;
 use super::surface_points::ClosestPoints;
 use super::{Mesh, Topology, TopologyError};
 use crate::geometry::Point3;
+use crate::options::{OptionError, check};
 pub use diagonals::fit_diagonals;
 use outline::FixedEdges;
 use serde::{Deserialize, Serialize};
 use sizing::Sizing;
 
-/// How a surface is remeshed.
+/// How a surface is remeshed. Measured: `adaptive` (`docs/results/template.md`); other values of `corner_deg` are not.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RemeshOptions {
@@ -35,6 +36,21 @@ impl Default for RemeshOptions {
     }
 }
 
+impl RemeshOptions {
+    /// Check every field against its bounds.
+    ///
+    /// # Errors
+    /// The first field out of them.
+    pub fn validate(&self) -> Result<(), OptionError> {
+        let corner = self.corner_deg > 0.0 && self.corner_deg <= 180.0;
+        check(&[
+            ("remesh.rounds", self.rounds >= 1, "at least 1"),
+            ("remesh.corner_deg", corner, "above 0 and at most 180"),
+            ("remesh.adaptive", (0.0..=1.0).contains(&self.adaptive), "from 0 to 1"),
+        ])
+    }
+}
+
 /// Why a surface could not be remeshed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -47,9 +63,9 @@ pub enum RemeshError {
         /// The minimum.
         least: usize,
     },
-    /// An option out of its range.
-    #[error("remesh option {0}")]
-    BadOption(&'static str),
+    /// An option out of its bounds.
+    #[error(transparent)]
+    Options(#[from] OptionError),
     /// The surface has no area.
     #[error("the surface has no area; nothing to remesh")]
     NoArea,
@@ -96,7 +112,10 @@ pub fn remesh(
     target_vertices: usize,
     options: &RemeshOptions,
 ) -> Result<Mesh, RemeshError> {
-    validate(target_vertices, options)?;
+    if target_vertices < LEAST_VERTICES {
+        return Err(RemeshError::TooFewVertices { asked: target_vertices, least: LEAST_VERTICES });
+    }
+    options.validate()?;
     let all: Vec<usize> = (0..mesh.topology.faces.len()).collect();
     let (input, _) = mesh.subset(&all);
     let surface = ClosestPoints::new(&input);
@@ -172,22 +191,6 @@ fn part_coincident(mesh: &mut Mesh) {
             }
         }
     }
-}
-
-fn validate(target: usize, options: &RemeshOptions) -> Result<(), RemeshError> {
-    if target < LEAST_VERTICES {
-        return Err(RemeshError::TooFewVertices { asked: target, least: LEAST_VERTICES });
-    }
-    if options.rounds == 0 {
-        return Err(RemeshError::BadOption("rounds must be at least 1"));
-    }
-    if !(options.corner_deg > 0.0 && options.corner_deg <= 180.0) {
-        return Err(RemeshError::BadOption("corner_deg must lie in (0, 180]"));
-    }
-    if !(0.0..=1.0).contains(&options.adaptive) {
-        return Err(RemeshError::BadOption("adaptive must lie in [0, 1]"));
-    }
-    Ok(())
 }
 
 /// Edge length `l` of `n` vertices of equilateral faces: `area = √3/4 l² (2n − boundary/l)`.

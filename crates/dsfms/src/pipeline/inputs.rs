@@ -142,10 +142,10 @@ pub enum SourceError {
 }
 
 /// What frames are wanted for: it decides which frames of a video are taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Purpose {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Purpose<'a> {
     /// Sharp frames with parallax between them.
-    Template,
+    Template(&'a SelectOptions),
     /// Every frame.
     Reconstruct,
 }
@@ -179,13 +179,13 @@ fn video_frames(
     let report = |done: usize, total: Option<usize>| {
         progress.step("video", done, total.unwrap_or(done));
     };
-    if purpose == Purpose::Template {
+    if let Purpose::Template(options) = purpose {
         let mut shown = 0;
         let mut report = |done: usize, total: Option<usize>| {
             shown = shown.max(done);
             report(done, total);
         };
-        let frames = select_reporting(path, &SelectOptions::default(), &mut report)?;
+        let frames = select_reporting(path, options, &mut report)?;
         progress.note(&format!("{} frames chosen of {shown}", frames.len()));
         return Ok(frames.into_iter().map(|frame| Source::Decoded(frame, None)).collect());
     }

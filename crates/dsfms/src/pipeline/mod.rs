@@ -16,6 +16,7 @@ mod trust;
 pub(crate) use frame_solve::joined;
 pub use progress::{Progress, Silent};
 pub use reconstruct::{reconstruct, reconstruct_with};
+pub(crate) use reconstruct_options::FRAME_TABLES;
 pub use reconstruct_options::ReconstructOptions;
 pub use surroundings::CameraSight;
 pub(crate) use surroundings::sighted;

@@ -70,7 +70,7 @@ fn reconstruct_logged(
     mut log: StageLog,
 ) -> Result<Reconstruction, ReconstructError> {
     options.validate()?;
-    let options = &options.clone().at_size(observation.frame.size);
+    let options = &options.clone().at_size(observation.frame.size).in_form();
     let sight = log.time("prepare", || {
         check(template, observation, method)?;
         Ok::<_, ReconstructError>(Sight::new(template, observation, method))
@@ -87,7 +87,7 @@ fn reconstruct_logged(
     let mut result = rigid_result(&scene, &matches, &posed, &options.register);
     match method {
         Method::Rigid => {}
-        Method::Sfs => shade_alone(&sight, &mut result, &mut log)?,
+        Method::Sfs => shade_alone(&sight, &options.sfs, &mut result, &mut log)?,
         Method::Dsfm | Method::Dsfms | Method::Joint => {
             // The printed forms speak of the mesh as it is.
             let body = match options.literal {
@@ -101,11 +101,7 @@ fn reconstruct_logged(
         }
     }
     log.time("visibility", || see(&sight, &mut result));
-    let looked = match options.literal {
-        true => options.refine.as_printed(),
-        false => options.refine.clone(),
-    };
-    log.time("expected error", || expect(&sight, &scene, method, &looked, &mut result));
+    log.time("expected error", || expect(&sight, &scene, method, &options.refine, &mut result));
     let trusted = Trusted { sight: &sight, scene: &scene, posed: &posed, method, options };
     log.time("verdict", || trust(&trusted, &mut result));
     result.stages = log.stages;
@@ -125,13 +121,8 @@ fn posed(
 ) -> Result<Posed, RegisterError> {
     let (camera, rest, register) = (observation.camera, &template.mesh, &options.register);
     let found = pose(camera, rest, matches, register, options.seed)?;
-    match options.literal {
-        true => Ok(found),
-        false => {
-            let known = KnownPoses { views: &template.views, around: None };
-            posed_from(&known, camera, rest, matches, found, register)
-        }
-    }
+    let known = KnownPoses { views: &template.views, around: None };
+    posed_from(&known, camera, rest, matches, found, register)
 }
 
 /// The given matches, with found ones behind them for the joint solve; or found ones alone.
@@ -154,9 +145,9 @@ fn matches_of(
     }
 }
 
-/// Whether descriptors are asked for matches: eqs. 3 and 4 are those of the matches that they are given.
+/// Whether descriptors are asked for matches.
 fn finds_matches(observation: &Observation, method: Method, options: &ReconstructOptions) -> bool {
-    let beside = method == Method::Joint && options.find_beside_given && !options.literal;
+    let beside = method == Method::Joint && options.find_beside_given;
     observation.matches.is_none() || beside
 }
 
@@ -190,6 +181,7 @@ fn rigid_result(
 /// The SfS baseline at the rigid registration.
 fn shade_alone(
     sight: &Sight,
+    options: &SfsOptions,
     result: &mut Reconstruction,
     log: &mut StageLog,
 ) -> Result<(), ReconstructError> {
@@ -204,7 +196,7 @@ fn shade_alone(
         albedo: Some(photo.albedo),
         light: &photo.light.light,
     };
-    let shaded = log.time("sfs", || shape_from_shading(&input, &SfsOptions::default()))?;
+    let shaded = log.time("sfs", || shape_from_shading(&input, options))?;
     log.attach(&shaded.summary);
     (result.vertices, result.gain) = (shaded.vertices, shaded.gain);
     Ok(())

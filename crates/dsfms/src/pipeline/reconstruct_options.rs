@@ -4,7 +4,8 @@ use super::moved::MOVED;
 use crate::image::diagonal;
 use crate::options::{Documented, OptionError, commented, read};
 use crate::refine::{Comparison, JointOptions, Photograph, RefineOptions};
-use crate::register::{Body, Match, RegisterOptions};
+use crate::register::{Body, CameraMotion, Match, RegisterOptions};
+use crate::sfs::SfsOptions;
 use crate::verdict::Thresholds;
 use serde::{Deserialize, Serialize};
 
@@ -25,6 +26,8 @@ pub struct ReconstructOptions {
     pub refine: RefineOptions,
     /// Weights of the joint solve.
     pub joint: JointOptions,
+    /// Shape from shading alone.
+    pub sfs: SfsOptions,
     /// When a surface is believed.
     pub verdict: Thresholds,
 }
@@ -38,6 +41,7 @@ impl Default for ReconstructOptions {
             register: RegisterOptions::default(),
             refine: RefineOptions::default(),
             joint: JointOptions::default(),
+            sfs: SfsOptions::default(),
             verdict: Thresholds::default(),
         }
     }
@@ -56,7 +60,7 @@ impl ReconstructOptions {
 
     /// The defaults as TOML, every field under its documentation.
     pub fn commented() -> String {
-        commented(&Self::default(), &TABLES)
+        commented(&Self::default(), &FRAME_TABLES)
     }
 
     /// Check every field against its bounds.
@@ -67,6 +71,7 @@ impl ReconstructOptions {
         self.register.validate()?;
         self.refine.validate()?;
         self.joint.validate()?;
+        self.sfs.validate()?;
         self.verdict.validate()
     }
 
@@ -92,13 +97,24 @@ impl ReconstructOptions {
         joint.silhouette_px *= scale;
         self
     }
+
+    /// The same for the form of eqs. 3 and 4 that is asked for: as printed they know the given matches alone, no
+    /// camera but that of the matches, and no grazing or coloured light.
+    pub(super) fn in_form(mut self) -> Self {
+        if self.literal {
+            self.find_beside_given = false;
+            self.register.camera_motion = CameraMotion::Moving;
+            self.refine = self.refine.as_printed();
+        }
+        self
+    }
 }
 
 /// Image diagonal that lengths in pixels are stated for: 640×480.
 const DIAGONAL: f64 = 800.0;
 
 /// Where the fields of the options are documented.
-const TABLES: [Documented; 10] = [
+pub(crate) const FRAME_TABLES: [Documented; 11] = [
     ("", include_str!("reconstruct_options.rs"), "ReconstructOptions"),
     ("register", include_str!("../register/options.rs"), "RegisterOptions"),
     ("register.prior", include_str!("../register/options.rs"), "PriorWeights"),
@@ -108,5 +124,6 @@ const TABLES: [Documented; 10] = [
     ("joint.prior", include_str!("../register/options.rs"), "PriorWeights"),
     ("joint.image", include_str!("../refine/photometric_model.rs"), "PhotometricModel"),
     ("joint.exposure_unknown", include_str!("../refine/joint_options.rs"), "ExposureUnknown"),
+    ("sfs", include_str!("../sfs/mod.rs"), "SfsOptions"),
     ("verdict", include_str!("../verdict/thresholds.rs"), "Thresholds"),
 ];

@@ -53,7 +53,7 @@ impl<'a> Sight<'a> {
     /// Descriptors, where the template has some.
     pub(super) fn described(&self) -> Option<Described<'a>> {
         let search = Search::new(&self.template.mesh, self.template.features.as_ref()?);
-        let seen = detect(self.observation.frame, Some(&self.usable), &SfmOptions::default());
+        let seen = detect(self.observation.frame, Some(&self.usable), &SfmOptions::of_frames());
         Some(Described { search, seen })
     }
 

@@ -46,7 +46,7 @@ use crate::image::{Frame, Mask, ToneCurve};
 use crate::light::LightModel;
 use crate::mesh::Mesh;
 use crate::preoperative::scale_on_surface;
-use crate::sfm::{self, FoundModel, SfmStage};
+use crate::sfm::{self, FoundModel, NoPose, SfmStage};
 use crate::template::flatten::flatten;
 use crate::template::light_fit::LightFit;
 use crate::template::scale::{Scale, ScaleError, ScaleScene, find_scale};
@@ -156,7 +156,7 @@ pub struct BuiltTemplate {
     /// The template.
     pub template: Template,
     /// Name of every frame that was left out, and why.
-    pub rejected: Vec<(String, String)>,
+    pub rejected: Vec<(String, NoPose)>,
     /// The models that the frames fell into, the kept one first (indices count the frames given);
     /// empty for given poses.
     pub models: Vec<FoundModel>,
@@ -303,7 +303,7 @@ fn from_sparse(
         .around
         .zip(told.organ.as_ref())
         .map(|(mesh, organ)| views.around(mesh, organ, &options.anchor));
-    let name = |(i, why): &(usize, String)| (exploration.frames[*i].name.clone(), why.clone());
+    let name = |(i, why): &(usize, NoPose)| (exploration.frames[*i].name.clone(), why.clone());
     let rejected = sparse.rejected.iter().map(name).collect();
     let covariance = sparse.covariance(options.sfm.refine).ok();
     let precision = covariance.map(|c| SparsePrecision::of(&c, &sparse, exploration.frames, unit));

@@ -31,7 +31,8 @@ impl ScaleRule {
     }
 }
 
-/// How a preoperative surface is registered.
+/// How a preoperative surface is registered. What the defaults reach is in `docs/results/register_ct.md`; other values
+/// are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PreoperativeOptions {

@@ -12,7 +12,7 @@ use super::verdict::{Alternative, Doubt, PreoperativeError};
 use crate::geometry::{Point3, Similarity, median};
 use crate::mesh::Mesh;
 use crate::mesh::orientation::oriented_outward;
-use crate::structures::{Carrier, CarrierOptions, Depth, StructureError, depths};
+use crate::structures::{Carrier, Depth, StructureError, depths};
 use rayon::prelude::*;
 
 /// Points of the template that are laid on the preoperative surface.
@@ -294,7 +294,7 @@ impl Preoperative {
         if self.bent.is_none() {
             return Ok(placed);
         }
-        let carrier = Carrier::new(&self.placed, &CarrierOptions::default())?;
+        let carrier = Carrier::new(&self.placed)?;
         let carried = carrier.carry(&self.vertices)?;
         Ok(placed.par_iter().map(|p| carried.at(p)).collect())
     }

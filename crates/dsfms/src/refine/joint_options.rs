@@ -8,6 +8,11 @@ use serde::{Deserialize, Serialize};
 /// Options of the joint solve, whose cost stands in `refine/joint_objective.rs`. Lengths are relative to the
 /// visible radius, so they hold in any unit. `shading`, `outline` and `highlights` weigh a mean, in units of
 /// one match that is off by 1 px, so they hold for any number of samples, contour points and vertices.
+///
+/// Measured on choosing scenes and clips (`docs/results/choices.md`): `shading` (half), `outline`, `find_outline`,
+/// `highlights` (none), `robust` (6, 12), `strain`, `near_depth_hold`, `near_depth_motion`, `smooth_gain`, `blurs`,
+/// `look_again`, `mirrors`; smoothing and blurs also in `docs/results/scenes.md`. Other values of `match_px`,
+/// `silhouette_px`, `smooth_length` and `max_samples` are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointOptions {
@@ -62,7 +67,8 @@ pub struct JointOptions {
 
 /// What of [`JointOptions`] is other where the light is near and the exposure is not known, and under a
 /// distant light where a frame is followed: a stronger prior holds what brightness cannot tell, and smooth
-/// errors of brightness are a field.
+/// errors of brightness are a field. Measured where the exposure is known, as what the defaults of
+/// [`JointOptions`] replaced (`docs/results/scenes.md`); other values where it is unknown are not measured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExposureUnknown {

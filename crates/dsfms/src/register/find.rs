@@ -59,7 +59,7 @@ impl<'a> Search<'a> {
         seed: u64,
     ) -> Result<Vec<Match>, RegisterError> {
         let Self { features, descriptors, places, radius } = self;
-        let sfm = SfmOptions::default();
+        let sfm = SfmOptions::of_frames();
         let a = UnitDescriptors::new(&seen.descriptors);
         let pairs = match_places(&a, descriptors, places, *radius, sfm.ratio, sfm.max_distance);
         if pairs.len() < NEEDED {

@@ -19,6 +19,7 @@ mod terms;
 pub mod volume;
 
 use crate::geometry::Point2;
+use crate::options::OptionError;
 pub use at_rest::{KnownPoses, posed_from};
 pub use coarse::RegisterMemory;
 pub use control::{Body, Deformable};
@@ -45,6 +46,9 @@ pub struct Match {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RegisterError {
+    /// An option out of its bounds.
+    #[error(transparent)]
+    Options(#[from] OptionError),
     /// Fewer matches than a pose needs.
     #[error(
         "{found} usable matches, at least {needed} are needed; give more, or check that the frame shows \

@@ -32,7 +32,7 @@ pub enum CameraMotion {
 
 /// What the surface keeps of its rest shape, and how firmly. A weight is `1/s²`: a strain `s` of all that is
 /// seen costs as much as one match that is off by its noise. Chosen on the synthetic series and the `choose`
-/// scenes (`docs/results/ablation`, `docs/results/scenes.md`).
+/// scenes (`docs/results/ablation`, `docs/results/scenes.md`); other values of `hidden` are not measured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PriorWeights {
@@ -78,6 +78,10 @@ impl PriorWeights {
 }
 
 /// Options of the rigid pose and of eq. 3. Lengths are relative, so they hold in any unit.
+///
+/// Measured: no annealing of `robust_px` and no `depth_hold` at all (`docs/results/ablation`), `anchor`
+/// (`docs/results/choices.md`). Other values of `match_sigma_px`, `robust_px`, `depth_hold` and
+/// `depth_hold_motion` are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RegisterOptions {

@@ -64,7 +64,7 @@ pub(super) fn median_of(values: &[f64]) -> f64 {
 /// the part of the organ that stayed put decides and not the part that was pushed.
 ///
 /// # Errors
-/// Fewer than four matches, or no pose with four matches in agreement.
+/// An option out of its bounds, fewer than four matches, or no pose with four matches in agreement.
 #[doc(alias("PnP", "absolute pose", "RANSAC"))]
 pub fn pose(
     camera: &CameraModel,
@@ -73,6 +73,7 @@ pub fn pose(
     options: &RegisterOptions,
     seed: u64,
 ) -> Result<Posed, RegisterError> {
+    options.validate()?;
     if matches.len() < NEEDED {
         return Err(RegisterError::TooFewMatches { found: matches.len(), needed: NEEDED });
     }
@@ -90,7 +91,7 @@ pub fn pose(
 /// The rigid pose near a known one (a frame before), which nine in ten matches are not far from.
 ///
 /// # Errors
-/// Fewer than four matches, or no pose there that a third of them agree with.
+/// An option out of its bounds, fewer than four matches, or no pose there that a third of them agree with.
 pub fn pose_near(
     camera: &CameraModel,
     points: &[Point3],
@@ -98,6 +99,7 @@ pub fn pose_near(
     options: &RegisterOptions,
     start: Isometry,
 ) -> Result<Posed, RegisterError> {
+    options.validate()?;
     let found = points.len();
     if found < NEEDED {
         return Err(RegisterError::TooFewMatches { found, needed: NEEDED });

@@ -29,9 +29,10 @@ use rayon::prelude::*;
 /// Minimise the bundle's cost in place; never returns a state that costs more than the start.
 ///
 /// # Errors
-/// A bundle without observations, with indices that do not exist, or with points behind their cameras.
+/// An option out of its bounds, a bundle without observations, with indices that do not exist, or with points behind their cameras.
 #[doc(alias("bundle adjustment", "BA"))]
 pub fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<Summary, BundleError> {
+    options.validate()?;
     check_cameras(bundle)?;
     let layout = BundleLayout::new(bundle, &options.refine.active());
     sort(bundle, layout.eliminate)?;

@@ -1,7 +1,7 @@
 //! From the growing map to the value the stage returns.
 
 use super::map::Map;
-use super::reconstruction::{FoundModel, ScenePoint, SparseReconstruction, TrackedPixel};
+use super::reconstruction::{FoundModel, NoPose, ScenePoint, SparseReconstruction, TrackedPixel};
 use crate::geometry::Point2;
 use crate::image::Frame;
 
@@ -23,7 +23,7 @@ pub(super) fn normalise(map: &mut Map, first: usize) {
 pub(super) fn collect(
     map: Map,
     frames: &[Frame],
-    rejected: Vec<(usize, String)>,
+    rejected: Vec<(usize, NoPose)>,
     others: Vec<FoundModel>,
 ) -> SparseReconstruction {
     let models = std::iter::once(map.summary()).chain(others).collect();

@@ -3,6 +3,7 @@
 use super::SfmOptions;
 use super::error::SfmError;
 use super::features::{Features2d, detect};
+use super::reconstruction::NoPose;
 use crate::camera::CameraModel;
 use crate::image::{Frame, Mask, viewport};
 use rayon::prelude::*;
@@ -105,17 +106,13 @@ pub(super) fn detect_all(
 }
 
 /// Frames with too few features, and why.
-pub(super) fn unusable(frames: &[Frame], features: &[Features2d]) -> Vec<(usize, String)> {
+pub(super) fn unusable(frames: &[Frame], features: &[Features2d]) -> Vec<(usize, NoPose)> {
     let reason = |(i, f): (usize, &Features2d)| {
         (f.len() < MIN_FEATURES).then(|| {
             let brightest = frames[i].rgb.iter().flatten().max().copied().unwrap_or(0);
-            let why = if brightest < 16 {
-                format!("the frame is black (brightest value {brightest} of 255)")
-            } else {
-                format!(
-                    "{} features inside the valid area, at least {MIN_FEATURES} are needed",
-                    f.len()
-                )
+            let why = match brightest < 16 {
+                true => NoPose::Black { brightest },
+                false => NoPose::FewFeatures { found: f.len(), needed: MIN_FEATURES },
             };
             (i, why)
         })
@@ -124,7 +121,7 @@ pub(super) fn unusable(frames: &[Frame], features: &[Features2d]) -> Vec<(usize,
 }
 
 /// At least two frames must have features.
-pub(super) fn check_usable(frames: &[Frame], rejected: &[(usize, String)]) -> Result<(), SfmError> {
+pub(super) fn check_usable(frames: &[Frame], rejected: &[(usize, NoPose)]) -> Result<(), SfmError> {
     let usable = frames.len() - rejected.len();
     if usable >= 2 {
         return Ok(());

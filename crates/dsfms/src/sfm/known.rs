@@ -8,7 +8,7 @@ use super::kept::whole_poses;
 use super::map::Map;
 use super::matching::UnitDescriptors;
 use super::reconstruct::features;
-use super::reconstruction::SparseReconstruction;
+use super::reconstruction::{NoPose, SparseReconstruction};
 use super::rematch::rematch;
 use super::{RefineIntrinsics, SfmOptions};
 use crate::camera::CameraModel;
@@ -58,7 +58,7 @@ fn triangulate(
 ) -> SparseReconstruction {
     let mut rejected = unusable(frames, features);
     let missing = (0..frames.len()).filter(|&v| poses[v].is_none());
-    rejected.extend(missing.map(|v| (v, "no pose was given".to_string())));
+    rejected.extend(missing.map(|v| (v, NoPose::NotGiven)));
     rejected.sort_by_key(|r| r.0);
     rejected.dedup_by_key(|r| r.0);
     let descriptors: Vec<_> =

@@ -50,6 +50,6 @@ pub use matching::{DescriptorMatch, match_descriptors};
 pub use options::{LocalContrast, SfmOptions};
 pub use reconstruct::reconstruct;
 pub(crate) use reconstruct::reconstruct_kept;
-pub use reconstruction::{FoundModel, ScenePoint, SparseReconstruction, TrackedPixel};
+pub use reconstruction::{FoundModel, NoPose, ScenePoint, SparseReconstruction, TrackedPixel};
 pub(crate) use resection::error_px;
 pub use resection::{Resection, refine_pose, resect};

@@ -12,6 +12,9 @@ pub(super) const LAST_LOSS: Loss = Loss::GemanMcClure(1.0);
 /// Options of [`reconstruct`](super::reconstruct) and
 /// triangulation with known poses. The defaults suit laparoscopic frames of
 /// 480 to 1080 rows.
+///
+/// Measured: `local_contrast` and `flow_below` (`docs/results/template.md`, faint texture), and thresholds of the
+/// scores by themselves (`docs/results/choices.md`, template). Other values of the rest are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SfmOptions {
@@ -130,11 +133,22 @@ impl SfmOptions {
             ("sfm.max_distance", positive(&[self.max_distance.into()]), "positive"),
             ("sfm.min_matches", self.min_matches >= 8, "at least 8"),
             (
+                "sfm.min_inlier_fraction",
+                (0.0..=1.0).contains(&self.min_inlier_fraction),
+                "from 0 to 1",
+            ),
+            (
                 "sfm.max_epipolar_px, max_reprojection_px, min_parallax_deg",
                 positive(&[self.max_epipolar_px, self.max_reprojection_px, self.min_parallax_deg]),
                 "positive",
             ),
         ])
+    }
+
+    /// By which features of a single frame are found and compared with those of a template: always the defaults, since
+    /// a template does not say by which its own were found, and other frames of it must give the same matches.
+    pub(crate) fn of_frames() -> Self {
+        Self::default()
     }
 
     /// Limits of an acceptable point.

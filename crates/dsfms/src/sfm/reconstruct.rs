@@ -12,7 +12,7 @@ use super::kept::{whole_features, whole_matches, whole_poses};
 use super::map::Map;
 use super::matching::UnitDescriptors;
 use super::options::LAST_LOSS;
-use super::reconstruction::{FoundModel, SparseReconstruction};
+use super::reconstruction::{FoundModel, NoPose, SparseReconstruction};
 use super::rematch::rematch;
 use super::tracks::{PairMatches, build_tracks};
 use super::two_view::{VerifiedPair, verify_pairs};
@@ -148,7 +148,7 @@ fn largest_model<'a>(
     pairs: &[VerifiedPair],
     options: &SfmOptions,
     progress: SfmProgress,
-    rejected: &mut Vec<(usize, String)>,
+    rejected: &mut Vec<(usize, NoPose)>,
 ) -> Result<(Map<'a>, Vec<FoundModel>), SfmError> {
     /// The largest counts; further ones are only told to the user.
     const MAX_MODELS: usize = 4;
@@ -187,7 +187,7 @@ fn explain(
     models: &[Map],
     best: usize,
     pairs: &[VerifiedPair],
-    rejected: &mut Vec<(usize, String)>,
+    rejected: &mut Vec<(usize, NoPose)>,
 ) {
     for view in 0..models[best].poses.len() {
         if models[best].poses[view].is_some() || rejected.iter().any(|r| r.0 == view) {
@@ -196,14 +196,9 @@ fn explain(
         let other = models.iter().find(|m| m.poses[view].is_some());
         let linked = pairs.iter().filter(|p| p.a == view || p.b == view).count();
         let why = match (other, linked) {
-            (Some(other), _) => format!(
-                "it belongs to a separate model of {} frames that shares too few points with the largest",
-                other.registered()
-            ),
-            (None, 0) => "no other frame matches it".to_string(),
-            (None, n) => {
-                format!("{n} frames match it, but too few reconstructed points agree on a pose")
-            }
+            (Some(other), _) => NoPose::OtherModel { frames: other.registered() },
+            (None, 0) => NoPose::Unmatched,
+            (None, matching) => NoPose::Disagreement { matching },
         };
         rejected.push((view, why));
     }
@@ -297,11 +292,7 @@ mod tests {
         assert_eq!(one.poses, two.poses);
         assert_eq!(one.points, two.points);
         assert_eq!(one.registered(), 5);
-        assert!(
-            one.rejected.len() == 1 && one.rejected[0].1.contains("black"),
-            "{:?}",
-            one.rejected
-        );
+        assert!(matches!(one.rejected[..], [(_, NoPose::Black { .. })]), "{:?}", one.rejected);
         let found: Vec<Point3> = one.poses.iter().flatten().map(centre_of).collect();
         let truth: Vec<Point3> = poses().iter().map(centre_of).collect();
         let fit = align_similarity(&found, &truth).unwrap();
@@ -323,7 +314,7 @@ mod tests {
         assert_eq!(kept.points, found.points.len());
         assert!(other.points >= SfmOptions::default().min_matches, "{}", other.points);
         assert_eq!(found.rejected.iter().map(|r| r.0).collect::<Vec<_>>(), other.frames);
-        assert!(found.rejected.iter().all(|r| r.1.contains("separate model of 3 frames")));
+        assert!(found.rejected.iter().all(|r| r.1 == NoPose::OtherModel { frames: 3 }));
     }
 
     #[test]

@@ -43,6 +43,46 @@ pub struct FoundModel {
     pub points: usize,
 }
 
+/// Why a frame has no pose.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
+#[non_exhaustive]
+pub enum NoPose {
+    /// Nothing is to be seen.
+    #[error("the frame is black (brightest value {brightest} of 255)")]
+    Black {
+        /// Of its three channels.
+        brightest: u8,
+    },
+    /// Nothing to find it by.
+    #[error("{found} features inside the valid area, at least {needed} are needed")]
+    FewFeatures {
+        /// Features.
+        found: usize,
+        /// Fewest of a usable frame.
+        needed: usize,
+    },
+    /// Poses are known, and its own is not among them.
+    #[error("no pose was given for it")]
+    NotGiven,
+    /// It is of another model than the largest.
+    #[error(
+        "it belongs to a separate model of {frames} frames that shares too few points with the largest"
+    )]
+    OtherModel {
+        /// Frames of that model.
+        frames: usize,
+    },
+    /// No other frame shows the same.
+    #[error("no other frame matches it")]
+    Unmatched,
+    /// Its matches agree on no pose.
+    #[error("{matching} frames match it, but too few reconstructed points agree on a pose")]
+    Disagreement {
+        /// Frames that match it.
+        matching: usize,
+    },
+}
+
 /// Camera poses and sparse points. The world has the axes of the first registered camera and,
 /// unless poses were given, such a scale that the median depth is 50 units.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -50,7 +90,7 @@ pub struct SparseReconstruction {
     /// `camera_from_world` per frame; `None` where it was rejected.
     pub poses: Vec<Option<Isometry>>,
     /// Index of each rejected frame and why.
-    pub rejected: Vec<(usize, String)>,
+    pub rejected: Vec<(usize, NoPose)>,
     /// The models that the frames fell into, which share too few points to be one: first that of
     /// `poses` and `points`, the one of most frames, then those that were left out.
     pub models: Vec<FoundModel>,

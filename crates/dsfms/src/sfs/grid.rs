@@ -62,8 +62,7 @@ impl PixelGrid {
         let too_small = |found| SfsError::TooSmall { found, needed: MIN_NODES };
         let region = raster.silhouette();
         let (origin, extent) = bounding_box(&region).ok_or(too_small(0))?;
-        let across = options.nodes_across.clamp(8, 200);
-        let step = extent[0].max(extent[1]).div_ceil(across).max(1);
+        let step = extent[0].max(extent[1]).div_ceil(options.nodes_across).max(1);
         let size = extent.map(|e| e / step + 1);
         let depths = raster.depth.iter().filter(|d| d.is_finite());
         let mean_depth = depths.clone().sum::<f64>() / depths.count() as f64;

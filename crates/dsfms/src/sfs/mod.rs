@@ -23,6 +23,7 @@ use crate::geometry::{Isometry, Point3};
 use crate::image::{Mask, Plane};
 use crate::light::LightModel;
 use crate::mesh::Mesh;
+use crate::options::{OptionError, check, from_zero, positive};
 use crate::raster::{rasterize, visible_vertices};
 use crate::solver::Summary;
 use crate::template::SurfaceTexels;
@@ -49,7 +50,7 @@ pub struct SfsInput<'a> {
     pub light: &'a LightModel,
 }
 
-/// Options of [`shape_from_shading`].
+/// Options of [`shape_from_shading`]. Other values are not measured: it is here to compare with.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SfsOptions {
@@ -83,6 +84,26 @@ impl Default for SfsOptions {
     }
 }
 
+impl SfsOptions {
+    /// Check every field against its bounds.
+    ///
+    /// # Errors
+    /// The first field out of them.
+    pub fn validate(&self) -> Result<(), OptionError> {
+        check(&[
+            ("sfs.nodes_across", (8..=200).contains(&self.nodes_across), "from 8 to 200"),
+            (
+                "sfs.relative_noise, curvature, border_sigma",
+                positive(&[self.relative_noise, self.curvature, self.border_sigma]),
+                "positive",
+            ),
+            ("sfs.halo_px", from_zero(&[self.halo_px]), "0 or more"),
+            ("sfs.start_bulge", (-1.0..1.0).contains(&self.start_bulge), "from -1 to below 1"),
+            ("sfs.max_iterations", self.max_iterations >= 1, "at least 1"),
+        ])
+    }
+}
+
 /// What [`shape_from_shading`] found.
 #[derive(Clone, Debug)]
 pub struct SfsResult {
@@ -98,6 +119,9 @@ pub struct SfsResult {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SfsError {
+    /// An option out of its bounds.
+    #[error(transparent)]
+    Options(#[from] OptionError),
     /// Frame, masks and camera differ.
     #[error(
         "the frame or a mask is {found:?} px but the camera says {expected:?}; use the camera of this resolution"
@@ -123,9 +147,10 @@ pub enum SfsError {
 /// Depth from the shading of one frame; deterministic.
 ///
 /// # Errors
-/// Images of another size than the camera, or no usable pixel that shows the mesh.
+/// An option out of its bounds, images of another size than the camera, or no usable pixel that shows the mesh.
 #[doc(alias = "SfS")]
 pub fn shape_from_shading(input: &SfsInput, options: &SfsOptions) -> Result<SfsResult, SfsError> {
+    options.validate()?;
     let expected = input.camera.size;
     for found in [input.grey.size, input.usable.size, input.saturated.size] {
         if found != expected {

@@ -11,12 +11,12 @@
 //!
 //! ```
 //! use dsfms::geometry::{Isometry, Point3, Vector3};
-//! use dsfms::structures::{Carrier, CarrierOptions};
+//! use dsfms::structures::Carrier;
 //! use dsfms::synth::patch;
 //! let rest = patch(300, 1).mesh;
 //! let pose = Isometry::new(Vector3::new(1.0, 2.0, 70.0), Vector3::new(0.1, 0.2, 0.0));
 //! let posed: Vec<Point3> = rest.positions.iter().map(|p| pose * p).collect();
-//! let carrier = Carrier::new(&rest, &CarrierOptions::default()).unwrap();
+//! let carrier = Carrier::new(&rest).unwrap();
 //! let tumour = Point3::new(3.0, -2.0, 15.0);
 //! let found = carrier.carry(&posed).unwrap().at(&tumour);
 //! assert!((found - pose * tumour).norm() < 1e-6);
@@ -29,31 +29,15 @@ use crate::geometry::{Isometry, Point3, Vector3, align_rigid};
 use crate::mesh::Mesh;
 use crate::mesh::surface_points::ClosestPoints;
 use nalgebra::{DMatrix, Dyn, LU};
-use serde::{Deserialize, Serialize};
 
-/// How the deformation is continued.
-#[doc(alias("augmented reality", "skinning"))]
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct CarrierOptions {
-    /// Centres of the radial functions, at least 16; a surface with fewer vertices has one a vertex.
-    /// The system is factorised once, in time of its cube: under a second for 600.
-    pub centres: usize,
-}
-
-impl Default for CarrierOptions {
-    fn default() -> Self {
-        Self { centres: 600 }
-    }
-}
+/// Centres of the radial functions; a surface with fewer vertices has one a vertex. The system is factorised
+/// once, in time of its cube: under a second. Fewer or more are not measured.
+const CENTRES: usize = 600;
 
 /// Why structures cannot be carried.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StructureError {
-    /// An option out of its range.
-    #[error("{0} centres; expected at least 16")]
-    TooFewCentres(usize),
     /// The vertices lie on a line, so that their motion says nothing about a place beside it.
     #[error("the template's {vertices} vertices lie on a line; structures need a surface")]
     Degenerate {
@@ -87,13 +71,11 @@ impl Carrier {
     /// Prepare a template; lengths in any unit.
     ///
     /// # Errors
-    /// [`StructureError`] where an option is out of range or the surface is degenerate.
-    pub fn new(rest: &Mesh, options: &CarrierOptions) -> Result<Self, StructureError> {
-        if options.centres < 16 {
-            return Err(StructureError::TooFewCentres(options.centres));
-        }
+    /// [`StructureError::Degenerate`].
+    #[doc(alias("augmented reality", "skinning"))]
+    pub fn new(rest: &Mesh) -> Result<Self, StructureError> {
         let vertices = rest.positions.len();
-        let patches = patches(&rest.positions, options.centres);
+        let patches = patches(&rest.positions, CENTRES);
         let centres = middles(&patches, &rest.positions);
         let size = centres.iter().map(|c| (c - centres[0]).norm()).fold(0.0, f64::max);
         let system = LU::new(matrix(&centres, size));
@@ -233,7 +215,7 @@ mod tests {
     fn vertices_on_a_line_are_refused() {
         let points: Vec<[f64; 3]> = (0..30).map(|i| [f64::from(i), 0.0, 0.0]).collect();
         let faces: Vec<[u32; 3]> = (0..28).map(|i| [i + i % 2, i + 1 - i % 2, i + 2]).collect();
-        let error = Carrier::new(&mesh(&points, &faces), &CarrierOptions::default()).unwrap_err();
+        let error = Carrier::new(&mesh(&points, &faces)).unwrap_err();
         assert_eq!(error, StructureError::Degenerate { vertices: 30 });
     }
 
@@ -254,7 +236,7 @@ mod tests {
             .iter()
             .map(|p| p + Vector3::new(0.1 * p.y, 0.0, 0.2 * p.x * p.x))
             .collect();
-        let carrier = Carrier::new(&rest, &CarrierOptions::default()).unwrap();
+        let carrier = Carrier::new(&rest).unwrap();
         let carried = carrier.carry(&bent).unwrap();
         for (p, q) in rest.positions.iter().zip(&bent) {
             assert!((carried.at(p) - q).norm() < 1e-9, "{p} {q}");
@@ -279,7 +261,7 @@ mod tests {
     #[test]
     fn the_deformation_is_what_no_rigid_motion_explains() {
         let rest = rough_sheet();
-        let carrier = Carrier::new(&rest, &CarrierOptions::default()).unwrap();
+        let carrier = Carrier::new(&rest).unwrap();
         let pose = Isometry::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.2, 0.1, 0.4));
         let mut moved: Vec<Point3> = rest.positions.iter().map(|p| pose * p).collect();
         assert!(carrier.carry(&moved).unwrap().deformation() < 1e-9);

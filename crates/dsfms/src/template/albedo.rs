@@ -17,6 +17,7 @@ use crate::camera::PosedFrame;
 use crate::geometry::Vector3;
 use crate::light::LightModel;
 use crate::mesh::Mesh;
+use crate::options::OptionError;
 use rayon::prelude::*;
 
 pub use super::albedo_options::AlbedoOptions;
@@ -39,6 +40,9 @@ pub struct AlbedoEstimate {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AlbedoError {
+    /// An option out of its bounds.
+    #[error(transparent)]
+    Options(#[from] OptionError),
     /// Nothing to measure in.
     #[error("no registered frame; at least one is needed to measure the albedo")]
     NoViews,
@@ -68,7 +72,8 @@ pub enum AlbedoError {
 /// calibrated (its length unit that of the mesh).
 ///
 /// # Errors
-/// No view, an image or mask of another size than its camera, or no usable part of the surface in any.
+/// An option out of its bounds, no view, an image or mask of another size than its camera, or no usable part of the
+/// surface in any.
 #[doc(alias("eq. 1", "eq. 2"))]
 pub fn estimate_albedo(
     mesh: &Mesh,
@@ -112,7 +117,7 @@ pub fn estimate_albedo(
 /// slope between, so that where texture is missing the surface is more than interpolated.
 ///
 /// # Errors
-/// No views, or views whose sizes differ.
+/// An option out of its bounds, no views, or views whose sizes differ.
 pub fn refine_by_shading(
     mesh: &Mesh,
     sigma: &[f64],
@@ -139,8 +144,9 @@ impl<'a> Observed<'a> {
         views: &'a [AlbedoView<'a>],
         model: &KnownLight,
     ) -> Result<Self, AlbedoError> {
-        check_views(views)?;
         let KnownLight { light, options } = *model;
+        options.validate()?;
+        check_views(views)?;
         let normals = smoothed_normals(mesh, options.normal_smoothing);
         let prepared = prepare(mesh, views, &options.bounds);
         let spots =

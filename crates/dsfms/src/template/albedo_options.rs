@@ -1,11 +1,14 @@
 //! Options of the albedo.
 
 use super::combine::Combine;
-use super::photometric::ObservationBounds;
-use crate::light::{Coat, coat::WET_TISSUE};
+use super::photometric::{ObservationBounds, VALID_BOUNDS};
+use crate::light::Coat;
+use crate::light::coat::{PLAUSIBLE, WET_TISSUE};
+use crate::options::{OptionError, check, positive};
 use serde::{Deserialize, Serialize};
 
-/// Options of [`estimate_albedo`](super::albedo::estimate_albedo).
+/// Options of [`estimate_albedo`](super::albedo::estimate_albedo). What the defaults reach is in
+/// `docs/results/template.md` (albedo); other values are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AlbedoOptions {
@@ -53,6 +56,22 @@ impl Default for AlbedoOptions {
 }
 
 impl AlbedoOptions {
+    /// Check every field against its bounds.
+    ///
+    /// # Errors
+    /// The first field out of them.
+    pub fn validate(&self) -> Result<(), OptionError> {
+        check(&[
+            ("albedo.bounds", self.bounds.are_valid(), VALID_BOUNDS),
+            ("albedo.texels_per_px", positive(&[self.texels_per_px]), "positive"),
+            ("albedo.max_resolution", (1..=256).contains(&self.max_resolution), "from 1 to 256"),
+            ("albedo.max_texels", (1..=1 << 28).contains(&self.max_texels), "from 1 to 2^28"),
+            ("albedo.gain_sigma", positive(&[self.gain_sigma]), "positive"),
+            ("albedo.ambient", self.ambient.is_finite(), "a number"),
+            ("albedo.refractive_index, vignetting", self.coat().is_plausible(), PLAUSIBLE),
+        ])
+    }
+
     /// Tissue and lens as the options describe them.
     pub fn coat(&self) -> Coat {
         let Self { refractive_index, ambient, vignetting, .. } = *self;

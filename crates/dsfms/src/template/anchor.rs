@@ -8,6 +8,7 @@ use super::Features;
 use crate::camera::{Camera, CameraModel, PosedFrame};
 use crate::geometry::{Point2, Point3, Vector3, area_normal, point_at};
 use crate::mesh::Mesh;
+use crate::options::{OptionError, check, from_zero};
 use crate::raster::{Raster, rasterize};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -23,7 +24,8 @@ pub struct FeatureView<'a> {
     pub descriptors: &'a [[u8; 128]],
 }
 
-/// Options of [`anchor_features`].
+/// Options of [`anchor_features`]. Other values are not measured but for `least_views` of the surroundings
+/// (`docs/results/track.md`, the camera by what lies around the organ).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AnchorOptions {
@@ -51,6 +53,20 @@ impl Default for AnchorOptions {
             contour_px: 3.0,
             grazing_cos: 0.2,
         }
+    }
+}
+
+impl AnchorOptions {
+    /// Check every field against its bounds.
+    ///
+    /// # Errors
+    /// The first field out of them.
+    pub fn validate(&self) -> Result<(), OptionError> {
+        check(&[(
+            "anchor.merge_px, merge_deg, contour_px, grazing_cos",
+            from_zero(&[self.merge_px, self.merge_deg, self.contour_px, self.grazing_cos]),
+            "0 or more",
+        )])
     }
 }
 

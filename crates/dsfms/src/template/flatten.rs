@@ -12,6 +12,7 @@ use crate::geometry::{Point2, Vector2, area};
 use crate::mesh::Mesh;
 use crate::mesh::boundary::boundary_loops;
 use crate::mesh::components::components;
+use crate::options::{OptionError, check};
 use cut::Cut;
 use nalgebra::Matrix2;
 use serde::{Deserialize, Serialize};
@@ -29,7 +30,7 @@ pub enum FlattenMethod {
     Spectral,
 }
 
-/// Which map, and how far a surface may be cut open for it.
+/// Which map (`docs/results/flattening.md`), and how far a surface may be cut open for it (not measured).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FlattenOptions {
@@ -49,13 +50,24 @@ impl Default for FlattenOptions {
     }
 }
 
+impl FlattenOptions {
+    /// Check every field against its bounds.
+    ///
+    /// # Errors
+    /// The first field out of them.
+    pub fn validate(&self) -> Result<(), OptionError> {
+        let ratio = self.max_area_ratio > 1.0 && self.max_area_ratio.is_finite();
+        check(&[("flatten.max_area_ratio", ratio, "a number above 1")])
+    }
+}
+
 /// Why a surface could not be flattened.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FlattenError {
-    /// An option out of its range.
-    #[error("max_area_ratio is {0}; it must be a finite number above 1")]
-    BadOption(f64),
+    /// An option out of its bounds.
+    #[error(transparent)]
+    Options(#[from] OptionError),
     /// A face without area has no angles to keep.
     #[error("face {face} has no area, so it has no angles to keep; remove degenerate faces first")]
     DegenerateFace {
@@ -96,9 +108,7 @@ pub enum FlattenError {
 /// An option out of range, a face without area, or a piece that cannot be cut to a disc.
 #[doc(alias("UV map", "parametrisation", "conformal map", "LSCM", "BFF"))]
 pub fn flatten(mesh: &Mesh, options: &FlattenOptions) -> Result<Flattening, FlattenError> {
-    if !(options.max_area_ratio > 1.0 && options.max_area_ratio.is_finite()) {
-        return Err(FlattenError::BadOption(options.max_area_ratio));
-    }
+    options.validate()?;
     let faces = mesh.topology.faces.len();
     if let Some(face) = (0..faces).find(|&f| mesh.is_degenerate(f)) {
         return Err(FlattenError::DegenerateFace { face });

@@ -12,15 +12,18 @@ mod parametric;
 use super::albedo::{AlbedoError, check_views};
 use super::known_light::centred_gains;
 use super::log_linear::{LogFit, LogLinear};
-use super::photometric::{AlbedoView, ObservationBounds, SpotObservation};
+use super::photometric::{AlbedoView, ObservationBounds, SpotObservation, VALID_BOUNDS};
 use super::spots::{observe_spots, prepare, repeated, smoothed_normals};
 use crate::geometry::median;
-use crate::light::{LightModel, coat};
+use crate::light::coat::{PLAUSIBLE, WET_TISSUE};
+use crate::light::{Coat, LightModel};
 use crate::mesh::Mesh;
+use crate::options::{OptionError, check, positive};
 use parametric::{ParametricLight, models};
 use serde::{Deserialize, Serialize};
 
-/// Options of [`fit_light`].
+/// Options of [`fit_light`]. Other values than the defaults are not measured; what they reach is in
+/// `docs/results/template.md` (albedo).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LightFitOptions {
@@ -69,9 +72,33 @@ impl Default for LightFitOptions {
             gain_sigma: 0.3,
             ambient: true,
             offset_sigma: 0.1,
-            refractive_index: coat::WET_TISSUE,
+            refractive_index: WET_TISSUE,
             vignetting: Vignetting::default(),
         }
+    }
+}
+
+impl LightFitOptions {
+    /// Check every field against its bounds.
+    ///
+    /// # Errors
+    /// The first field out of them.
+    pub fn validate(&self) -> Result<(), OptionError> {
+        let vignetting = match self.vignetting {
+            Vignetting::Known(a) => a,
+            Vignetting::Estimated => 0.0,
+        };
+        let coat = Coat { refractive_index: self.refractive_index, ambient: 0.0, vignetting };
+        check(&[
+            ("light.bounds", self.bounds.are_valid(), VALID_BOUNDS),
+            ("light.spots", self.spots >= 100, "at least 100"),
+            (
+                "light.gain_sigma, offset_sigma",
+                positive(&[self.gain_sigma, self.offset_sigma]),
+                "positive",
+            ),
+            ("light.refractive_index, vignetting", coat.is_plausible(), PLAUSIBLE),
+        ])
     }
 }
 
@@ -123,7 +150,8 @@ const MIN_SPOTS: usize = 50;
 /// candidates. The reference distance is that of `initial`, or else the median distance of the observations.
 ///
 /// # Errors
-/// No view, an image or mask of another size than its camera, or no usable part of the surface in any.
+/// An option out of its bounds, no view, an image or mask of another size than its camera, or no usable part of the
+/// surface in any.
 #[doc(alias("photometric calibration", "light calibration"))]
 pub fn fit_light(
     mesh: &Mesh,
@@ -131,13 +159,13 @@ pub fn fit_light(
     initial: Option<&LightModel>,
     options: &LightFitOptions,
 ) -> Result<LightFit, AlbedoError> {
+    options.validate()?;
     check_views(views)?;
     let normals = smoothed_normals(mesh, options.normal_smoothing);
     let prepared = prepare(mesh, views, &options.bounds);
     let at_camera = LightModel::at_origin(1.0);
     let gate = initial.unwrap_or(&at_camera);
-    let count = options.spots.max(100);
-    let seen = observe_spots(mesh, &normals, &prepared, gate, &options.bounds, count);
+    let seen = observe_spots(mesh, &normals, &prepared, gate, &options.bounds, options.spots);
     let spots = repeated(&seen);
     if spots.len() < MIN_SPOTS {
         let once: Vec<_> = seen.into_iter().map(|s| s.seen).filter(|s| !s.is_empty()).collect();

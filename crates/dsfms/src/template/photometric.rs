@@ -7,6 +7,7 @@ use crate::geometry::{Point2, Point3, Vector3};
 use crate::image::{Bilinear, Mask, distance::distance_to, nearest_pixel, saturation};
 use crate::light::{Light, LightModel};
 use crate::mesh::Mesh;
+use crate::options::{from_zero, positive};
 use crate::raster::{OCCLUSION_TOLERANCE, Raster, rasterize};
 use serde::{Deserialize, Serialize};
 
@@ -22,7 +23,7 @@ pub struct AlbedoView<'a> {
     pub gain: f64,
 }
 
-/// When an observation counts.
+/// When an observation counts. Other values are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ObservationBounds {
@@ -59,6 +60,19 @@ impl Default for ObservationBounds {
         }
     }
 }
+
+impl ObservationBounds {
+    /// Whether all are numbers that can be bounds.
+    pub(super) fn are_valid(&self) -> bool {
+        let Self { halo_px, contour_px, mask_px, specular_deg, grazing_cos, .. } = *self;
+        from_zero(&[halo_px, contour_px, mask_px, specular_deg, grazing_cos, self.darkest])
+            && positive(&[self.relative_jump, self.brightest])
+    }
+}
+
+/// What is checked where options have such bounds.
+pub(super) const VALID_BOUNDS: &str =
+    "numbers: relative_jump and brightest positive, the others 0 or more";
 
 /// Brightness of one surface point in one frame.
 #[derive(Clone, Copy, Debug)]

@@ -11,8 +11,8 @@ use super::{Origin, TrackStatus};
 use crate::geometry::Isometry;
 use crate::image::Frame;
 use crate::register::Match;
-use crate::verdict::Reason;
 use crate::verdict::intrinsics::other_camera;
+use crate::verdict::{NoSurface, Reason};
 
 /// Features of a frame that are looked up at most; more tell little.
 const MOST_FEATURES: usize = 2000;
@@ -21,9 +21,6 @@ const MOST_FEATURES: usize = 2000;
 /// most.
 const RAREST: usize = 16;
 
-/// Why a frame has no surface while another is searched.
-const SEARCHED_ELSEWHERE: &str = "an earlier frame is being searched";
-
 impl Tracker<'_> {
     /// Follow, and find where that is not good enough; the better of both.
     pub(super) fn attempts(
@@ -31,7 +28,7 @@ impl Tracker<'_> {
         frame: &Frame,
         view: &View,
         clock: &mut Clock,
-    ) -> Result<Candidate, String> {
+    ) -> Result<Candidate, NoSurface> {
         let fresh =
             |last: &Last| (self.count - last.frame <= self.options.patience).then_some(last.frame);
         let all_search = self.beside.as_ref().is_some_and(Beside::all_search);
@@ -40,7 +37,7 @@ impl Tracker<'_> {
                 let found = clock.time("follow", || self.followed(view));
                 self.on_from_last(view, found, Origin::Followed, clock)
             }
-            None => Err("not found yet".to_owned()),
+            None => Err(NoSurface::NotFound),
         };
         let need = self.need(&followed);
         if need.held {
@@ -54,7 +51,7 @@ impl Tracker<'_> {
             Some(beside) => self.sought_beside(beside, &need, frame, view, clock),
         };
         let Some(found) = found else {
-            let nothing = |why| if need.search { SEARCHED_ELSEWHERE.to_owned() } else { why };
+            let nothing = |why| if need.search { NoSurface::SearchedElsewhere } else { why };
             return followed.map_err(nothing);
         };
         let keep = match (&followed, &found) {
@@ -67,7 +64,7 @@ impl Tracker<'_> {
     }
 
     /// What a followed surface, or none, leaves to a search.
-    fn need(&self, followed: &Result<Candidate, String>) -> Need {
+    fn need(&self, followed: &Result<Candidate, NoSurface>) -> Need {
         let due = |at: usize| self.count >= at + self.rarer * self.options.search_every;
         // What covers a part, or veils all, is no matter of where the template is.
         let veil = |r: &Reason| matches!(r, Reason::RegionContradicted(_) | Reason::Faint { .. });
@@ -91,15 +88,14 @@ impl Tracker<'_> {
         frame: &Frame,
         view: &View,
         clock: &mut Clock,
-    ) -> Result<Candidate, String> {
+    ) -> Result<Candidate, NoSurface> {
         let seed = self.options.reconstruct.seed;
         let matches = clock.time("find", || {
             let seen = view.seen.features(frame, &self.working, MOST_FEATURES);
             let options = &self.options.reconstruct.register;
             self.search.matches(self.camera, &seen, options, seed)
         });
-        let matches = matches.map_err(|error| error.to_string())?;
-        self.found(view, matches, clock)
+        self.found(view, matches?, clock)
     }
 
     /// The surface where the template was found: bent as it was last, or from nothing.
@@ -108,7 +104,7 @@ impl Tracker<'_> {
         view: &View,
         matches: Vec<Match>,
         clock: &mut Clock,
-    ) -> Result<Candidate, String> {
+    ) -> Result<Candidate, NoSurface> {
         let options = &self.options.reconstruct;
         self.other_camera = self.template.camera.as_ref().and_then(|own| {
             let (limit, cameras) = (options.verdict.camera, [self.camera, own]);
@@ -139,7 +135,7 @@ impl Tracker<'_> {
         found: FollowedMatches,
         origin: Origin,
         clock: &mut Clock,
-    ) -> Result<Candidate, String> {
+    ) -> Result<Candidate, NoSurface> {
         let FollowedMatches { matches, places } = found;
         let by_look = matches.len() - places.len();
         let draft = self.carried(view, matches, origin, clock)?;
@@ -202,7 +198,7 @@ impl Tracker<'_> {
         places: Vec<FollowedPlace>,
         origin: Origin,
         clock: &mut Clock,
-    ) -> Result<Candidate, String> {
+    ) -> Result<Candidate, NoSurface> {
         let kept = (self.last.replace(last), std::mem::replace(&mut self.places, places));
         let found = clock.time("follow", || self.followed(view));
         let again = self.on_from_last(view, found, origin, clock);

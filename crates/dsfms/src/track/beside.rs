@@ -6,6 +6,7 @@ use super::exposed::Exposed;
 use super::prepare::View;
 use super::recent::UsualResidual;
 use crate::image::Frame;
+use crate::verdict::NoSurface;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -40,7 +41,7 @@ pub(super) struct Need {
 
 /// What a search found in its frame.
 pub(super) struct Answer {
-    pub(super) outcome: Result<(Candidate, Last), String>,
+    pub(super) outcome: Result<(Candidate, Last), NoSurface>,
     pub(super) other_camera: Option<(f64, [f64; 2])>,
 }
 

@@ -32,9 +32,9 @@ mod tracker;
 mod verdict;
 
 use crate::geometry::{Isometry, Point3};
-use crate::options::{Documented, OptionError, check, commented, read};
+use crate::options::{Documented, OptionError, below, check, commented, read};
 use crate::pipeline::moved::MOVED;
-use crate::pipeline::{CameraSight, Method, ReconstructOptions};
+use crate::pipeline::{CameraSight, FRAME_TABLES, Method, ReconstructOptions};
 use crate::refine::VideoOptions;
 use crate::register::Match;
 use crate::verdict::{Reason, Region};
@@ -44,6 +44,9 @@ use serde::{Deserialize, Serialize};
 pub use tracker::Tracker;
 
 /// Options of a [`Tracker`].
+///
+/// Measured: `seek`, `seek_every`, `surroundings` (`docs/results/track.md`), `brief_search`, `search_beside`, `awake`
+/// (`docs/performance.md`). Other values of `correlation`, `patience` and `search_every` are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrackOptions {
@@ -123,7 +126,8 @@ impl TrackOptions {
 
     /// The defaults as TOML, every field under its documentation.
     pub fn commented() -> String {
-        commented(&Self::default(), &TABLES)
+        let all = [below("", &OWN_TABLES), below("reconstruct", &FRAME_TABLES)].concat();
+        commented(&Self::default(), &all)
     }
 
     /// Check every field against its bounds.
@@ -159,28 +163,10 @@ impl TrackOptions {
     }
 }
 
-/// Where the fields of the options are documented.
-const TABLES: [Documented; 12] = [
+/// Where the fields of the options are documented, beside those of a single frame.
+const OWN_TABLES: [Documented; 2] = [
     ("", include_str!("mod.rs"), "TrackOptions"),
     ("video", include_str!("../refine/video.rs"), "VideoOptions"),
-    ("reconstruct.verdict", include_str!("../verdict/thresholds.rs"), "Thresholds"),
-    ("reconstruct", include_str!("../pipeline/reconstruct_options.rs"), "ReconstructOptions"),
-    ("reconstruct.register", include_str!("../register/options.rs"), "RegisterOptions"),
-    ("reconstruct.register.prior", include_str!("../register/options.rs"), "PriorWeights"),
-    ("reconstruct.refine", include_str!("../refine/options.rs"), "RefineOptions"),
-    (
-        "reconstruct.refine.image",
-        include_str!("../refine/photometric_model.rs"),
-        "PhotometricModel",
-    ),
-    ("reconstruct.joint", include_str!("../refine/joint_options.rs"), "JointOptions"),
-    ("reconstruct.joint.prior", include_str!("../register/options.rs"), "PriorWeights"),
-    ("reconstruct.joint.image", include_str!("../refine/photometric_model.rs"), "PhotometricModel"),
-    (
-        "reconstruct.joint.exposure_unknown",
-        include_str!("../refine/joint_options.rs"),
-        "ExposureUnknown",
-    ),
 ];
 
 /// What became of a frame; no surface where it is [`Lost`](crate::verdict::Level::Lost).

@@ -138,7 +138,7 @@ impl Seen {
         let [w, h] = self.open.size;
         let small = smaller(frame, working.halvings, window);
         let open = window.of(&self.open);
-        let usual = SfmOptions::default();
+        let usual = SfmOptions::of_frames();
         // Tiles of about the same size as in the whole.
         let share = (small.size[0] * small.size[1]) as f64 / (w * h).max(1) as f64;
         let tiles = (usual.clahe_tiles as f64 * share.sqrt()).round().max(1.0) as usize;

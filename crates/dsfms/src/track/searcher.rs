@@ -8,6 +8,7 @@ use super::prepare::View;
 use super::tracker::Tracker;
 use super::{Origin, TrackStatus};
 use crate::image::Frame;
+use crate::verdict::NoSurface;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 /// Searches for a [`Tracker`], on another thread until the tracker is gone.
@@ -86,7 +87,7 @@ impl<'a> Tracker<'a> {
         frame: &Frame,
         view: &View,
         clock: &mut Clock,
-    ) -> Option<Result<Candidate, String>> {
+    ) -> Option<Result<Candidate, NoSurface>> {
         let found = self.asked_beside(&mut beside, need, frame, view, clock);
         match found {
             Ok(found) => {
@@ -105,7 +106,7 @@ impl<'a> Tracker<'a> {
         frame: &Frame,
         view: &View,
         clock: &mut Clock,
-    ) -> Result<Option<Result<Candidate, String>>, Gone> {
+    ) -> Result<Option<Result<Candidate, NoSurface>>, Gone> {
         let answer = beside.answer()?;
         self.answered = answer.is_some();
         let found = answer.filter(|_| !need.held).map(|answer| self.caught_up(view, answer, clock));
@@ -131,7 +132,7 @@ impl<'a> Tracker<'a> {
         view: &View,
         answer: Answer,
         clock: &mut Clock,
-    ) -> Result<Candidate, String> {
+    ) -> Result<Candidate, NoSurface> {
         self.other_camera = answer.other_camera;
         let (found, last) = answer.outcome?;
         if found.verdict.level == TrackStatus::Lost {

@@ -17,6 +17,7 @@ use crate::register::{
     Body, KnownPoses, Match, Posed, RegisterError, Registered, Scene, pose, pose_near, posed_from,
     register_in, register_near,
 };
+use crate::verdict::NoSurface;
 
 /// Matches that the motion since the last frame is taken from at most.
 const FEW: usize = 150;
@@ -28,13 +29,13 @@ impl Tracker<'_> {
         view: &View,
         matches: Vec<Match>,
         clock: &mut Clock,
-    ) -> Result<Draft, String> {
+    ) -> Result<Draft, NoSurface> {
         self.enough(&matches)?;
         let (rest, options) = (&self.template.mesh, &self.options.reconstruct);
         let posed = clock
             .time("pose", || pose(self.camera, rest, &matches, &options.register, options.seed));
         let posed = posed.and_then(|posed| self.posed_from(&matches, posed));
-        let posed = posed.map_err(|error| error.to_string())?;
+        let posed = posed?;
         let memory = &mut self.memory.register;
         let rigid = rest.positions.iter().map(|p| posed.pose * p).collect();
         let scene = clock.time("register", || Scene::new(self.camera, rest, rigid));
@@ -70,7 +71,7 @@ impl Tracker<'_> {
         matches: Vec<Match>,
         origin: Origin,
         clock: &mut Clock,
-    ) -> Result<Draft, String> {
+    ) -> Result<Draft, NoSurface> {
         self.beside_last(view, matches, origin, clock, |tracker, last, matches| {
             let options = &tracker.options.reconstruct.register;
             let to = |matches: &[Match], points: &[Point3], start: Isometry| {
@@ -95,7 +96,7 @@ impl Tracker<'_> {
         view: &View,
         matches: Vec<Match>,
         clock: &mut Clock,
-    ) -> Result<Draft, String> {
+    ) -> Result<Draft, NoSurface> {
         self.beside_last(view, matches, Origin::Found, clock, |tracker, last, matches| {
             let options = &tracker.options.reconstruct;
             let (rest, register) = (&tracker.template.mesh, &options.register);
@@ -123,11 +124,10 @@ impl Tracker<'_> {
         origin: Origin,
         clock: &mut Clock,
         start: impl FnOnce(&Self, &Last, &[Match]) -> Result<Start, RegisterError>,
-    ) -> Result<Draft, String> {
+    ) -> Result<Draft, NoSurface> {
         self.enough(&matches)?;
-        let last = self.last.as_ref().ok_or("nothing to follow")?;
-        let near = clock.time("pose", || start(self, last, &matches));
-        let near = near.map_err(|error| error.to_string())?;
+        let last = self.last.as_ref().ok_or(NoSurface::NothingToFollow)?;
+        let near = clock.time("pose", || start(self, last, &matches))?;
         Ok(self.solved(view, matches, near, origin, clock))
     }
 
@@ -249,10 +249,10 @@ impl Tracker<'_> {
         matches.iter().map(|m| topology.point(m.face, m.barycentric, shape)).collect()
     }
 
-    fn enough(&self, matches: &[Match]) -> Result<(), String> {
+    fn enough(&self, matches: &[Match]) -> Result<(), NoSurface> {
         let (found, needed) = (matches.len(), self.options.reconstruct.verdict.matches[0]);
         if found < needed {
-            return Err(format!("only {found} matches, at least {needed} are needed"));
+            return Err(NoSurface::FewMatches { found, needed });
         }
         Ok(())
     }

@@ -23,7 +23,7 @@ use crate::refine::VideoMemory;
 use crate::register::find::Search;
 use crate::register::{Deformable, Match, RegisterMemory};
 use crate::template::{Exposure, Template};
-use crate::verdict::{Reason, Thresholds};
+use crate::verdict::{NoSurface, Reason, Thresholds};
 use std::time::Instant;
 
 /// Follows a template through the frames of one camera.
@@ -302,7 +302,7 @@ impl<'a> Tracker<'a> {
     /// Remember a surface that holds.
     fn settle(
         &mut self,
-        outcome: Result<Candidate, String>,
+        outcome: Result<Candidate, NoSurface>,
         view: &View,
     ) -> (TrackStatus, Vec<Reason>, Option<Surface>) {
         let lost = |reasons| (TrackStatus::Lost, reasons, None);

@@ -18,7 +18,7 @@ pub mod thresholds;
 use crate::template::usual::Appearance;
 pub use evidence::{Evidence, MatchCount};
 pub use look::{Compared, Looked, Says, look};
-pub use reason::{Part, Reason};
+pub use reason::{NoSurface, Part, Reason};
 pub use regions::{Region, regions};
 use serde::{Deserialize, Serialize};
 pub use thresholds::Thresholds;
@@ -165,10 +165,6 @@ fn place(verdict: &mut Verdict, evidence: &Evidence, limits: &Thresholds) {
     }
 }
 
-/// A frame may differ from the prediction by so much whatever the exploration did (logarithms): a surface
-/// half a millimetre off explains as much.
-const LEAST_RESIDUAL: f64 = 0.02;
-
 /// What the frame shows where the surface is.
 fn appearance(verdict: &mut Verdict, evidence: &Evidence, limits: &Thresholds) {
     if let Some([agreeing, places]) = evidence.places {
@@ -195,7 +191,8 @@ fn appearance(verdict: &mut Verdict, evidence: &Evidence, limits: &Thresholds) {
         }
     }
     verdict.degrade_if(evidence.uncompared, Reason::Uncompared { share: 0.0 });
-    let beside = |found: Appearance| found.residual / evidence.usual.residual.max(LEAST_RESIDUAL);
+    let beside =
+        |found: Appearance| found.residual / evidence.usual.residual.max(limits.least_residual);
     let seen = evidence.appearance.map_or(0.0, beside);
     let solved = evidence.photometric.unwrap_or(0.0);
     // `f64::max` would drop NaN.

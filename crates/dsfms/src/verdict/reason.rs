@@ -1,5 +1,6 @@
 //! What speaks against a surface, with the figures it rests on and as a sentence of plain English.
 
+use crate::register::RegisterError;
 use serde::{Deserialize, Serialize};
 
 /// A doubt. Lengths in the template's unit, shares in `[0, 1]`, pixels of the frame. As text it is one sentence,
@@ -8,11 +9,11 @@ use serde::{Deserialize, Serialize};
 #[serde(tag = "reason", rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Reason {
-    /// No surface could be made; what the stage said.
+    /// No surface could be made.
     #[error("{why}")]
     NoSurface {
-        /// The stage's error.
-        why: String,
+        /// Why.
+        why: NoSurface,
     },
     /// The frame is not as it was taken: damaged, or predicted from one that is.
     #[error("{why}")]
@@ -226,6 +227,48 @@ fn place(part: &Part) -> String {
     )
 }
 
+/// Why a frame has no surface; in files its sentence.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
+#[serde(into = "String", from = "String")]
+#[non_exhaustive]
+pub enum NoSurface {
+    /// No frame showed the template yet.
+    #[error("not found yet")]
+    NotFound,
+    /// No shape to begin from.
+    #[error("nothing to follow")]
+    NothingToFollow,
+    /// It waits for the answer about another.
+    #[error("an earlier frame is being searched")]
+    SearchedElsewhere,
+    /// Too few matches to believe any surface.
+    #[error("only {found} matches, at least {needed} are needed")]
+    FewMatches {
+        /// Matches.
+        found: usize,
+        /// The least that are believed.
+        needed: usize,
+    },
+    /// No pose.
+    #[error(transparent)]
+    Register(#[from] RegisterError),
+    /// What another stage says, or a file.
+    #[error("{0}")]
+    Told(String),
+}
+
+impl From<NoSurface> for String {
+    fn from(why: NoSurface) -> Self {
+        why.to_string()
+    }
+}
+
+impl From<String> for NoSurface {
+    fn from(said: String) -> Self {
+        Self::Told(said)
+    }
+}
+
 fn pose_uncertain(length: f64, degrees: f64, share: f64) -> String {
     if !length.is_finite() {
         return "the matches do not fix the pose: they lie on a line or in one place".into();
@@ -246,6 +289,15 @@ mod tests {
         let part = Part { share: 0.31, centre_px: [412.3, 200.0], radius_px: 55.2 };
         let text = Reason::RegionUnobserved(part).to_string();
         assert!(text.contains("31 %") && text.contains("(412, 200)"), "{text}");
+    }
+
+    #[test]
+    fn a_reason_is_read_back_from_its_sentence() {
+        let why = NoSurface::FewMatches { found: 3, needed: 12 };
+        let text = serde_json::to_string(&Reason::NoSurface { why }).unwrap();
+        assert!(text.contains("\"why\":\"only 3 matches"), "{text}");
+        let read: Reason = serde_json::from_str(&text).unwrap();
+        assert_eq!(serde_json::to_string(&read).unwrap(), text);
     }
 
     #[test]

@@ -47,6 +47,9 @@ pub struct Thresholds {
     /// Largest photometric residual, in usual ones; above, degraded: through smoke, out of focus or beside
     /// new glare, shading misleads.
     pub photometric: f64,
+    /// The usual one of a single frame counts as so much at least (logarithms): a surface half a millimetre off
+    /// explains as much.
+    pub least_residual: f64,
     /// Least share of the comparable silhouette that shows the organ.
     pub shown: [f64; 2],
     /// Least share of the silhouette that can be compared; below, degraded.
@@ -95,6 +98,7 @@ impl Default for Thresholds {
             structure: [0.3, 0.7],
             contrast: 0.5,
             photometric: 2.5,
+            least_residual: 0.02,
             shown: [0.25, 0.75],
             compared: 0.3,
             contradicted: 0.08,

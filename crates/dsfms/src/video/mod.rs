@@ -13,6 +13,7 @@ mod select;
 
 use crate::guard;
 use crate::image::Frame;
+use crate::options::{OptionError, check};
 use serde::{Deserialize, Serialize};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -21,7 +22,7 @@ use std::path::{Path, PathBuf};
 pub const EXTENSIONS: [&str; 10] =
     ["mp4", "m4v", "mov", "mkv", "avi", "webm", "mpg", "mpeg", "wmv", "ts"];
 
-/// How frames are chosen.
+/// How frames are chosen. Other values are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SelectOptions {
@@ -48,18 +49,12 @@ impl SelectOptions {
     ///
     /// # Errors
     /// The first option out of range, by name.
-    pub fn validate(&self) -> Result<(), VideoError> {
-        let bad = |reason: &str| Err(VideoError::Options(reason.into()));
-        if self.max_frames == 0 {
-            return bad("max_frames is 0; at least 1 is needed");
-        }
-        if self.stride == Some(0) {
-            return bad("stride is 0; expected 1 or more frames");
-        }
-        if !(0.0..1.0).contains(&self.min_motion) {
-            return bad("min_motion must lie in [0, 1), a fraction of the image's width");
-        }
-        Ok(())
+    pub fn validate(&self) -> Result<(), OptionError> {
+        check(&[
+            ("video.max_frames", self.max_frames >= 1, "at least 1"),
+            ("video.stride", self.stride != Some(0), "at least 1"),
+            ("video.min_motion", (0.0..1.0).contains(&self.min_motion), "from 0 to below 1"),
+        ])
     }
 }
 
@@ -68,8 +63,8 @@ impl SelectOptions {
 #[non_exhaustive]
 pub enum VideoError {
     /// An option out of its bounds.
-    #[error("video options: {0}")]
-    Options(String),
+    #[error(transparent)]
+    Options(#[from] OptionError),
     /// The file cannot be read.
     #[error("{}: cannot be read: {source}", path.display())]
     Read {

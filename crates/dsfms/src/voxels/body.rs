@@ -6,7 +6,7 @@ use super::inside::{inside, widened};
 use super::lattice::VoxelLattice;
 use crate::geometry::{Point3, Similarity, Vector3};
 use crate::mesh::Mesh;
-use crate::structures::{Carrier, CarrierOptions, StructureError};
+use crate::structures::{Carrier, StructureError};
 use nalgebra::Affine3;
 use rayon::prelude::*;
 
@@ -82,7 +82,7 @@ impl PlacedOrgan {
         if !self.is_bent(&placed) {
             return Ok(place(points));
         }
-        let carrier = Carrier::new(&self.mesh.with_positions(placed), &CarrierOptions::default())?;
+        let carrier = Carrier::new(&self.mesh.with_positions(placed))?;
         let bent = carrier.carry(&self.vertices)?;
         Ok(place(points).par_iter().map(|p| bent.at(p)).collect())
     }
@@ -126,7 +126,7 @@ impl VoxelBody {
         if edges > 0 || topology.faces.is_empty() {
             return Err(VoxelError::Open { edges });
         }
-        let carrier = Carrier::new(template, &CarrierOptions::default())?;
+        let carrier = Carrier::new(template)?;
         let inverse = |axes: MeshAxes| (axes.of_world() * grid.world_from_voxel()).inverse();
         let in_voxels = |axes: MeshAxes| -> Vec<Point3> {
             organ.mesh.positions.iter().map(|p| inverse(axes) * p).collect()

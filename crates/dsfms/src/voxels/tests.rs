@@ -1,7 +1,7 @@
 use super::*;
 use crate::geometry::{Isometry, Point3, Similarity, Vector3};
 use crate::mesh::{Mesh, shapes};
-use crate::structures::{Carrier, CarrierOptions};
+use crate::structures::Carrier;
 use nalgebra::{Affine3, Matrix4};
 
 /// An egg of 20 x 24 x 28 mm about (30, -20, 15) in LPS.
@@ -93,7 +93,7 @@ fn the_field_is_the_motion_of_structures_and_the_volume_its_inverse() {
     let deformed: Vec<Point3> = moved.iter().map(|p| pose() * p).collect();
     let motion = body.motion(&deformed).unwrap();
     assert!((1.0..6.0).contains(&motion.surface_mm()[1]), "{:?}", motion.surface_mm());
-    let carrier = Carrier::new(&mesh, &CarrierOptions::default()).unwrap();
+    let carrier = Carrier::new(&mesh).unwrap();
     let carried = carrier.carry(&deformed).unwrap();
     let [nx, ny, nz] = grid.size();
     let field: Vec<Vec<f32>> =
@@ -198,7 +198,7 @@ fn between_the_nodes_of_a_fine_volume_the_motion_is_off_by_less_than_a_hundredth
     assert!(body.lattice.count() < 600_000, "{}", body.lattice.count());
     let moved: Vec<Point3> = mesh.positions.iter().map(bent).collect();
     let motion = body.motion(&moved).unwrap();
-    let carrier = Carrier::new(&mesh, &CarrierOptions::default()).unwrap();
+    let carrier = Carrier::new(&mesh).unwrap();
     let carried = carrier.carry(&moved).unwrap();
     let mut worst: f64 = 0.0;
     for i in (0..grid.count()).step_by(997).filter(|&i| body.inside[i]) {

@@ -11,14 +11,14 @@ use dsfms::pipeline::Reconstruction;
 
 /// What becomes of a frame for the viewer.
 #[derive(Clone, Copy)]
-pub struct Page {
+pub struct Paged {
     /// It is in report.html.
     pub holds: bool,
     /// Also in a file beside it, for `dsfms view`.
     pub beside: bool,
 }
 
-impl Page {
+impl Paged {
     pub fn wants(self) -> bool {
         self.holds || self.beside
     }

@@ -1,7 +1,7 @@
 //! What `register-ct` reads, all lengths of the CT in mm.
 
 use super::RegisterCtArgs;
-use crate::commands::template::mesh::{Reading, open_mesh};
+use crate::commands::template::mesh::{MeshReading, open_mesh};
 use crate::exit::Usage;
 use crate::progress::Reporter;
 use crate::structures::own_name;
@@ -18,7 +18,7 @@ use dsfms::template::Template;
 use std::path::Path;
 
 /// The input in memory.
-pub struct Loaded {
+pub struct LoadedCt {
     /// File name of the CT mesh.
     pub name: String,
     pub ct: Mesh,
@@ -34,8 +34,8 @@ pub fn load(
     args: &RegisterCtArgs,
     template: &Template,
     reporter: &Reporter,
-) -> anyhow::Result<Loaded> {
-    let how = Reading { unit: args.mesh_unit.map(Into::into), repair: args.repair };
+) -> anyhow::Result<LoadedCt> {
+    let how = MeshReading { unit: args.mesh_unit.map(Into::into), repair: args.repair };
     let stated = if args.repair { read_repaired(&args.ct)? } else { read_mesh(&args.ct)? }.unit;
     let unit = how.unit.or(stated).unwrap_or(MeshUnit::Millimetre);
     let factor = unit.in_millimetres().ok_or_else(|| {
@@ -46,13 +46,13 @@ pub fn load(
     let structures = structures(args, how, unit, &ct, reporter)?;
     let landmarks = landmarks(args, &ct, factor, template, reporter)?;
     let name = args.ct.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    Ok(Loaded { name, ct, landmarks, structures })
+    Ok(LoadedCt { name, ct, landmarks, structures })
 }
 
 /// Structures; a file that states no unit is in that of the CT mesh.
 fn structures(
     args: &RegisterCtArgs,
-    how: Reading,
+    how: MeshReading,
     unit: MeshUnit,
     ct: &Mesh,
     reporter: &Reporter,

@@ -1,6 +1,6 @@
 //! `registration.json`.
 
-use super::input::Loaded;
+use super::input::LoadedCt;
 use super::{Carried, RegisterCtArgs};
 use dsfms::geometry::{Point3, Similarity};
 use dsfms::preoperative::{Alternative, Doubt, Preoperative, PreoperativeError, Residual};
@@ -83,7 +83,7 @@ const GENERATOR: &str = concat!("dsfms ", env!("CARGO_PKG_VERSION"));
 pub fn record<'a>(
     args: &RegisterCtArgs,
     template: &Template,
-    loaded: &Loaded,
+    loaded: &LoadedCt,
     found: &'a Preoperative,
     carried: &'a [Carried],
 ) -> Record<'a> {
@@ -125,7 +125,7 @@ pub fn record<'a>(
 pub fn failed(
     error: &PreoperativeError,
     args: &RegisterCtArgs,
-    loaded: &Loaded,
+    loaded: &LoadedCt,
 ) -> Record<'static> {
     Record {
         generator: GENERATOR,
@@ -139,7 +139,7 @@ pub fn failed(
     }
 }
 
-fn landmarks(loaded: &Loaded, found: Option<&Preoperative>) -> Vec<Landmark> {
+fn landmarks(loaded: &LoadedCt, found: Option<&Preoperative>) -> Vec<Landmark> {
     let of = |(k, pair): (usize, &dsfms::preoperative::LandmarkPair)| {
         let fit = found.and_then(|f| f.landmarks.as_ref());
         Landmark {

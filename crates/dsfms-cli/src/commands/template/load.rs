@@ -14,6 +14,7 @@ use dsfms::io::InputError;
 use dsfms::io::camera::{CameraFile, ImageCameras, read_image_cameras};
 use dsfms::io::masks::MaskKind;
 use dsfms::pipeline::{OrganOutline, Progress};
+use dsfms::video::SelectOptions;
 use std::path::{Path, PathBuf};
 
 /// The organ as outlined on a frame, which is taken from the list.
@@ -82,6 +83,7 @@ fn brought((frame, valid, organ): Masked, from: &CameraModel, to: &CameraModel) 
 /// out with a warning; it is an error if that leaves fewer than two.
 pub fn load(
     args: &TemplateArgs,
+    video: &SelectOptions,
     cameras: &Cameras,
     camera_path: &Path,
     reporter: &Reporter,
@@ -90,7 +92,7 @@ pub fn load(
     for (path, option) in options.iter().filter_map(|(p, o)| Some((p.as_ref()?, o))) {
         inputs::must_exist(path, option)?;
     }
-    let sources = inputs::sources(&args.frames, inputs::Purpose::Template, reporter)?;
+    let sources = inputs::sources(&args.frames, inputs::Purpose::Template(video), reporter)?;
     if cameras.own.is_none() {
         inputs::check_sizes(&sources, &cameras.common.file.camera, camera_path)?;
     }

@@ -15,7 +15,7 @@ use std::path::Path;
 
 /// How meshes of the user are read.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Reading {
+pub struct MeshReading {
     /// Unit of the numbers, whatever the file says.
     pub unit: Option<MeshUnit>,
     /// Mend what can be mended.
@@ -23,7 +23,7 @@ pub struct Reading {
 }
 
 /// A mesh in mm, or in template units where its file says so; what a user should know of it is said.
-pub fn open_mesh(path: &Path, how: Reading, reporter: &Reporter) -> anyhow::Result<MeshFile> {
+pub fn open_mesh(path: &Path, how: MeshReading, reporter: &Reporter) -> anyhow::Result<MeshFile> {
     let mut mesh = if how.repair { read_repaired(path)? } else { read_mesh(path)? };
     for warning in &mesh.warnings {
         reporter.warn(&format!("{}: {warning}", path.display()));

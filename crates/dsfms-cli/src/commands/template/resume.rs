@@ -15,11 +15,11 @@ pub struct Resumable<'a> {
     /// `None` where this build cannot be told from others.
     folder: Option<StageFolder>,
     pub reporter: &'a Reporter,
-    state: Mutex<State>,
+    state: Mutex<ResumeState>,
 }
 
 #[derive(Default)]
-struct State {
+struct ResumeState {
     /// What is to be told of a run that goes on, once it works again.
     resumed: Option<String>,
     kept: BTreeSet<String>,
@@ -41,7 +41,7 @@ impl<'a> Resumable<'a> {
         Self { folder, reporter, state: Mutex::default() }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, ResumeState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

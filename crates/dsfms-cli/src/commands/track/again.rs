@@ -1,6 +1,6 @@
 //! A run that is done again: which frames of its source the first run took.
 
-use super::item::{Content, Item};
+use super::item::{Content, FrameItem};
 use super::run_file::{RunFile, Taken};
 
 /// A run that is done again.
@@ -15,7 +15,7 @@ pub struct Plan<'a>(pub &'a [Taken]);
 
 impl Plan<'_> {
     /// What that run took up to an item of the same source.
-    pub fn of(&mut self, item: Item) -> Vec<Item> {
+    pub fn of(&mut self, item: FrameItem) -> Vec<FrameItem> {
         let mut taken = Vec::new();
         let (number, mut item) = (item.number, Some(item));
         while let [next, rest @ ..] = self.0
@@ -23,7 +23,7 @@ impl Plan<'_> {
         {
             self.0 = rest;
             if let Some(why) = &next.unread {
-                taken.push(Item::unread(next.number, why.clone()));
+                taken.push(FrameItem::unread(next.number, why.clone()));
             } else if let Some(mut own) = item.take_if(|item| item.number == next.number) {
                 if let Content::Frame(ready) = &mut own.content {
                     ready.reservation.clone_from(&next.reserved);
@@ -36,9 +36,9 @@ impl Plan<'_> {
     }
 
     /// What it took behind the last frame.
-    pub fn rest(&mut self) -> Vec<Item> {
+    pub fn rest(&mut self) -> Vec<FrameItem> {
         let rest = std::mem::take(&mut self.0);
-        let unread = |t: &Taken| Some(Item::unread(t.number, t.unread.clone()?));
+        let unread = |t: &Taken| Some(FrameItem::unread(t.number, t.unread.clone()?));
         rest.iter().filter_map(unread).collect()
     }
 }
@@ -61,7 +61,7 @@ mod tests {
         let mut plan = Plan(&all);
         let mut numbers = Vec::new();
         for number in [0, 2, 3] {
-            let items = plan.of(Item::unread(number, "as it comes".into()));
+            let items = plan.of(FrameItem::unread(number, "as it comes".into()));
             numbers.extend(items.iter().map(|item| item.number));
         }
         numbers.extend(plan.rest().iter().map(|item| item.number));

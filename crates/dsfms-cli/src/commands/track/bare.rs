@@ -2,7 +2,7 @@
 
 use super::TrackArgs;
 use crate::args::Global;
-use crate::commands::template::mesh::{Reading, open_mesh, unit};
+use crate::commands::template::mesh::{MeshReading, open_mesh, unit};
 use crate::exit::Usage;
 use crate::inputs::{self, Source, mask_of};
 use crate::progress::Reporter;
@@ -41,7 +41,7 @@ pub fn template(
         return Ok(read_template(path)?);
     }
     let Some(poses) = &args.poses else { return wrong(&no_look(path)) };
-    let file = open_mesh(path, Reading::default(), reporter)?;
+    let file = open_mesh(path, MeshReading::default(), reporter)?;
     let unit = unit(&file);
     seen_in(args, global, poses, file.mesh, unit, reporter)
 }

@@ -6,7 +6,7 @@ use dsfms::video::frame_name;
 use std::time::{Instant, SystemTime};
 
 /// One frame that is taken.
-pub struct Item {
+pub struct FrameItem {
     /// Place in the input, from 0.
     pub number: usize,
     /// When it was made, as far as the source tells, else when it came.
@@ -20,7 +20,7 @@ pub struct Item {
     pub content: Content,
 }
 
-impl Item {
+impl FrameItem {
     /// A frame that could not be read.
     pub fn unread(number: usize, why: String) -> Self {
         let content = Content::Unreadable(frame_name(number), why);

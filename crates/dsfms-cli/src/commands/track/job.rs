@@ -3,9 +3,9 @@
 use super::TrackArgs;
 use super::again::Plan;
 use super::input::is_address;
-use super::item::{Content, Item, Ready};
+use super::item::{Content, FrameItem, Ready};
 use super::link::Link;
-use super::live::{Told, tell};
+use super::live::{ToldFrame, tell};
 use super::outputs;
 use super::record::Recording;
 use super::run_file::{RunFile, Taken};
@@ -33,7 +33,7 @@ use std::path::PathBuf;
 use std::time::{Instant, SystemTime};
 
 /// What the frames share.
-pub struct Job<'a> {
+pub struct TrackJob<'a> {
     pub args: &'a TrackArgs,
     pub template: &'a Template,
     pub camera: &'a CameraModel,
@@ -81,7 +81,7 @@ impl TakenFrame {
 }
 
 /// A frame's way through the tracker.
-struct Done<'t> {
+struct FrameDone<'t> {
     number: usize,
     /// When it was made, or came.
     time: SystemTime,
@@ -92,7 +92,7 @@ struct Done<'t> {
     ms: f64,
 }
 
-impl<'a> Job<'a> {
+impl<'a> TrackJob<'a> {
     /// Every frame of the input, or of it what an earlier run took. Whatever ends it, what was done by then is
     /// written.
     pub fn finish(mut self, reading: Reading, mut plan: Option<Plan>) -> anyhow::Result<Outcome> {
@@ -121,8 +121,8 @@ impl<'a> Job<'a> {
     }
 
     /// The next frame of the input.
-    fn take(&mut self, item: Item, dropped: usize) -> anyhow::Result<()> {
-        let Item { number, time, came, total, warnings, content } = item;
+    fn take(&mut self, item: FrameItem, dropped: usize) -> anyhow::Result<()> {
+        let FrameItem { number, time, came, total, warnings, content } = item;
         self.reporter.step("frames", number + 1, total.unwrap_or(number + 1));
         warnings.iter().for_each(|w| self.reporter.warn(w));
         self.dropped += dropped;
@@ -151,12 +151,15 @@ impl<'a> Job<'a> {
         let ms = 1e3 * start.elapsed().as_secs_f64();
         self.run.frames.push(taken);
         let tracked = &tracked;
-        self.keep(&taken_frame, &Done { number, time, came, tracked, masks: &masks, dropped, ms })
+        self.keep(
+            &taken_frame,
+            &FrameDone { number, time, came, tracked, masks: &masks, dropped, ms },
+        )
     }
 
     /// Everything that one frame leaves.
-    fn keep(&mut self, taken_frame: &TakenFrame, done: &Done) -> anyhow::Result<()> {
-        let &Done { number, time, tracked, masks, dropped, ms, .. } = done;
+    fn keep(&mut self, taken_frame: &TakenFrame, done: &FrameDone) -> anyhow::Result<()> {
+        let &FrameDone { number, time, tracked, masks, dropped, ms, .. } = done;
         let frame = taken_frame.frame();
         self.counts[tracked.status as usize] += 1;
         self.summary += &outputs::row(number, &frame.name, tracked, dropped, ms);
@@ -171,10 +174,10 @@ impl<'a> Job<'a> {
         let shape = surface.map(|s| s.vertices.as_slice()).or(kept.as_deref());
         if self.live {
             let vertices = self.args.live_vertices.then_some(shape);
-            tell(&Told { number, tracked, dropped, ms, vertices }, &mut std::io::stdout())?;
+            tell(&ToldFrame { number, tracked, dropped, ms, vertices }, &mut std::io::stdout())?;
         }
         if let Some(link) = &self.link {
-            let told = Told { number, tracked, dropped, ms, vertices: None };
+            let told = ToldFrame { number, tracked, dropped, ms, vertices: None };
             link.send(&told, frame, time, shape, self.reporter)?;
         }
         // Of a shape that is only kept nothing is known to be seen.
@@ -237,10 +240,10 @@ impl<'a> Job<'a> {
     fn show(
         &mut self,
         taken_frame: &TakenFrame,
-        done: &Done,
+        done: &FrameDone,
         expected: Option<&[f64]>,
     ) -> anyhow::Result<()> {
-        let &Done { number, came, tracked, ms, .. } = done;
+        let &FrameDone { number, came, tracked, ms, .. } = done;
         let answer_ms = self.arrives().then(|| 1e3 * came.elapsed().as_secs_f64());
         let frame = taken_frame.frame();
         self.report.as_mut().map_or(Ok(()), |report| {

@@ -53,7 +53,7 @@ impl From<CameraSight> for Camera {
 
 /// What one frame gave.
 #[derive(Clone, Copy)]
-pub struct Told<'a> {
+pub struct ToldFrame<'a> {
     pub number: usize,
     pub tracked: &'a Tracked,
     pub dropped: usize,
@@ -63,14 +63,14 @@ pub struct Told<'a> {
 }
 
 /// Write line and vertices at once; a reader that closed the pipe is no error.
-pub fn tell(told: &Told, out: &mut impl Write) -> anyhow::Result<()> {
+pub fn tell(told: &ToldFrame, out: &mut impl Write) -> anyhow::Result<()> {
     match out.write_all(&message(told)?).and_then(|()| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error.into()),
         _ => Ok(()),
     }
 }
 
-fn message(told: &Told) -> io::Result<Vec<u8>> {
+fn message(told: &ToldFrame) -> io::Result<Vec<u8>> {
     let surface = told.tracked.surface.as_ref();
     let vertices = told.vertices.map(|shape| shape.unwrap_or_default());
     let line = Line {
@@ -106,14 +106,15 @@ mod tests {
     fn vertices_follow_their_line() {
         let tracked = Tracked {
             status: TrackStatus::Lost,
-            reasons: vec![Reason::NoSurface { why: "why\nnot".into() }],
+            reasons: vec![Reason::NoSurface { why: "why\nnot".to_owned().into() }],
             surface: None,
             camera: None,
             answered: false,
             stages: Vec::new(),
         };
         let shape = [Point3::new(1.0, -2.0, 0.5), Point3::new(3.0, 4.0, 5.0)];
-        let told = |vertices| Told { number: 7, tracked: &tracked, dropped: 2, ms: 1.5, vertices };
+        let told =
+            |vertices| ToldFrame { number: 7, tracked: &tracked, dropped: 2, ms: 1.5, vertices };
         let mut out = Vec::new();
         tell(&told(Some(Some(&shape))), &mut out).unwrap();
         let end = out.iter().position(|&b| b == b'\n').unwrap();

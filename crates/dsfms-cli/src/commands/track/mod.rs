@@ -37,12 +37,12 @@ use dsfms::template::Template;
 use dsfms::track::shapes::ShapeFile;
 use dsfms::track::{Searcher, TrackOptions, Tracker};
 use incoming::Stream;
-use job::Job;
+use job::TrackJob;
 use link::Link;
 pub use record::number_of;
 use record::{Recorder, Recording};
 pub use run_file::{RunFile, Taken, digest, target};
-use source::{MaskFiles, Source};
+use source::{FrameSource, MaskFiles};
 use std::path::{Path, PathBuf};
 
 /// Run the command.
@@ -96,7 +96,7 @@ fn follow(
     let shapes = shape_file(&args.output, &template)?;
     let report = report(args, &template, &camera, method)?;
     watch(args, live)?;
-    let job = Job {
+    let job = TrackJob {
         args,
         report,
         kept: Vec::new(),
@@ -220,9 +220,9 @@ fn source(
     live: bool,
     stream: Option<Stream>,
     recorder: Option<Recorder>,
-) -> Source {
+) -> FrameSource {
     let files = !live && stream.is_none();
-    Source {
+    FrameSource {
         inputs: if files { args.input.clone() } else { Vec::new() },
         stream,
         recorder,

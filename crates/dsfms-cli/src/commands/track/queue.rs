@@ -18,13 +18,13 @@ pub enum Full {
 
 /// A queue of few items between two threads.
 pub struct Queue<T> {
-    state: Mutex<State<T>>,
+    state: Mutex<QueueState<T>>,
     changed: Condvar,
     room: usize,
     full: Full,
 }
 
-struct State<T> {
+struct QueueState<T> {
     items: VecDeque<T>,
     /// Items that gave way since the last one was taken.
     dropped: usize,
@@ -33,16 +33,16 @@ struct State<T> {
 
 impl<T> Queue<T> {
     pub fn new(room: usize, full: Full) -> Arc<Self> {
-        let state = State { items: VecDeque::with_capacity(room), dropped: 0, ended: false };
+        let state = QueueState { items: VecDeque::with_capacity(room), dropped: 0, ended: false };
         Arc::new(Self { state: Mutex::new(state), changed: Condvar::new(), room, full })
     }
 
     /// A poisoned lock only means that the other thread panicked; the queue is whole.
-    fn lock(&self) -> MutexGuard<'_, State<T>> {
+    fn lock(&self) -> MutexGuard<'_, QueueState<T>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn wait<'a>(&self, state: MutexGuard<'a, State<T>>) -> MutexGuard<'a, State<T>> {
+    fn wait<'a>(&self, state: MutexGuard<'a, QueueState<T>>) -> MutexGuard<'a, QueueState<T>> {
         self.changed.wait(state).unwrap_or_else(PoisonError::into_inner)
     }
 

@@ -3,7 +3,7 @@
 
 use super::incoming::Stream;
 use super::input::{FrameTaker, InputFormat};
-use super::item::{Content, Item, Ready};
+use super::item::{Content, FrameItem, Ready};
 use super::queue::{EndOnDrop, Full, Queue};
 use super::record::{Recorder, Times, number_of};
 use crate::exit::describe;
@@ -34,7 +34,7 @@ pub struct MaskFiles {
 
 /// Where frames come from.
 #[derive(Clone)]
-pub struct Source {
+pub struct FrameSource {
     /// Files, folders and videos; nothing for standard input and streams.
     pub inputs: Vec<PathBuf>,
     /// What comes by network or from a device.
@@ -54,10 +54,10 @@ pub struct Source {
 
 /// The queue of a source, and what ended it.
 pub struct Reading {
-    queue: Arc<Queue<Result<Item, anyhow::Error>>>,
+    queue: Arc<Queue<Result<FrameItem, anyhow::Error>>>,
     stream: Option<Stream>,
     /// The frame that was waited for.
-    first: Option<(Item, usize)>,
+    first: Option<(FrameItem, usize)>,
 }
 
 impl Reading {
@@ -74,7 +74,7 @@ impl Reading {
     }
 
     /// The next frame and how many were dropped before it.
-    pub fn next(&mut self) -> anyhow::Result<Option<(Item, usize)>> {
+    pub fn next(&mut self) -> anyhow::Result<Option<(FrameItem, usize)>> {
         if let Some(first) = self.first.take() {
             return Ok(Some(first));
         }
@@ -95,7 +95,7 @@ impl Drop for Reading {
     }
 }
 
-impl Source {
+impl FrameSource {
     /// Frames a second of the first input, where it is a video that says so.
     pub fn rate(&self) -> Option<f64> {
         let first = self.inputs.first()?;
@@ -134,8 +134,8 @@ impl Source {
 
 /// The reading thread.
 struct Reader<'a> {
-    source: &'a Source,
-    queue: &'a Queue<Result<Item, anyhow::Error>>,
+    source: &'a FrameSource,
+    queue: &'a Queue<Result<FrameItem, anyhow::Error>>,
     preparation: Preparation,
     /// Time of a frame, where files play at their own pace.
     pace: Option<Duration>,
@@ -299,7 +299,7 @@ impl Reader<'_> {
         }
         let item = self.item(number, (time, came), frame, path, total, reservation);
         // Of another size, or without its mask: this frame is lost, and no other.
-        let lost = |error: anyhow::Error| Item {
+        let lost = |error: anyhow::Error| FrameItem {
             number,
             time,
             came,
@@ -318,7 +318,7 @@ impl Reader<'_> {
         path: Option<&Path>,
         total: Option<usize>,
         reservation: Option<String>,
-    ) -> anyhow::Result<Item> {
+    ) -> anyhow::Result<FrameItem> {
         let mut warnings = Vec::new();
         let MaskFiles { instrument, organ, valid } = &self.source.masks;
         let mut mask = |files: &Option<PathBuf>, kind| -> anyhow::Result<Option<Mask>> {
@@ -340,7 +340,7 @@ impl Reader<'_> {
         let masks = FrameMasks { instrument, organ };
         let ready = Ready { prepared, masks, reservation, answered: None };
         let content = Content::Frame(Box::new(ready));
-        Ok(Item { number, time, came, total, warnings, content })
+        Ok(FrameItem { number, time, came, total, warnings, content })
     }
 }
 
@@ -365,7 +365,7 @@ impl FrameTaker for Reader<'_> {
         let Some(number) = self.taken() else { return true };
         let content = Content::Unreadable(name, reason);
         let (time, came, warnings) = (self.now(), Instant::now(), Vec::new());
-        self.queue.push(Ok(Item { number, time, came, total: None, warnings, content }))
+        self.queue.push(Ok(FrameItem { number, time, came, total: None, warnings, content }))
     }
 }
 

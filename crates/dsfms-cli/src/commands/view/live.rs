@@ -1,6 +1,6 @@
 //! What the served page has more than a report: it follows its files and asks for frames.
 
-use crate::report::folder::Source;
+use crate::report::folder::PathContent;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant, UNIX_EPOCH};
@@ -18,15 +18,15 @@ const BETWEEN: Duration = Duration::from_secs(20);
 #[derive(Clone)]
 pub struct Watched {
     path: PathBuf,
-    last: Arc<Mutex<Option<Look>>>,
+    last: Arc<Mutex<Option<WatchedContent>>>,
     running: bool,
 }
 
 /// What a path held.
 #[derive(Clone)]
-pub struct Look {
+pub struct WatchedContent {
     when: Instant,
-    pub source: Arc<Source>,
+    pub source: Arc<PathContent>,
     /// Another one when something changed.
     pub version: String,
 }
@@ -52,25 +52,25 @@ impl Watched {
         last.as_ref().map_or_else(|| "0".into(), |look| look.version.clone())
     }
 
-    pub fn look(&self) -> anyhow::Result<Look> {
+    pub fn look(&self) -> anyhow::Result<WatchedContent> {
         // A poisoned lock only means that another thread panicked.
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(look) = last.as_ref().filter(|look| look.when.elapsed() < FRESH) {
             return Ok(look.clone());
         }
-        let source = Arc::new(Source::of(&self.path)?);
-        let was_page = last.as_ref().filter(|l| matches!(*l.source, Source::Report(_)));
+        let source = Arc::new(PathContent::of(&self.path)?);
+        let was_page = last.as_ref().filter(|l| matches!(*l.source, PathContent::Report(_)));
         if was_page.is_some_and(|l| l.when.elapsed() < BETWEEN)
-            && !matches!(*source, Source::Report(_))
+            && !matches!(*source, PathContent::Report(_))
         {
             anyhow::bail!("{} has frames and no page yet", self.path.display());
         }
         let version = version(&source);
-        Ok(last.insert(Look { when: Instant::now(), source, version }).clone())
+        Ok(last.insert(WatchedContent { when: Instant::now(), source, version }).clone())
     }
 }
 
-fn version(source: &Source) -> String {
+fn version(source: &PathContent) -> String {
     let since = source.changed().and_then(|t| t.duration_since(UNIX_EPOCH).ok());
     since.map_or(0, |d| d.as_millis()).to_string()
 }
@@ -106,7 +106,7 @@ mod tests {
             (folder.path().join("report.html"), folder.path().join("frame_001.ply"));
         std::fs::write(&page, "").unwrap();
         let watched = Watched::new(folder.path());
-        assert!(matches!(*watched.look().unwrap().source, Source::Report(_)));
+        assert!(matches!(*watched.look().unwrap().source, PathContent::Report(_)));
         std::fs::remove_file(&page).unwrap();
         std::fs::write(&frame, "").unwrap();
         std::thread::sleep(FRESH);
@@ -114,11 +114,11 @@ mod tests {
         assert!(watched.look().is_err(), "a page of frames would take the place of the report");
         assert_eq!(watched.last_version(), before);
         std::fs::write(&page, "").unwrap();
-        assert!(matches!(*watched.look().unwrap().source, Source::Report(_)));
+        assert!(matches!(*watched.look().unwrap().source, PathContent::Report(_)));
         // Who comes to frames alone sees them.
         std::fs::remove_file(&page).unwrap();
         let come = Watched::new(folder.path()).look().unwrap();
-        assert!(matches!(*come.source, Source::Meshes(_)));
+        assert!(matches!(*come.source, PathContent::Meshes(_)));
     }
 
     #[test]

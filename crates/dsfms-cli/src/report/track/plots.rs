@@ -1,6 +1,6 @@
 //! The charts of a video's report: of all frames, and of the latest beside the picture of a run that goes on.
 
-use super::{LATEST, Row, TrackReport, status_name};
+use super::{LATEST, TrackReport, TrackRow, status_name};
 use crate::chart::{Plot, Series, lines, status_strip};
 
 impl TrackReport<'_> {
@@ -38,8 +38,8 @@ impl TrackReport<'_> {
         (!plain).then(|| self.rows.iter().map(|r| r.number.to_string()).collect())
     }
 
-    fn series(&self, label: &str, value: impl Fn(&Row) -> Option<f64>) -> Series {
-        let point = |r: &Row| Some((r.number as f64, value(r)?));
+    fn series(&self, label: &str, value: impl Fn(&TrackRow) -> Option<f64>) -> Series {
+        let point = |r: &TrackRow| Some((r.number as f64, value(r)?));
         let points = self.rows.iter().filter_map(point).collect();
         Series { label: label.into(), points, ..Default::default() }
     }
@@ -55,7 +55,7 @@ impl TrackReport<'_> {
         }
         totals.sort_by(|a, b| b.1.total_cmp(&a.1));
         let stage = |name: &str| {
-            let of = |r: &Row| -> f64 {
+            let of = |r: &TrackRow| -> f64 {
                 1e3 * r.stages.iter().filter(|s| s.0 == name).map(|s| s.1).sum::<f64>()
             };
             self.series(name, move |r| Some(of(r)))
@@ -82,7 +82,7 @@ impl TrackReport<'_> {
     pub(super) fn curves(&self) -> String {
         let latest = &self.rows[self.rows.len().saturating_sub(LATEST)..];
         let ticks: Vec<String> = latest.iter().map(|r| r.number.to_string()).collect();
-        let line = |label: &str, value: &dyn Fn(&Row) -> Option<f64>| Series {
+        let line = |label: &str, value: &dyn Fn(&TrackRow) -> Option<f64>| Series {
             label: label.into(),
             points: (0..)
                 .zip(latest)

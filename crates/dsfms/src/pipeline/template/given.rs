@@ -8,7 +8,7 @@ use crate::image::ToneCurve;
 use crate::light::Coat;
 use crate::mesh::Mesh;
 use crate::pipeline::Progress;
-use crate::sfm::{self, Features2d, SfmError};
+use crate::sfm::{self, Features2d, NoPose, SfmError};
 use crate::template::{LengthUnit, SurfaceTexels, Template};
 
 /// Build a template on a given mesh, whose frame is the world of the given poses
@@ -69,7 +69,7 @@ pub fn template_from_posed_frames(
     let (template, light) = views.dress(mesh, None, unit, options, progress)?;
     let rejected = (0..count)
         .filter(|&i| poses[i].is_none())
-        .map(|i| (exploration.frames[i].name.clone(), "the pose file has no pose for it".into()))
+        .map(|i| (exploration.frames[i].name.clone(), NoPose::NotGiven))
         .collect();
     Ok(BuiltTemplate {
         template,

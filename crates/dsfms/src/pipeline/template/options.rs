@@ -3,13 +3,14 @@
 use super::{Organ, OrganStroke, TemplateError};
 use crate::dense::DenseOptions;
 use crate::mesh::remesh::RemeshOptions;
-use crate::options::{Documented, Moved, check, commented, from_zero, positive, read};
+use crate::options::{Documented, Moved, check, commented, read};
 use crate::sfm::SfmOptions;
 use crate::template::albedo::AlbedoOptions;
 use crate::template::anchor::AnchorOptions;
 use crate::template::flatten::FlattenOptions;
 use crate::template::light_fit::LightFitOptions;
 use crate::template::scale::ScaleReference;
+use crate::video::SelectOptions;
 use serde::{Deserialize, Serialize};
 
 /// Options of template building, one field per stage.
@@ -18,6 +19,8 @@ use serde::{Deserialize, Serialize};
 pub struct TemplateOptions {
     /// Vertices of the template mesh, 100 to 50,000; a given mesh keeps its own.
     pub vertices: usize,
+    /// Which frames of a video are taken.
+    pub video: SelectOptions,
     /// Structure from motion.
     pub sfm: SfmOptions,
     /// Multi-view stereo.
@@ -47,6 +50,7 @@ impl Default for TemplateOptions {
     fn default() -> Self {
         Self {
             vertices: 1000,
+            video: SelectOptions::default(),
             sfm: SfmOptions::default(),
             dense: DenseOptions::default(),
             remesh: RemeshOptions::default(),
@@ -84,44 +88,19 @@ impl TemplateOptions {
     /// # Errors
     /// The first field out of them.
     pub fn validate(&self) -> Result<(), TemplateError> {
-        let Self { vertices, remesh, flatten, light, albedo, anchor, .. } = self;
         let strokes = self.organ.strokes();
-        let anchoring = [anchor.merge_px, anchor.merge_deg, anchor.contour_px, anchor.grazing_cos];
         check(&[
             ("organ.strokes", strokes.iter().all(OrganStroke::is_sound), "places near the frames"),
-            ("vertices", (100..=50_000).contains(vertices), "100 to 50,000"),
-            ("remesh.rounds", remesh.rounds >= 1, "at least 1"),
-            (
-                "remesh.corner_deg",
-                remesh.corner_deg > 0.0 && remesh.corner_deg <= 180.0,
-                "above 0 and at most 180",
-            ),
-            ("remesh.adaptive", (0.0..=1.0).contains(&remesh.adaptive), "from 0 to 1"),
-            (
-                "flatten.max_area_ratio",
-                flatten.max_area_ratio > 1.0 && flatten.max_area_ratio.is_finite(),
-                "a number above 1",
-            ),
-            ("light.spots", light.spots >= 100, "at least 100"),
-            (
-                "light.gain_sigma, offset_sigma",
-                positive(&[light.gain_sigma, light.offset_sigma]),
-                "positive",
-            ),
-            ("light.refractive_index", light.refractive_index >= 1.0, "at least 1"),
-            ("albedo.texels_per_px", positive(&[albedo.texels_per_px]), "positive"),
-            ("albedo.max_resolution", (1..=256).contains(&albedo.max_resolution), "from 1 to 256"),
-            ("albedo.max_texels", (1..=1 << 28).contains(&albedo.max_texels), "from 1 to 2^28"),
-            ("albedo.gain_sigma", positive(&[albedo.gain_sigma]), "positive"),
-            ("albedo.refractive_index", albedo.refractive_index >= 1.0, "at least 1"),
-            (
-                "anchor.merge_px, merge_deg, contour_px, grazing_cos",
-                from_zero(&anchoring),
-                "0 or more",
-            ),
+            ("vertices", (100..=50_000).contains(&self.vertices), "100 to 50,000"),
         ])?;
+        self.video.validate()?;
         self.sfm.validate()?;
-        Ok(self.dense.validate()?)
+        self.dense.validate()?;
+        self.remesh.validate()?;
+        self.flatten.validate()?;
+        self.light.validate()?;
+        self.albedo.validate()?;
+        Ok(self.anchor.validate()?)
     }
 }
 
@@ -134,9 +113,10 @@ const MOVED: [Moved; 4] = [
 ];
 
 /// Where the fields of the options are documented.
-const TABLES: [Documented; 12] = [
+const TABLES: [Documented; 13] = [
     ("", include_str!("options.rs"), "TemplateOptions"),
     ("organ", include_str!("organ.rs"), "OrganOptions"),
+    ("video", include_str!("../../video/mod.rs"), "SelectOptions"),
     ("sfm", include_str!("../../sfm/options.rs"), "SfmOptions"),
     ("sfm.refine", include_str!("../../sfm/intrinsics.rs"), "RefineIntrinsics"),
     ("dense", include_str!("../../dense/options.rs"), "DenseOptions"),

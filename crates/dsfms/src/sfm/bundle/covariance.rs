@@ -69,6 +69,7 @@ impl Covariance {
 /// As for `adjust`; [`BundleError::Undetermined`] where sightings do not determine all unknowns.
 #[doc(alias = "uncertainty")]
 pub fn covariance(bundle: &Bundle, options: &BundleOptions) -> Result<Covariance, BundleError> {
+    options.validate()?;
     check_cameras(bundle)?;
     let mut bundle = bundle.clone();
     sort(&mut bundle, Eliminate::Points)?;

@@ -3,6 +3,7 @@
 use super::super::intrinsics::RefineIntrinsics;
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point2, Point3};
+use crate::options::{OptionError, check, from_zero};
 use crate::solver::Loss;
 
 /// One sighting of a point.
@@ -65,10 +66,26 @@ impl Default for BundleOptions {
     }
 }
 
+impl BundleOptions {
+    /// Check every field against its bounds.
+    ///
+    /// # Errors
+    /// The first field out of them.
+    pub fn validate(&self) -> Result<(), OptionError> {
+        check(&[
+            ("cost_tolerance", from_zero(&[self.cost_tolerance]), "0 or more"),
+            ("prior_scale", self.prior_scale > 0.0, "positive, or inf for no priors"),
+        ])
+    }
+}
+
 /// Why there was nothing to adjust.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BundleError {
+    /// An option out of its bounds.
+    #[error(transparent)]
+    Options(#[from] OptionError),
     /// A view has no camera, or a camera no prior.
     #[error(
         "every view needs a camera and every camera a prior: {views} views name {named} of {cameras} cameras with {priors} priors"

@@ -3,7 +3,7 @@
 mod clients;
 mod messages;
 
-use super::live::{Told, tell};
+use super::live::{ToldFrame, tell};
 use super::queue::{Full, Queue};
 use crate::exit::Usage;
 use crate::progress::Reporter;
@@ -116,7 +116,7 @@ impl Link {
     /// Tell of a frame that came at `time`; `shape` is what its files hold.
     pub fn send(
         &self,
-        told: &Told,
+        told: &ToldFrame,
         frame: &Frame,
         time: SystemTime,
         shape: Option<&[Point3]>,
@@ -127,7 +127,7 @@ impl Link {
             return Ok(());
         }
         let mut line = Vec::new();
-        tell(&Told { vertices: None, ..*told }, &mut line)?;
+        tell(&ToldFrame { vertices: None, ..*told }, &mut line)?;
         self.frames.push(Snapshot {
             time,
             frame: self.pictures.then(|| frame.clone()),
