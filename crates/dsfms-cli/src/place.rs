@@ -1,15 +1,17 @@
 //! The output folder: apart from the input, and without files of an older run.
 
+pub mod mark;
+
 use crate::exit::{Usage, describe};
-use crate::outputs::{check_folder, prepare_folder, write_json};
+use crate::outputs::{check_folder, prepare_folder};
 use anyhow::Context;
 use dsfms::image::names;
-use serde::Serialize;
+use mark::{MARK, check_names, foreign};
 use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 
-/// Says that the files of these names are ours; the next run removes them.
-const MARK: &str = "dsfms.json";
+/// Commands that renew each other's folders.
+const COMMANDS: [&str; 2] = ["reconstruct", "track"];
 
 /// What a run writes besides `frame_NNN…`.
 const FILES: [&str; 11] = [
@@ -31,24 +33,17 @@ const ENDINGS: [&str; 7] =
 /// Folders of a file or more a frame.
 const FOLDERS: [&str; 4] = ["overlay", "structures", "view", "volume"];
 
-#[derive(Serialize)]
-struct Mark<'a> {
-    generator: &'a str,
-    command: &'a str,
-}
-
 /// Refuse, before any work, an output folder that is or lies in a folder of the input, that holds an image
 /// of the input, that cannot be written, or that holds files of our names which no run of ours left.
 pub fn check(output: &Path, inputs: &[&Path]) -> anyhow::Result<()> {
     check_apart(output, inputs)?;
-    let foreign = entries(output)?.into_iter().find(|path| is_ours(path));
-    if let Some(path) = foreign.filter(|_| !output.join(MARK).is_file()) {
-        anyhow::bail!(
-            "{} already holds {}, and no {MARK} that says it is of an older run; choose another folder with -o, \
-             or empty this one",
-            output.display(),
-            path.file_name().unwrap_or_default().to_string_lossy()
-        );
+    check_names(output, &COMMANDS, "-o", is_our_name)?;
+    for folder in FOLDERS.iter().filter(|_| !mark::is_marked(output, &COMMANDS)) {
+        if let Some(name) =
+            mark::names(&output.join(folder))?.iter().find(|n| n.starts_with("frame_"))
+        {
+            return Err(foreign(output, &format!("{folder}/{name}"), "-o"));
+        }
     }
     check_folder(output)
 }
@@ -116,25 +111,27 @@ pub fn same(a: &Path, b: &Path) -> bool {
     real(a) == real(b)
 }
 
-/// Make the folder, remove the files of an older run, and mark it.
+/// Make the folder, mark it, and remove the files of an older run.
 pub fn renew(output: &Path, command: &str) -> anyhow::Result<()> {
     prepare_folder(output)?;
+    // First: where there is no room for it, what an older run left stays; and a removal that was interrupted is
+    // taken up by the next run.
+    mark::write(output, command)?;
     let remove = |path: PathBuf| {
         std::fs::remove_file(&path)
             .with_context(|| format!("cannot remove {} of an older run", path.display()))
     };
     for folder in FOLDERS.map(|name| output.join(name)) {
-        if folder.is_dir() && output.join(MARK).is_file() {
-            let of_frame = |path: &PathBuf| name_of(path).starts_with("frame_");
-            entries(&folder)?.into_iter().filter(of_frame).try_for_each(remove)?;
+        let mut frames = entries(&folder)?;
+        frames.retain(|path| name_of(path).starts_with("frame_"));
+        if !frames.is_empty() {
+            frames.into_iter().try_for_each(remove)?;
             // It stays where something else lies in it.
             let _ = std::fs::remove_dir(&folder);
         }
     }
-    // Nothing of ours is there without the mark, which goes last: that has been checked.
-    entries(output)?.into_iter().filter(|path| is_ours(path)).try_for_each(remove)?;
-    let generator = concat!("dsfms ", env!("CARGO_PKG_VERSION"));
-    write_json(&output.join(MARK), &Mark { generator, command })
+    let older = |path: &PathBuf| is_ours(path) && name_of(path) != MARK;
+    entries(output)?.into_iter().filter(older).try_for_each(remove)
 }
 
 /// An error before anything is written, with the word that what an older run left is still there.
@@ -148,13 +145,16 @@ pub fn untouched(output: &Path, error: anyhow::Error) -> anyhow::Error {
 
 /// Whether a file has a name that runs give.
 fn is_ours(path: &Path) -> bool {
-    let name = name_of(path);
+    is_our_name(&name_of(path))
+}
+
+fn is_our_name(name: &str) -> bool {
     let of_frame = || {
         let rest = name.strip_prefix("frame_")?;
         let digits = rest.len() - rest.trim_start_matches(|c: char| c.is_ascii_digit()).len();
         (digits >= 3).then(|| ENDINGS.contains(&&rest[digits..]))
     };
-    FILES.contains(&name.as_str()) || of_frame().unwrap_or(false)
+    FILES.contains(&name) || of_frame().unwrap_or(false)
 }
 
 fn name_of(path: &Path) -> String {
@@ -171,8 +171,6 @@ fn entries(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
         std::fs::read_dir(folder).with_context(unreadable)?.map(|e| e.map(|e| e.path())).collect();
     let mut found = found.with_context(unreadable)?;
     found.retain(|path| !path.is_dir());
-    // The mark goes last: a removal that was interrupted is taken up by the next run.
-    found.sort_by_key(|path| name_of(path) == MARK);
     Ok(found)
 }
 
@@ -217,9 +215,15 @@ mod tests {
     #[test]
     fn files_that_no_run_left_are_never_removed() {
         let folder = tempfile::tempdir().unwrap();
+        let refused = |name: &str| {
+            let error = check(folder.path(), &[]).unwrap_err().to_string();
+            assert!(error.contains(name), "{error}");
+        };
+        create_dir_all(folder.path().join("overlay")).unwrap();
+        write(folder.path().join("overlay/frame_003.png"), "the user's picture").unwrap();
+        refused("overlay/frame_003.png");
         write(folder.path().join("frame_003.ply"), "the user's truth").unwrap();
-        let error = check(folder.path(), &[]).unwrap_err().to_string();
-        assert!(error.contains("frame_003.ply"), "{error}");
+        refused("frame_003.ply");
     }
 
     #[test]

@@ -36,6 +36,7 @@ fn the_camera_of_a_synthetic_chessboard_comes_back() {
     fs::create_dir_all(path("camera.calibration/corners")).unwrap();
     let older = r#"{"images": [{"image": "old_1"}, {"image": "board_001"}]}"#;
     fs::write(path("camera.calibration/report.json"), older).unwrap();
+    fs::write(path("camera.calibration/dsfms.json"), r#"{"command": "calibrate"}"#).unwrap();
     for name in ["old_1", "mine"] {
         fs::write(path(&format!("camera.calibration/corners/{name}.png")), "x").unwrap();
     }

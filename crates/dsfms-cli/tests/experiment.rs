@@ -81,7 +81,15 @@ fn an_experiment_goes_on_after_a_kill_and_keeps_its_tables() {
     let refused = dsfms(at, &other).assert().failure();
     let message = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
     assert!(message.contains("another count") && message.contains("--restart"), "{message}");
+    // Nothing of the older run stays, and all of the user's.
+    for name in ["zone_noise2.svg", "ablation.md"] {
+        fs::write(at.join("out").join(name), "of an older run").unwrap();
+    }
+    fs::write(at.join("out/zone_of_mine.svg"), "the user's").unwrap();
     dsfms(at, &format!("{other} --restart")).assert().success();
+    let there = |name: &str| at.join("out").join(name).exists();
+    assert!(!there("zone_noise2.svg") && !there("ablation.md") && there("zone.svg"));
+    assert!(there("zone_of_mine.svg"));
 }
 
 #[test]

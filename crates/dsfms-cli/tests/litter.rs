@@ -1,6 +1,8 @@
 //! Mistakes: each is named for what it is, and a refused command leaves nothing behind.
 
 mod common;
+#[path = "../../dsfms/tests/common/mp4.rs"]
+mod mp4;
 
 use common::refusal::{NOTHING, USAGE, refused};
 use common::{Case, save};
@@ -98,6 +100,21 @@ fn track() {
     run(&["frames"], &["--input-format", "raw"], USAGE, &["--input-format", "standard input"]);
     run(&["frames"], &["--record", "small"], USAGE, &["small", "not empty"]);
     run(&["igtl://nowhere"], &[], USAGE, &["igtl://nowhere"]);
+}
+
+/// A million pictures of one byte each are no frames of which each has its file.
+#[test]
+fn a_video_without_pictures() {
+    let case = prepared();
+    fs::write(case.path("junk.mp4"), mp4::tiny_samples([160, 120], None, 1 << 20)).unwrap();
+    let words = ["junk.mp4", "more than 3000 pictures in a row"];
+    let track = ["track", "organ.template", "junk.mp4", "--camera", "camera.json", "-o", "out"];
+    let template = ["template", "junk.mp4", "--camera", "camera.json", "-o", "new.template"];
+    let reconstruct = [&["reconstruct"], &track[1..]].concat();
+    let calibrate = ["calibrate", "junk.mp4", "--board", "7x5", "--square", "3", "-o", "new.json"];
+    for arguments in [&track[..], &template, &reconstruct, &calibrate] {
+        refused(&case, arguments, NOTHING, &words);
+    }
 }
 
 #[test]

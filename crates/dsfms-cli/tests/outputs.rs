@@ -4,6 +4,7 @@
 mod common;
 
 use common::Case;
+use common::refusal::refused as left_alone;
 use std::fs;
 use std::time::Duration;
 
@@ -55,14 +56,14 @@ fn a_frame_that_fails_leaves_no_surface_of_an_older_run() {
 fn what_a_killed_run_left_goes_beside_single_files_too() {
     let case = Case::new();
     case.template();
+    // Cases are added to a series alone.
+    let synth = ["synth", "--vertices", "100", "--ext", "10", "--count", "1", "-o", "cases"];
+    case.dsfms(&synth).assert().success();
     let commands: [(&str, &[&str]); 4] = [
         ("told", &["evaluate", "truth", "truth", "--json", "told/errors.json"]),
         ("drawn", &["figure", "truth", "-o", "drawn/plate.svg"]),
         ("meshes", &["export", "organ.template", "--mesh", "meshes/a.ply"]),
-        (
-            "cases/ext10/case_0000/truth",
-            &["synth", "--vertices", "100", "--ext", "10", "--count", "1", "-o", "cases"],
-        ),
+        ("cases/ext10/case_0000/truth", &synth),
     ];
     for (folder, arguments) in commands {
         let partial = case.path(folder).join(".partial-4294967294-abc");
@@ -86,6 +87,59 @@ fn results_do_not_go_into_the_input_nor_over_files_of_others() {
     assert_eq!(fs::read_dir(case.path("frames")).unwrap().count(), 1);
     refused(&mut rigid(&case, "frames", "truth"), NOTHING, &["frame_003.ply", "-o"]);
     assert!(case.path("truth/frame_003.ply").is_file());
+}
+
+/// Commands and what they would replace in a folder that is none of theirs, with the word of the refusal.
+const REPLACING: [(&str, &str, &str); 12] = [
+    ("demo -o out", "scene/camera.json", "scene"),
+    ("demo -o out", "joint/summary.csv", "joint"),
+    ("demo -o out", "report.html", "report.html"),
+    ("synth --count 1 --ext 10 -o out", "ext10/case_0000/camera.json", "ext10"),
+    ("synth --video --frames 2 -o out", "frames/frame_000.png", "frames"),
+    ("synth --chessboard 7x5 -o out", "board_000.png", "board_000.png"),
+    ("experiment ext --count 1 --restart -o out", "cases.csv", "cases.csv"),
+    ("experiment ablation --count 1 -o out", "zone_noise2.pdf", "zone_noise2.pdf"),
+    ("experiment table1 -o out", "table1_pull.png", "table1_pull.png"),
+    ("export organ.template --pictures out", "albedo.png", "--pictures"),
+    ("export organ.template --colmap out", "images.txt", "--colmap"),
+    ("calibrate frames --board 7x5 --square 3 -o camera.json", "x.txt", "camera.json is there"),
+];
+
+#[test]
+fn what_no_run_of_ours_left_is_never_replaced() {
+    for (command, file, word) in REPLACING {
+        let case = Case::new();
+        case.template();
+        let file = case.path("out").join(file);
+        fs::create_dir_all(file.parent().unwrap()).unwrap();
+        fs::write(&file, "the user's").unwrap();
+        let arguments: Vec<&str> = command.split(' ').collect();
+        left_alone(&case, &arguments, NOTHING, &[word]);
+    }
+}
+
+#[test]
+fn an_export_renews_its_pictures_and_a_calibration_its_folder_alone() {
+    let case = Case::new();
+    case.template();
+    let export = ["export", "organ.template", "--pictures", "out"];
+    case.dsfms(&export).assert().success();
+    fs::write(case.path("out/notes.txt"), "the user's").unwrap();
+    fs::write(case.path("out/albedo_spread.png"), "of another template").unwrap();
+    case.dsfms(&export).assert().success();
+    assert!(case.path("out/notes.txt").exists() && case.path("out/flattening.png").exists());
+    let stale = fs::read(case.path("out/albedo_spread.png"));
+    assert!(stale.is_err() || stale.unwrap().starts_with(b"\x89PNG"));
+    // A folder of one command is none of another's.
+    let into = ["--matches", "matches.csv", "--method", "rigid", "-o", "out"];
+    let arguments =
+        [&["reconstruct", "organ.template", "frames", "--camera", "camera.json"][..], &into]
+            .concat();
+    left_alone(&case, &arguments, NOTHING, &["`dsfms export`", "-o"]);
+    fs::create_dir(case.path("new.calibration")).unwrap();
+    fs::write(case.path("new.calibration/report.json"), "{}").unwrap();
+    let calibrate = ["calibrate", "frames", "--board", "7x5", "--square", "3", "-o", "new.json"];
+    left_alone(&case, &calibrate, NOTHING, &["report.json", "dsfms.json"]);
 }
 
 #[test]
@@ -166,6 +220,7 @@ fn pipes_and_devices_are_no_input() {
     options.args(["--options", "pipe.json"]).timeout(Duration::from_secs(60));
     refused(&mut options, NOTHING, &["not a regular file"]);
     fs::create_dir_all(case.path("series")).unwrap();
+    fs::write(case.path("series/dsfms.json"), r#"{"command": "experiment"}"#).unwrap();
     let series = ["experiment", "ext", "--ext", "0", "--count", "1", "-o", "series"];
     let mut options = case.dsfms(&[&series[..], &["--options", "pipe.json"]].concat());
     refused(options.timeout(Duration::from_secs(60)), NOTHING, &["not a regular file"]);

@@ -137,6 +137,31 @@ fn a_change_of_size_within_the_stream_keeps_every_frame() {
     assert_eq!(sizes, [SIZE, SIZE, other]);
 }
 
+/// Each of them would be a file of the output.
+#[test]
+fn a_million_pictures_of_one_byte_are_one_loss() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mp4");
+    let start = Instant::now();
+    let given = |first: Option<&[[u8; 3]]>| {
+        std::fs::write(&path, mp4::tiny_samples(SIZE, first, 1 << 20)).unwrap();
+        let mut given = 0;
+        let read = each_frame(&path, &mut |_| {
+            given += 1;
+            true
+        });
+        (given, read.unwrap_err().to_string())
+    };
+    let (none, why) = given(None);
+    assert!(none == 0 && why.contains("a.mp4: more than 3000 pictures in a row"), "{none}: {why}");
+    assert!(select_frames(&path, &SelectOptions::default()).is_err());
+    // What is there before them is given, and serves a template.
+    assert_eq!(given(Some(&picture(1, SIZE))).0, 3001);
+    let chosen = select_frames(&path, &SelectOptions::default()).unwrap();
+    assert_eq!((chosen.len(), chosen[0].name.as_str()), (1, "frame_000"));
+    assert!(start.elapsed() < Duration::from_secs(60), "{:?}", start.elapsed());
+}
+
 /// The corpus holds files on which the decoder once ran for ever.
 #[test]
 fn damaged_files_end_at_once() {

@@ -3,9 +3,9 @@
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
 use crate::inputs::{self, Source};
-use crate::outputs::{check_folder, prepare_folder, write_json, write_png};
+use crate::outputs::{check_folder, write_json, write_png};
 use crate::pictures::calibration as pictures;
-use crate::place;
+use crate::place::{self, mark};
 use crate::progress::Reporter;
 use anyhow::Context;
 use clap::Args;
@@ -33,7 +33,8 @@ Ten or more sharp images, the board tilted by 20 to 45 degrees in different
 directions, its corners reaching into every part of the image. Beside
 camera.json a folder camera.calibration/ is written: report.json (residuals of
 every image, standard deviations and covariance of the intrinsics),
-residuals.png, and the corners found in every image.";
+residuals.png, and the corners found in every image. A camera file that is
+there is replaced where camera.calibration/dsfms.json says that it is ours.";
 
 /// Intrinsics and distortion from images of a chessboard.
 #[derive(Debug, Args)]
@@ -93,12 +94,12 @@ pub fn length_mm(text: &str) -> Result<f64, String> {
 /// Run the command.
 pub fn run(args: &CalibrateArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
     let folder = args.output.with_extension("calibration");
-    check_folder(&folder)?;
     let image = args.output.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     if EXTENSIONS.contains(&image.as_str()) {
         let output = args.output.display();
         return Err(Usage(format!("-o {output}: expected a camera file, as camera.json")).into());
     }
+    check_ours(args, &folder)?;
     let frames = frames(args, reporter)?;
     let board = Board { corners: args.board, square: args.square };
     let options = CalibrateOptions {
@@ -111,7 +112,7 @@ pub fn run(args: &CalibrateArgs, global: &Global, reporter: &Reporter) -> anyhow
     reporter.step("board and intrinsics", 1, 1);
     let file =
         CameraFile { camera: found.camera.clone(), tone: None, light: None, vignetting: None };
-    prepare_folder(&folder)?;
+    mark::claim(&folder, "calibrate")?;
     write_camera(&args.output, &file)?;
     write_pictures(&folder, &frames, &found)?;
     write_json(&folder.join("report.json"), &report(&frames, &board, &found))?;
@@ -121,6 +122,22 @@ pub fn run(args: &CalibrateArgs, global: &Global, reporter: &Reporter) -> anyhow
         super::to_stdout(&table(&frames, &found))?;
     }
     Ok(if found.rejected.is_empty() { Outcome::Ok } else { Outcome::Degraded })
+}
+
+/// Refuse to replace a camera file, or what lies in the folder about it, that no calibration of ours wrote.
+fn check_ours(args: &CalibrateArgs, folder: &Path) -> anyhow::Result<()> {
+    place::keep_inputs(&args.output, args.images.iter().map(PathBuf::as_path))?;
+    let ours = |name: &str| ["report.json", "residuals.png", "corners"].contains(&name);
+    mark::check_names(folder, &["calibrate"], "-o", ours)?;
+    if args.output.is_file() && !mark::is_marked(folder, &["calibrate"]) {
+        anyhow::bail!(
+            "{} is there, and no {} beside it says that it is of an older calibration; choose another name \
+             with -o, or remove it",
+            args.output.display(),
+            folder.join(mark::MARK).display()
+        );
+    }
+    check_folder(folder)
 }
 
 fn frames(args: &CalibrateArgs, reporter: &Reporter) -> anyhow::Result<Vec<Frame>> {

@@ -3,18 +3,17 @@
 use crate::args::Global;
 use crate::demo::METHODS;
 use crate::demo::report::{FrameResult, Report, page};
-use crate::demo::scene::{DeformedFrame, Scene, unpack};
+use crate::demo::scene::{DeformedFrame, Scene, frame_names, unpack};
 use crate::demo::truth::{FrameTruth, Tie, steps};
 use crate::exit::Outcome;
-use crate::outputs::{
-    FrameFiles, FrameMasks, FrameReport, prepare_folder, summary_csv, write_text,
-};
+use crate::outputs::{FrameFiles, FrameMasks, FrameReport, check_folder, summary_csv, write_text};
+use crate::place::mark;
 use crate::progress::Reporter;
 use crate::report::template::template_page;
 use clap::Args;
 use dsfms::geometry::Point3;
 use dsfms::io::ply::{PlyExtras, write_ply};
-use dsfms::io::template::write_template;
+use dsfms::io::template::{check_target, write_template};
 use dsfms::io::vertex_truth::{VertexTruth, vertex_truth_path, write_vertex_truth};
 use dsfms::pipeline::{
     BuiltTemplate, Method, Observation, Progress, ReconstructOptions, Reconstruction,
@@ -40,7 +39,13 @@ the embedded frames, masks, camera and truth, on which every other command can
 be tried. The exit code is 0 when `joint` gave a believable surface for every
 frame, else 2. The other methods are there to be compared: their surfaces are
 measured and shown whatever is thought of them, with their verdict, but leave
-no files where they are not believed.";
+no files where they are not believed. A folder that holds files of these names
+is refused, unless its dsfms.json says that they are of an older demo.";
+
+/// What lies in OUT beside the folders of the methods.
+const OWN: [&str; 4] = ["scene", "truth", "organ.template", "report.html"];
+/// What a method leaves of a frame.
+const ENDINGS: [&str; 3] = [".ply", ".json", "_overlay.png"];
 
 /// Reconstruct an embedded scene by five methods and compare with the truth.
 #[derive(Debug, Args)]
@@ -57,7 +62,7 @@ pub struct DemoArgs {
 /// Run the command.
 pub fn run(args: &DemoArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
     let start = Instant::now();
-    prepare_folder(&args.output)?;
+    take(&args.output)?;
     unpack(&args.output.join("scene"))?;
     let scene = Scene::read(&args.output.join("scene"), global)?;
     let built = build(&scene, args, global, reporter)?;
@@ -86,6 +91,24 @@ pub fn run(args: &DemoArgs, global: &Global, reporter: &Reporter) -> anyhow::Res
     let believed =
         joint.is_some_and(|k| frames.iter().all(|f| f.methods[k].report.status != "failed"));
     Ok(if believed { Outcome::Ok } else { Outcome::Degraded })
+}
+
+/// Refuse a folder with files or folders of others that the demo would replace; else mark it, and remove what an
+/// older demo found in it.
+fn take(output: &Path) -> anyhow::Result<()> {
+    let methods = METHODS.map(Method::name);
+    let ours = |name: &str| OWN.contains(&name) || methods.contains(&name);
+    mark::check_names(output, &["demo"], "-o", ours)?;
+    check_target(&output.join("organ.template"))?;
+    check_folder(output)?;
+    mark::claim(output, "demo")?;
+    mark::remove(output, |name| name == "report.html")?;
+    let left = |name: &str| {
+        let ending = |frame| name.strip_prefix(frame).is_some_and(|end| ENDINGS.contains(&end));
+        name == "summary.csv" || frame_names().any(ending)
+    };
+    methods.iter().try_for_each(|method| mark::remove(&output.join(method), left))?;
+    Ok(())
 }
 
 fn build(
@@ -222,4 +245,28 @@ fn write_files(
         write_text(&folder.join("summary.csv"), &summary_csv(&rows))?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::{create_dir_all, write};
+
+    #[test]
+    fn an_older_demo_goes_and_what_is_the_user_s_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        take(&out).unwrap();
+        create_dir_all(out.join("joint")).unwrap();
+        let ours = ["report.html", "joint/summary.csv", "joint/frame_002.ply"];
+        let users = ["notes.txt", "joint/frame_002.txt", "joint/frame_900.ply", "joint/notes.txt"];
+        ours.iter().chain(&users).for_each(|name| write(out.join(name), "x").unwrap());
+        take(&out).unwrap();
+        assert!(ours.iter().all(|name| !out.join(name).exists()));
+        assert!(users.iter().all(|name| out.join(name).exists()));
+        // A template with a file of the user is found before the work.
+        create_dir_all(out.join("organ.template")).unwrap();
+        write(out.join("organ.template/notes.txt"), "x").unwrap();
+        assert!(take(&out).is_err());
+    }
 }

@@ -3,9 +3,9 @@
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
 use crate::formats::write_material;
-use crate::outputs::{prepare_folder, prepare_for};
+use crate::outputs::prepare_for;
 use crate::pictures::template::write_pictures;
-use crate::place;
+use crate::place::{self, mark};
 use crate::progress::Reporter;
 use anyhow::Context;
 use clap::Args;
@@ -28,7 +28,15 @@ Examples:
   # The surface for MeshLab and for a web viewer
   dsfms export organ.template --mesh organ.obj --mesh organ.glb
   # Pictures of flattening and albedo
-  dsfms export organ.template --pictures pictures/";
+  dsfms export organ.template --pictures pictures/
+
+Folders that hold files of these names are refused, unless their dsfms.json says
+that they are of an older export.";
+
+/// What a folder of pictures holds.
+const PICTURES: [&str; 3] = ["flattening.png", "albedo.png", "albedo_spread.png"];
+/// Files of a COLMAP model, without their endings.
+const MODEL: [&str; 3] = ["cameras", "images", "points3D"];
 
 /// Write a template for other programs: COLMAP model, mesh files, pictures.
 #[derive(Debug, Args)]
@@ -83,6 +91,7 @@ pub fn run(args: &ExportArgs, global: &Global, reporter: &Reporter) -> anyhow::R
             format!("--pictures {}: expected a folder, and this is a file", folder.display());
         return Err(Usage(problem).into());
     }
+    check_folders(args)?;
     let mut lines = Vec::new();
     if let Some(folder) = &args.colmap {
         lines.push(colmap(&template, folder, args)?);
@@ -96,6 +105,9 @@ pub fn run(args: &ExportArgs, global: &Global, reporter: &Reporter) -> anyhow::R
         lines.push(format!("{}: surroundings, {}", path.display(), template.unit.label()));
     }
     if let Some(folder) = &args.pictures {
+        mark::claim(folder, "export")?;
+        // Of another template, which may have had more of them.
+        mark::remove(folder, |name| PICTURES.contains(&name))?;
         for path in write_pictures(&template, folder)? {
             lines.push(path.display().to_string());
         }
@@ -105,6 +117,20 @@ pub fn run(args: &ExportArgs, global: &Global, reporter: &Reporter) -> anyhow::R
         super::to_stdout(&(lines.join("\n") + "\n"))?;
     }
     Ok(Outcome::Ok)
+}
+
+/// Folders in which our names are those of an older export.
+fn check_folders(args: &ExportArgs) -> anyhow::Result<()> {
+    let of_model = |name: &str| {
+        let stem = name.strip_suffix(".txt").or(name.strip_suffix(".bin"));
+        stem.is_some_and(|stem| MODEL.contains(&stem))
+    };
+    let check = |folder: &Option<PathBuf>, option, ours: &dyn Fn(&str) -> bool| match folder {
+        Some(folder) => mark::check_names(folder, &["export"], option, ours),
+        None => Ok(()),
+    };
+    check(&args.colmap, "--colmap", &of_model)?;
+    check(&args.pictures, "--pictures", &|name| PICTURES.contains(&name))
 }
 
 /// An OBJ has its material and its albedo beside it, which are not to replace files of others.
@@ -150,7 +176,7 @@ fn colmap(template: &Template, folder: &Path, args: &ExportArgs) -> anyhow::Resu
             format!("--colmap: {} is of another model; choose another folder", other.display());
         return Err(Usage(problem).into());
     }
-    prepare_folder(folder)?;
+    mark::claim(folder, "export")?;
     write_model(folder, &model, if args.binary { Format::Binary } else { Format::Text })?;
     let names = match args.images {
         Some(_) => "",

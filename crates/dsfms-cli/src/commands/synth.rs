@@ -9,7 +9,8 @@ use super::experiment::series::{SeriesArgs, percent};
 use crate::args::{Global, Tone};
 use crate::draw::picture;
 use crate::exit::{Outcome, Usage};
-use crate::outputs::{prepare_folder, write_json, write_png, write_text};
+use crate::outputs::{check_folder, prepare_folder, write_json, write_png, write_text};
+use crate::place::mark;
 use crate::progress::Reporter;
 use anyhow::Context;
 use clap::{ArgGroup, Args};
@@ -72,7 +73,10 @@ changes view and shape. A run that was stopped goes on where it was.
 With --chessboard: board_NNN.png (the board at all tilts under a light beside
 the lens, through the lens's distortion, blurred and with noise), board.json,
 truth/camera.json, which calibrate should find, and truth/poses.json (board to
-camera, mm). The true camera is printed.";
+camera, mm). The true camera is printed.
+
+series.json, clip.json or board.json is the mark of the folder: one that holds
+files or folders of the other names without it is refused.";
 
 /// Write synthetic cases: deformed organs with image, matches and truth (paper, section 8.1).
 #[derive(Debug, Args)]
@@ -147,10 +151,10 @@ pub fn run(args: &SynthArgs, global: &Global, reporter: &Reporter) -> anyhow::Re
     let protocol = args.series.protocol(global.seed());
     // A surface without a part that can be used is told before anything is made.
     organ.part(protocol.vertices, protocol.case_seed(0))?;
-    prepare_folder(&args.output)?;
     // More cases and other extensions of the same series may be added.
-    let of = serde_json::json!({ "organ": organ.name(), "protocol": protocol });
-    claim(&args.output.join("series.json"), &of, "cases of another series")?;
+    let parameters = serde_json::json!({ "organ": organ.name(), "protocol": protocol });
+    let series = Claim { name: "series.json", parameters, other: "cases of another series" };
+    series.take(&args.output, |name| name.strip_prefix("ext").is_some_and(is_cell))?;
     let cells = args.ext.iter().flat_map(|&extension| {
         args.series.noise.iter().map(move |&noise| Cell { extension, noise })
     });
@@ -208,22 +212,50 @@ fn frames(text: &str) -> Result<usize, String> {
     }
 }
 
-/// A folder belongs to one run, whose parameters lie in it.
-fn claim(path: &Path, parameters: &serde_json::Value, other: &str) -> anyhow::Result<()> {
-    if !path.exists() {
-        return write_json(path, parameters);
+/// Whether a folder of cases ends so: `10`, `02.5_noise4`.
+fn is_cell(rest: &str) -> bool {
+    let (extension, noise) = rest.split_once("_noise").unwrap_or((rest, "0"));
+    [extension, noise].iter().all(|number| number.parse::<f64>().is_ok())
+}
+
+/// A folder belongs to one run, whose parameters lie in it and are its mark.
+struct Claim<'a> {
+    name: &'a str,
+    parameters: serde_json::Value,
+    /// What a folder of other parameters holds.
+    other: &'a str,
+}
+
+impl Claim<'_> {
+    /// Refuse, before anything is written, a folder of another run, or one with what has `ours` for a name and is of
+    /// no run: it would be replaced, or taken for a part of this one. Else mark the folder.
+    fn take(&self, folder: &Path, ours: impl Fn(&str) -> bool) -> anyhow::Result<()> {
+        let Self { name, parameters, other } = self;
+        let path = folder.join(name);
+        if path.exists() {
+            let text = guard::read_text(&path)
+                .with_context(|| format!("{}: cannot be read", path.display()))?;
+            let old = serde_json::from_str::<serde_json::Value>(&text);
+            if old.is_ok_and(|old| old == *parameters) {
+                return prepare_folder(folder);
+            }
+            return Err(Usage(format!(
+                "{} holds {other} (see {name} in it); choose another folder or remove it",
+                folder.display()
+            ))
+            .into());
+        }
+        if let Some(found) = mark::names(folder)?.iter().find(|found| ours(found)) {
+            anyhow::bail!(
+                "{} already holds {found}, and no {name} that says it is of an older run; choose another folder \
+                 with -o, or empty this one",
+                folder.display()
+            );
+        }
+        check_folder(folder)?;
+        prepare_folder(folder)?;
+        write_json(&path, parameters)
     }
-    let text =
-        guard::read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    if serde_json::from_str::<serde_json::Value>(&text).is_ok_and(|old| old == *parameters) {
-        return Ok(());
-    }
-    let [folder, name] = [path.parent(), path.file_name().map(Path::new)];
-    let [folder, name] = [folder, name].map(|p| p.unwrap_or(path).display());
-    Err(Usage(format!(
-        "{folder} holds {other} (see {name} in it); choose another folder or remove it"
-    ))
-    .into())
 }
 
 fn clip(

@@ -49,6 +49,12 @@ pub fn unpack(folder: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// The deformed frames, `frame_NNN`.
+pub fn frame_names() -> impl Iterator<Item = &'static str> {
+    let name = |file: &&'static str| file.strip_prefix("deformed/");
+    FILES.iter().filter_map(move |(file, _)| name(file)?.strip_suffix(".jpg"))
+}
+
 impl Scene {
     /// Read an unpacked scene.
     pub fn read(folder: &Path, global: &Global) -> anyhow::Result<Self> {

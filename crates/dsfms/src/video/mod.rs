@@ -5,15 +5,18 @@
 
 mod colour;
 mod ffmpeg;
+mod losses;
 pub mod mjpeg;
 pub mod motion;
 mod mp4;
 pub mod ppm;
 mod select;
+pub mod watched;
 
 use crate::guard;
 use crate::image::Frame;
 use crate::options::{OptionError, check};
+use losses::{Losses, MOST_LOST};
 use serde::{Deserialize, Serialize};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -79,6 +82,17 @@ pub enum VideoError {
         /// The video.
         path: PathBuf,
         /// The decoder's reason.
+        reason: String,
+    },
+    /// More pictures in a row are lost than in a video that is damaged here and there.
+    #[error(
+        "{}: more than {MOST_LOST} pictures in a row cannot be decoded, the first because of this: {reason}; is it a whole video?",
+        path.display()
+    )]
+    Lost {
+        /// The video.
+        path: PathBuf,
+        /// Why the first of them cannot be decoded.
         reason: String,
     },
     /// Not H.264 in mp4, and no `ffmpeg` to fall back on.
@@ -169,7 +183,7 @@ pub(crate) fn select_reporting(
     options.validate()?;
     let mut candidates = None;
     let mut lost = None;
-    each_frame(path, &mut |VideoFrame { number, total, content, rests_on }| {
+    let read = each_frame(path, &mut |VideoFrame { number, total, content, rests_on }| {
         progress(number + 1, total);
         let candidates = candidates.get_or_insert_with(|| select::Candidates::new(options, total));
         match content {
@@ -181,7 +195,12 @@ pub(crate) fn select_reporting(
             }
         }
         true
-    })?;
+    });
+    match read {
+        // The frames before are as good as without it.
+        Err(VideoError::Lost { .. }) if candidates.as_ref().is_some_and(|c| !c.is_empty()) => {}
+        read => read?,
+    }
     let chosen = candidates.map_or(Vec::new(), |candidates| candidates.choose(options));
     match (chosen.is_empty(), lost) {
         (false, _) => Ok(chosen),
@@ -195,20 +214,25 @@ pub(crate) fn select_reporting(
 ///
 /// # Errors
 /// A file that cannot be read, or of which nothing can be decoded. Where another decoder (`ffmpeg`)
-/// fails in the middle, the frames before have been given by then.
+/// fails in the middle, or more than 3000 pictures in a row are lost, the frames before have been given by then.
 pub fn each_frame(path: &Path, each: &mut dyn FnMut(VideoFrame) -> bool) -> Result<(), VideoError> {
     let file =
         guard::open(path).map_err(|source| VideoError::Read { path: path.into(), source })?;
     let damaged = |reason| VideoError::Damaged { path: path.into(), reason };
     let mut given = 0;
+    let mut losses = Losses::new(each);
     let reason = match mp4::open(BufReader::new(file)) {
         Ok(stream) => {
             let total = Some(stream.frame_count());
             let decoded = stream.decode(&mut |mp4::ShownPicture { content, number, rests_on }| {
                 given += 1;
                 let content = content.map(|picture| picture.into_frame(number));
-                each(VideoFrame { number, total, content, rests_on })
+                losses.give(VideoFrame { number, total, content, rests_on })
             });
+            if let Some(reason) = losses.too_many() {
+                return Err(VideoError::Lost { path: path.into(), reason: reason.to_owned() });
+            }
+            losses.finish();
             match decoded {
                 Ok(()) if given == 0 => return Err(VideoError::Empty { path: path.into() }),
                 Ok(()) => return Ok(()),
@@ -220,7 +244,7 @@ pub fn each_frame(path: &Path, each: &mut dyn FnMut(VideoFrame) -> bool) -> Resu
         }
         Err(reason) => reason,
     };
-    ffmpeg::decode("ffmpeg", path, &reason, &mut |number, picture| {
+    ffmpeg::decode(("ffmpeg", watched::SILENCE), path, &reason, &mut |number, picture| {
         let content = Ok(picture.into_frame(number));
         each(VideoFrame { number, total: None, content, rests_on: None })
     })

@@ -24,6 +24,10 @@ impl Candidates {
         Self { window, limit, best: Vec::new() }
     }
 
+    pub(super) fn is_empty(&self) -> bool {
+        self.best.is_empty()
+    }
+
     /// Look at one frame and its number.
     pub(super) fn offer(&mut self, number: usize, frame: Frame) {
         let window = (number as f64 / self.window) as usize;

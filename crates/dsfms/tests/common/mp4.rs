@@ -78,6 +78,23 @@ pub fn of_annex_b(size: [usize; 2], stream: &[u8]) -> Vec<u8> {
     bytes
 }
 
+/// A key picture, where one is given, and `count` samples of one byte.
+pub fn tiny_samples(size: [usize; 2], first: Option<&[[u8; 3]]>, count: usize) -> Vec<u8> {
+    let mut bytes = [boxed(b"ftyp", &[b"isom\0\0\0\x01isom"]), b"\0\0\0\0mdat".to_vec()].concat();
+    let (start, mut samples) = (bytes.len() - 8, Vec::new());
+    if let Some(picture) = first {
+        bytes.extend(unit(&slice(size, &Coded::Key(picture), 0, 0)));
+        samples.push(start + 8..bytes.len());
+    }
+    samples.extend((bytes.len()..bytes.len() + count).map(|at| at..at + 1));
+    bytes.resize(bytes.len() + count, 1);
+    let length = (bytes.len() - start) as u32;
+    bytes[start..start + 4].copy_from_slice(&length.to_be_bytes());
+    let keys: Vec<u32> = (1..=samples.len() as u32).collect();
+    bytes.extend(moov(size, &samples, &keys, &[]));
+    bytes
+}
+
 /// The pictures of a video with start codes, and the sets that describe it before them.
 pub fn annex_b(size: [usize; 2], video: &Video) -> Vec<u8> {
     let mut stream = Vec::new();

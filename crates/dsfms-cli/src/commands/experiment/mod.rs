@@ -8,11 +8,11 @@ use crate::args::Global;
 use crate::exit::{Outcome, Usage};
 use crate::inputs;
 use crate::interrupt;
-use crate::outputs::{prepare_folder, write_bytes, write_text};
+use crate::outputs::{check_folder, write_bytes, write_text};
+use crate::place::mark;
 use crate::progress::Reporter;
 use crate::report::experiment::{error_chart, experiment_page};
 use crate::sheet::{pdf, svg};
-use anyhow::Context;
 use clap::{Args, Subcommand};
 use dsfms::experiment::{
     Arm, Metric, Plan, Row, ablation, arms_of, markdown, run as run_plan, summarise, table_csv,
@@ -38,9 +38,10 @@ Examples:
 
 Every finished case is appended to OUT/cases.csv. A run that was stopped goes
 on where it was; the same folder is refused for other parameters or another
-build of dsfms, unless --restart drops it. Errors are absolute, in mm and px;
-nothing is aligned. OUT/report.html shows the plots, and one case of every
-extension in 3D.";
+build of dsfms, unless --restart drops what runs wrote there, and so is one that
+holds files of these names without the dsfms.json of a run. Errors are absolute,
+in mm and px; nothing is aligned. OUT/report.html shows the plots, and one case
+of every extension in 3D.";
 
 /// Run the methods on synthetic deformations of known truth.
 #[derive(Debug, Args)]
@@ -99,7 +100,38 @@ struct PlaceArgs {
     restart: bool,
 }
 
+/// What the series leave but plots.
+const FILES: [&str; 7] = [
+    "cases.csv",
+    "table.md",
+    "table.csv",
+    "times.csv",
+    "ablation.md",
+    "ablation.csv",
+    "report.html",
+];
+
+/// Whether a file has a name that the series give.
+fn of_series(name: &str) -> bool {
+    let plot = |metric: Metric| {
+        let rest = name.strip_prefix(metric.name())?;
+        let rest = rest.strip_suffix(".svg").or(rest.strip_suffix(".pdf"))?;
+        let noise = rest.strip_prefix("_noise").map(str::parse::<f64>);
+        Some(rest.is_empty() || noise.is_some_and(|noise| noise.is_ok()))
+    };
+    FILES.contains(&name) || Metric::ALL.into_iter().any(|metric| plot(metric).unwrap_or(false))
+}
+
 impl PlaceArgs {
+    /// Refuse a folder with files of others that have our names; else mark it, and with --restart remove what an
+    /// older run left.
+    fn take(&self, ours: fn(&str) -> bool) -> anyhow::Result<()> {
+        mark::check_names(&self.output, &["experiment"], "-o", ours)?;
+        check_folder(&self.output)?;
+        mark::claim(&self.output, "experiment")?;
+        if self.restart { mark::remove(&self.output, ours) } else { Ok(()) }
+    }
+
     fn options(&self) -> anyhow::Result<ReconstructOptions> {
         let Some(path) = &self.options else { return Ok(ReconstructOptions::default()) };
         inputs::options(path, ReconstructOptions::from_toml)
@@ -162,7 +194,7 @@ fn work(
     reporter: &Reporter,
 ) -> anyhow::Result<(Plan, Vec<Row>)> {
     let organ = series.organ()?;
-    prepare_folder(&place.output)?;
+    place.take(of_series)?;
     let plan = Plan {
         organ: organ.name().to_owned(),
         protocol: series.protocol(global.seed()),
@@ -173,9 +205,6 @@ fn work(
         build: crate::build::number()?,
     };
     let results = place.output.join("cases.csv");
-    if place.restart && results.exists() {
-        std::fs::remove_file(&results).with_context(|| results.display().to_string())?;
-    }
     interrupt::advise(format!(
         "finished cases are kept in {}; the same command goes on from there",
         results.display()
@@ -209,5 +238,20 @@ fn outcome(rows: &[Row]) -> Outcome {
         (false, _) => Outcome::Nothing,
         (true, false) => Outcome::Ok,
         (true, true) => Outcome::Degraded,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_plots_are_those_of_errors_and_noises() {
+        for name in ["rms.svg", "edge_zone.pdf", "zone_noise0.5.svg", "cases.csv", "report.html"] {
+            assert!(of_series(name), "{name}");
+        }
+        for name in ["zone.png", "zone_of_mine.svg", "zone_noise.svg", "notes.txt", "dsfms.json"] {
+            assert!(!of_series(name), "{name}");
+        }
     }
 }

@@ -6,7 +6,7 @@ use crate::args::Global;
 use crate::draw::overlay::overlay;
 use crate::draw::{SideView, error_colour, picture};
 use crate::exit::Outcome;
-use crate::outputs::{prepare_folder, write_png, write_text};
+use crate::outputs::{write_png, write_text};
 use crate::progress::Reporter;
 use crate::report::experiment::case_page;
 use crate::sheet::legend::ColourBar;
@@ -38,6 +38,9 @@ const METHODS: [(&str, Method); 4] = [
     ("joint", Method::Joint),
 ];
 
+const FILES: [&str; 5] =
+    ["table1.md", "table1_pull.png", "table1_pull.html", "table1_push.png", "table1_push.html"];
+
 /// Size of a picture in the grid, px: half of the camera's.
 const TILE: [u32; 2] = [360, 288];
 /// Room for a heading above every block.
@@ -51,7 +54,7 @@ pub fn run(args: &Table1Args, global: &Global, reporter: &Reporter) -> anyhow::R
     let organ = args.series.organ()?;
     let protocol = args.series.protocol(global.seed());
     let options = args.place.options()?;
-    prepare_folder(&args.place.output)?;
+    args.place.take(|name| FILES.contains(&name))?;
     let cell = Cell { extension: args.ext, noise: args.series.noise[0] };
     let mut text = String::from(
         "| case | error | SfS | DSfM | DSfMS | joint |\n| --- | --- | --- | --- | --- | --- |\n",

@@ -27,14 +27,15 @@ pub fn make(
     let scene =
         Chessboard::new(options).map_err(|error| Usage(format!("--chessboard: {error}")))?;
     let truth = folder.join("truth");
-    prepare_folder(folder)?;
     let parameters = json!({
         "board": options.board,
         "size": options.size,
         "pictures": options.pictures,
         "seed": options.seed,
     });
-    super::claim(&folder.join("board.json"), &parameters, "other pictures")?;
+    let board = super::Claim { name: "board.json", parameters, other: "other pictures" };
+    let numbered = |name: &str| name.starts_with("board_") && name.ends_with(".png");
+    board.take(folder, |name| name == "truth" || numbered(name))?;
     prepare_folder(&truth)?;
     let progress = Paced::new(reporter);
     for k in 0..options.pictures {

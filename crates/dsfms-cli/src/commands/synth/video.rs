@@ -37,6 +37,10 @@ pub enum FrameFormat {
     Jpeg,
 }
 
+/// What lies in the folder of a clip.
+const OWN: [&str; 6] =
+    ["frames", "exploration", "truth", "camera.json", "rest.ply", "organ.template"];
+
 /// Frames that are made before any of them is put in order.
 const BATCH: usize = 8;
 
@@ -78,7 +82,6 @@ impl VideoArgs<'_> {
 pub fn make(args: &VideoArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<Outcome> {
     let seed = args.options.seed;
     let part = args.organ.part(args.vertices, seed)?;
-    prepare_folder(args.folder)?;
     claim(args)?;
     for part in ["frames", "exploration", "truth/instruments", "truth"] {
         prepare_folder(&args.path(part))?;
@@ -116,7 +119,8 @@ fn claim(args: &VideoArgs) -> anyhow::Result<()> {
         "format": if args.format == FrameFormat::Png { "png" } else { "jpeg" },
         "frames_a_second": RATE,
     });
-    super::claim(&args.path("clip.json"), &parameters, "another clip")
+    let clip = super::Claim { name: "clip.json", parameters, other: "another clip" };
+    clip.take(args.folder, |name| OWN.contains(&name))
 }
 
 /// The organ at rest; returns the poses.

@@ -8,6 +8,7 @@ use dsfms::image::Frame;
 use dsfms::register::scene::visibility;
 use dsfms::template::Template;
 use dsfms::track::{Origin, TrackStatus, Tracked};
+use dsfms::video::watched::{SILENCE, Watched};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -100,27 +101,33 @@ pub fn film(folder: &Path, pictures: &[PathBuf], rate: f64) -> Result<(), String
     let partial = folder.join(format!(".partial-{}-overlay.mp4", std::process::id()));
     let whole = folder.join("overlay.mp4");
     let said = tempfile::NamedTempFile::new().map_err(|error| error.to_string())?;
-    let child = Command::new("ffmpeg")
+    let mut command = Command::new("ffmpeg");
+    command
         .args(["-y", "-v", "error", "-f", "image2pipe", "-framerate", &rate.to_string()])
         .args(["-c:v", "png", "-i", "-", "-vf", "crop=trunc(iw/2)*2:trunc(ih/2)*2"])
         .args(["-pix_fmt", "yuv420p"])
         .arg(&partial)
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
-        .stderr(said.reopen().map_err(|error| error.to_string())?)
-        .spawn();
-    let mut child = child.map_err(|_| "needs ffmpeg".to_owned())?;
-    if let Some(mut input) = child.stdin.take() {
+        .stderr(said.reopen().map_err(|error| error.to_string())?);
+    let child = Watched::spawn(&mut command, SILENCE).map_err(|_| "needs ffmpeg".to_owned())?;
+    if let Some(mut input) = child.input() {
         let feed = |path| std::fs::read(path).and_then(|bytes| input.write_all(&bytes));
         // Where ffmpeg stopped reading, it says below why.
         let _ = pictures.iter().try_for_each(feed);
     }
-    let status = child.wait().map_err(|error| error.to_string())?;
-    if status.success() {
+    let ended = child.finish().map_err(|error| error.to_string())?;
+    if ended.is_some_and(|status| status.success()) {
         return std::fs::rename(&partial, &whole).map_err(|error| error.to_string());
     }
     // It may not have come to write anything.
     let _ = std::fs::remove_file(&partial);
+    if ended.is_none() {
+        return Err(format!(
+            "was not made; ffmpeg took nothing for {} s, and it was ended",
+            SILENCE.as_secs()
+        ));
+    }
     let said = std::fs::read_to_string(said.path()).unwrap_or_default();
     Err(format!("was not made; ffmpeg says: {}", said.lines().last().unwrap_or("nothing")))
 }
