@@ -213,8 +213,8 @@ fn claim(path: &Path, parameters: &serde_json::Value, other: &str) -> anyhow::Re
     if !path.exists() {
         return write_json(path, parameters);
     }
-    let text =
-        guard::read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let text = guard::read_text_at_most(path, guard::MOST_JSON_BYTES)
+        .with_context(|| format!("{}: cannot be read", path.display()))?;
     if serde_json::from_str::<serde_json::Value>(&text).is_ok_and(|old| old == *parameters) {
         return Ok(());
     }
