@@ -14,6 +14,9 @@ pub const MOST_BYTES: u64 = 1 << 30;
 /// Most bytes of a file of options.
 pub const MOST_OPTIONS_BYTES: u64 = 1 << 20;
 
+/// Most bytes of a JSON document: what it is parsed to takes up to 32 times as much.
+pub const MOST_JSON_BYTES: u64 = 32 << 20;
+
 /// Most bytes that a picture may take while it is decoded.
 pub(crate) const MOST_IMAGE_BYTES: u64 = 512 << 20;
 

@@ -13,7 +13,7 @@ use dsfms::io::images::decode_bytes;
 use image::ImageFormat;
 use std::path::Path;
 use std::time::{Duration, Instant};
-use targets::{TARGETS, Target, mp4, template_parts};
+use targets::{TARGETS, Target, mp4, small_truth, template_parts};
 
 /// For one input on a busy machine; a reader takes milliseconds.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -76,8 +76,10 @@ fn made(target: &str) -> Vec<(String, Vec<u8>)> {
             file.finish().unwrap();
             one("vertices.npz", std::fs::read(path).unwrap())
         }
-        "template" => {
-            template_parts().into_iter().map(|(name, bytes)| (name.to_owned(), bytes)).collect()
+        "template" => template_parts(),
+        "truth" => {
+            let [npz, arrays] = small_truth();
+            vec![("clip.npz".into(), npz), ("clip.npy".into(), arrays)]
         }
         "off" => one(
             "two.off",

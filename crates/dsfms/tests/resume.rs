@@ -1,11 +1,15 @@
 //! A template whose making was stopped goes on behind its last finished stage, with the same bits.
 
+use dsfms::Template;
 use dsfms::checkpoint::{Store, WriteValue};
-use dsfms::pipeline::template_from_frames;
 use dsfms::synth::Case;
-use dsfms::{Exploration, Silent, Template, TemplateOptions};
 use std::collections::BTreeMap;
 use std::sync::Mutex;
+
+#[path = "common/explored.rs"]
+mod explored;
+
+use explored::files;
 
 /// Keeps stages in memory, in the order of their names, and counts those used.
 #[derive(Default)]
@@ -35,30 +39,8 @@ impl Store for Memory {
 
 const STAGES: [&str; 4] = ["features", "matches", "poses", "depth"];
 
-/// On few pixels: what is shown is that stages are kept, not how well they work.
 fn build(case: &Case, store: &Memory) -> Template {
-    let (frames, _) = case.explore(8);
-    let exploration =
-        Exploration::new(&frames, &case.camera).light(case.template.light.as_ref()).keep(store);
-    let mut options = TemplateOptions { vertices: 150, ..Default::default() };
-    options.dense.max_pixels = 20_000;
-    options.albedo.max_resolution = 4;
-    options.light.spots = 300;
-    template_from_frames(&exploration, &options, &Silent).unwrap().template
-}
-
-fn files(template: &Template) -> Vec<(String, Vec<u8>)> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("organ.template");
-    dsfms::write_template(&path, template).unwrap();
-    let read = |entry: std::fs::DirEntry| {
-        let name = entry.file_name().to_string_lossy().into_owned();
-        (name, std::fs::read(entry.path()).unwrap())
-    };
-    let entries = std::fs::read_dir(&path).unwrap().map(|entry| entry.unwrap());
-    let mut all: Vec<_> = entries.filter(|e| e.path().is_file()).map(read).collect();
-    all.sort();
-    all
+    explored::build(case, Some(store))
 }
 
 #[test]

@@ -109,13 +109,22 @@ fn joint(clip: &Clip, threads: usize) -> Vec<Tracked> {
     joint_by(TrackOptions::default(), clip, threads)
 }
 
-fn joint_by(mut options: TrackOptions, clip: &Clip, threads: usize) -> Vec<Tracked> {
+fn joint_by(options: TrackOptions, clip: &Clip, threads: usize) -> Vec<Tracked> {
+    tracked_by(Method::Joint, options, clip, threads)
+}
+
+fn tracked_by(
+    method: Method,
+    mut options: TrackOptions,
+    clip: &Clip,
+    threads: usize,
+) -> Vec<Tracked> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     // The frames bend one way; what the first might be mistaken for is another test's.
     options.reconstruct.joint.mirrors = 0;
     let (template, camera, tone) = (&clip.template, &clip.camera, ToneCurve::Srgb);
     pool.install(|| {
-        let mut tracker = Tracker::new(template, camera, &tone, Method::Joint, options).unwrap();
+        let mut tracker = Tracker::new(template, camera, &tone, method, options).unwrap();
         clip.frames.iter().map(|f| tracker.next(f, None).unwrap()).collect()
     })
 }
@@ -145,6 +154,30 @@ fn joint_from_the_last_shape_is_as_good_as_alone_survives_black_and_ignores_thre
         assert!(warm < 1.2 * cold + 0.05, "frame {k}: {warm:.3} mm, alone {cold:.3} mm");
     }
     assert_eq!(one[4].status, TrackStatus::Lost);
+}
+
+/// A frame that is searched, one that is followed, and a black one.
+#[test]
+fn one_two_and_four_threads_track_to_the_same_bits() {
+    let mut clip = clip();
+    clip.frames.truncate(2);
+    clip.frames
+        .push(Frame { rgb: vec![[2; 3]; clip.frames[0].rgb.len()], ..clip.frames[0].clone() });
+    for method in [Method::Dsfm, Method::Dsfms, Method::Joint] {
+        let on = |threads: usize| -> Vec<String> {
+            let tracked = tracked_by(method, TrackOptions::default(), &clip, threads);
+            tracked.iter().map(bits).collect()
+        };
+        let one = on(1);
+        for threads in [2, 4] {
+            assert!(one == on(threads), "{method:?}: {threads} threads give other bits");
+        }
+    }
+}
+
+/// All that a frame is told to be, but for the times it took; the text of a float is exact.
+fn bits(tracked: &Tracked) -> String {
+    format!("{:?} {:?} {:?}", tracked.status, tracked.reasons, tracked.surface)
 }
 
 /// Nothing but the matches holds the distance of motion alone: a shape that is held to its own last one drifts.

@@ -179,7 +179,10 @@ fn write_pictures(folder: &Path, frames: &[Frame], found: &Calibration) -> anyho
 
 /// Remove the pictures that the report of an earlier run names, and that this one does not write anew.
 fn remove_older(folder: &Path, corners: &Path, own: &BTreeSet<&str>) -> anyhow::Result<()> {
-    let Ok(text) = guard::read_text(&folder.join("report.json")) else { return Ok(()) };
+    let report = folder.join("report.json");
+    let Ok(text) = guard::read_text_at_most(&report, guard::MOST_JSON_BYTES) else {
+        return Ok(());
+    };
     let older: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
     let images = older["images"].as_array().into_iter().flatten();
     let names = images.filter_map(|image| image["image"].as_str()).filter(|n| !own.contains(n));

@@ -233,7 +233,7 @@ impl Claim<'_> {
         let Self { name, parameters, other } = self;
         let path = folder.join(name);
         if path.exists() {
-            let text = guard::read_text(&path)
+            let text = guard::read_text_at_most(&path, guard::MOST_JSON_BYTES)
                 .with_context(|| format!("{}: cannot be read", path.display()))?;
             let old = serde_json::from_str::<serde_json::Value>(&text);
             if old.is_ok_and(|old| old == *parameters) {

@@ -16,7 +16,7 @@ pub const ORIGINAL: &str = "ct_original.ply";
 /// The mesh of the volume, and where it lies in the template.
 pub fn read(folder: &Path, template: &Template) -> anyhow::Result<PlacedOrgan> {
     let path = folder.join("registration.json");
-    let text = guard::read_text(&path).with_context(|| {
+    let text = guard::read_text_at_most(&path, guard::MOST_JSON_BYTES).with_context(|| {
         format!("{}: expected the folder of `dsfms register-ct`", path.display())
     })?;
     let record: Value = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
@@ -65,6 +65,16 @@ fn similarity(rows: &[[f64; 4]; 4]) -> Option<Similarity> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_registration_of_more_than_its_bound_is_not_parsed() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = std::fs::File::create(folder.path().join("registration.json")).unwrap();
+        file.set_len(guard::MOST_JSON_BYTES + 1).unwrap();
+        let template = dsfms::synth::Case::example(1).template;
+        let error = format!("{:#}", read(folder.path(), &template).err().unwrap());
+        assert!(error.contains("registration.json") && error.contains("32 MiB"), "{error}");
+    }
 
     #[test]
     fn a_matrix_is_a_similarity_or_refused() {

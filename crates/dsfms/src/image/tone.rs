@@ -18,6 +18,17 @@ pub enum ToneCurve {
 }
 
 impl ToneCurve {
+    /// Whether every encoded value has a linear one: a table may come from a damaged file.
+    pub(crate) fn is_plausible(&self) -> bool {
+        match self {
+            Self::Linear | Self::Srgb => true,
+            Self::Gamma(gamma) => *gamma > 0.0 && gamma.is_finite(),
+            Self::Table(table) => {
+                table.len() == 256 && table.iter().all(|v| *v >= 0.0 && v.is_finite())
+            }
+        }
+    }
+
     /// Linear light for each of the 256 encoded values.
     pub fn table(&self) -> [f32; 256] {
         std::array::from_fn(|v| self.decode(v as f64 / 255.0) as f32)

@@ -66,7 +66,7 @@ fn pack(truth: &ClipTruth) -> io::Result<Vec<u8>> {
 /// Read a truth.
 ///
 /// # Errors
-/// No file, no `.npz`, an array that is missing or of another shape than `vertices` says.
+/// No file, no `.npz`, an array that is missing, of another shape than `vertices` says, or not finite.
 pub fn read_clip_truth(path: &Path) -> Result<ClipTruth, InputError> {
     let wrong = |reason: String| InputError::format(path, reason);
     let mut npz = Npz::open(path).map_err(wrong)?;
@@ -80,6 +80,11 @@ pub fn read_clip_truth(path: &Path) -> Result<ClipTruth, InputError> {
         let reason = "vertices (frames x vertices x 3), displacement, visible and zone (frames x \
                       vertices) differ in shape";
         return Err(InputError::Format { path: path.into(), reason: reason.into() });
+    }
+    for (name, values) in [("vertices", &vertices.values), ("displacement", &displacement.values)] {
+        if values.iter().any(|v| !v.is_finite()) {
+            return Err(wrong(format!("array '{name}' holds a number that is not finite")));
+        }
     }
     Ok(ClipTruth {
         vertices: rows(vertices.values.as_chunks().0, vertices.shape[0], n),
@@ -108,6 +113,11 @@ mod tests {
         truth.push(&points, &[1.0, 2.5], &[false; 2], &[true; 2]);
         write_clip_truth(&path, &truth).unwrap();
         assert_eq!(read_clip_truth(&path).unwrap(), truth);
+        let mut lost = truth.clone();
+        lost.vertices[1][0][2] = f32::NAN;
+        write_clip_truth(&path, &lost).unwrap();
+        let error = read_clip_truth(&path).unwrap_err().to_string();
+        assert!(error.contains("'vertices'") && error.contains("not finite"), "{error}");
         truth.zone[1].pop();
         assert!(write_clip_truth(&path, &truth).is_err());
         std::fs::write(&path, "x").unwrap();

@@ -225,13 +225,10 @@ pub(super) fn write_text(path: &Path, text: &str) -> Result<(), InputError> {
     write_atomic(path, |file| file.write_all(text.as_bytes())).map_err(|error| failed(error.source))
 }
 
-/// Most bytes of a JSON document: what it is parsed to takes up to 32 times as much.
-const MOST_JSON_BYTES: usize = 32 << 20;
-
 /// A JSON document; NaN and infinities, which JSON does not have, get their own message.
 pub(super) fn parse_json(path: &Path, text: &str) -> Result<serde_json::Value, InputError> {
-    if text.len() > MOST_JSON_BYTES {
-        let mib = MOST_JSON_BYTES >> 20;
+    if text.len() as u64 > guard::MOST_JSON_BYTES {
+        let mib = guard::MOST_JSON_BYTES >> 20;
         return Err(InputError::format(path, format!("JSON of more than {mib} MiB")));
     }
     serde_json::from_str(text).map_err(|error| {

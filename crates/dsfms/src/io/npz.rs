@@ -55,6 +55,9 @@ const MOST_RATIO: u64 = 1040;
 /// Most bytes of an array: half an hour of shapes. Up to three times that is held while it is read.
 const MOST_ENTRY: u64 = 1 << 30;
 
+/// Most rows without a value: the pictures of a video.
+const MOST_EMPTY: usize = 1 << 21;
+
 /// An npz being read. Errors say what is wrong; the caller names the file.
 pub(crate) struct Npz(ZipArchive<Cursor<Vec<u8>>>);
 
@@ -172,6 +175,10 @@ fn parse<T: NpyValue, const N: usize>(bytes: &[u8]) -> Result<NpyArray<T, N>, St
     if needed != Some(data.len()) {
         return Err(format!("states the shape {shape:?}, but holds {} bytes", data.len()));
     }
+    // Of nothing there may be rows, but not more than a reader can list.
+    if needed == Some(0) && shape.iter().any(|&d| d > MOST_EMPTY) {
+        return Err(format!("states the shape {shape:?} of nothing"));
+    }
     let dimensions = shape.len();
     let shape: [usize; N] =
         shape.try_into().map_err(|_| format!("has {dimensions} dimensions, expected {N}"))?;
@@ -269,6 +276,14 @@ mod tests {
         assert!(Npz::of(npz("(2,)", &[1.0, 2.0])).unwrap().list::<f32>("a").is_err());
         assert!(Npz::of(npz("(2,)", &[1.0, 2.0])).unwrap().list::<f64>("b").is_err());
         assert!(Npz::of(b"no zip".to_vec()).is_err());
+    }
+
+    #[test]
+    fn rows_without_values_are_few() {
+        let rows = |shape: &str| Npz::of(npz(shape, &[])).unwrap().array::<f64, 2>("a");
+        assert_eq!(rows("(5, 0)").unwrap().shape, [5, 0]);
+        let error = rows("(1152921504606846976, 0)").unwrap_err();
+        assert!(error.contains("of nothing"), "{error}");
     }
 
     #[test]

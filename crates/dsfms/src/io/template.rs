@@ -12,8 +12,11 @@ use super::ply::{PlyExtras, Precision, write_ply};
 pub use super::template_error::TemplateFileError;
 use super::template_error::expect;
 pub use super::template_glb::{texture, vertex_colours};
-use super::template_manifest::{Counts, FileNote, MANIFEST, Manifest, VERSION, VersionOnly};
+use super::template_manifest::{
+    Counts, FileNote, MANIFEST, MOST_MANIFEST_BYTES, Manifest, VERSION, VersionOnly,
+};
 use super::{template_arrays as arrays, template_glb, template_sparse};
+use crate::guard;
 use crate::mesh::normals::vertex_normals;
 use crate::template::usual::Usual;
 use crate::template::{Features, Surroundings, Template};
@@ -231,13 +234,6 @@ fn counts(template: &Template) -> Counts {
 /// A folder that is missing, no template, damaged, or of a later version.
 pub fn read_template(path: &Path) -> Result<Template, TemplateFileError> {
     let manifest = read_manifest(path)?;
-    let wrong = |reason: String| TemplateFileError::Manifest { path: path.join(MANIFEST), reason };
-    if let Some(camera) = &manifest.camera {
-        camera.validate().map_err(|e| wrong(e.to_string()))?;
-    }
-    if let Some(light) = &manifest.light {
-        light.validate().map_err(|e| wrong(e.to_string()))?;
-    }
     let counts = manifest.counts;
     let surface = path.join(SURFACE);
     let mesh = read_mesh(&surface)?.mesh;
@@ -308,7 +304,8 @@ fn read_usual(file: &Path) -> Result<Option<Usual>, TemplateFileError> {
     if !file.exists() {
         return Ok(None);
     }
-    let text = crate::guard::read_text(file).map_err(|e| damaged(file, &e))?;
+    let text = guard::read_text_at_most(file, guard::MOST_OPTIONS_BYTES);
+    let text = text.map_err(|e| damaged(file, &e))?;
     let usual: Usual = toml::from_str(&text).map_err(|e| damaged(file, &e))?;
     if !usual.is_plausible() {
         return Err(damaged(file, &"a figure is not finite or out of its bounds"));
@@ -326,16 +323,15 @@ fn read_manifest(folder: &Path) -> Result<Manifest, TemplateFileError> {
         return Err(TemplateFileError::Missing { path: folder.to_path_buf() });
     }
     let wrong = |reason: String| TemplateFileError::Manifest { path: path.clone(), reason };
-    let text = crate::guard::read_text(&path).map_err(|e| wrong(e.to_string()))?;
+    let text = guard::read_text_at_most(&path, MOST_MANIFEST_BYTES);
+    let text = text.map_err(|e| wrong(e.to_string()))?;
     let version: VersionOnly = toml::from_str(&text).map_err(|e| wrong(e.to_string()))?;
     if version.version != VERSION {
         let path = folder.to_path_buf();
         return Err(TemplateFileError::Version { path, found: version.version });
     }
     let manifest: Manifest = toml::from_str(&text).map_err(|e| wrong(e.to_string()))?;
-    if !manifest.coat.is_plausible() {
-        return Err(wrong("coat: a figure is not finite or out of its bounds".into()));
-    }
+    manifest.check().map_err(wrong)?;
     Ok(manifest)
 }
 

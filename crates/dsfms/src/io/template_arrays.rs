@@ -100,14 +100,15 @@ pub(super) fn read_albedo(
     if resolution.contains(&0) {
         return Err(damaged(path, "a face has resolution 0".into()));
     }
-    // The sum is checked before anything of that size is made.
     let total: u64 = resolution.iter().map(|&r| r as u64 * r as u64).sum();
     expect(path, "texels by its resolutions", count, total as usize)?;
+    // Before anything of that size is made, whatever manifest and resolutions say: the values are there.
+    let value: Vec<[f32; 3]> = npz.rows("value")?;
+    expect(path, "texels", count, value.len())?;
     let mut texels = SurfaceTexels::new(resolution);
-    texels.value = npz.rows("value")?;
+    texels.value = value;
     texels.spread = npz.list("spread")?;
     texels.views = npz.list("views")?;
-    expect(path, "texels", count, texels.value.len())?;
     expect(path, "spreads", count, texels.spread.len())?;
     expect(path, "view counts", count, texels.views.len())?;
     if let Some(bad) = texels.value.iter().flatten().find(|v| !v.is_finite() || **v < 0.0) {

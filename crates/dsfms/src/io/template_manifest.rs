@@ -9,6 +9,8 @@ use serde::{Deserialize, Serialize};
 /// Version of the layout; raised when an older reader would misunderstand it.
 pub(super) const VERSION: u32 = 1;
 pub(super) const MANIFEST: &str = "template.toml";
+/// Most bytes of it: a hundred thousand frames.
+pub(super) const MOST_MANIFEST_BYTES: u64 = 32 << 20;
 
 /// The manifest. Lengths are in `unit`, poses are `camera_from_template`.
 #[derive(Debug, Serialize, Deserialize)]
@@ -30,6 +32,29 @@ pub(super) struct Manifest {
     pub files: Vec<FileNote>,
     #[serde(default)]
     pub views: Vec<TemplateView>,
+}
+
+impl Manifest {
+    /// Whether what it says can be, as far as no other file is needed; else what is wrong.
+    pub(super) fn check(&self) -> Result<(), String> {
+        if let Some(camera) = &self.camera {
+            camera.validate().map_err(|e| e.to_string())?;
+        }
+        if let Some(light) = &self.light {
+            light.validate().map_err(|e| e.to_string())?;
+        }
+        let bounds = "a figure is not finite or out of its bounds";
+        if !self.coat.is_plausible() {
+            return Err(format!("coat: {bounds}"));
+        }
+        if !self.tone.is_plausible() {
+            return Err("tone: expected a gamma above 0 or 256 values of at least 0".into());
+        }
+        match self.views.iter().find(|view| !view.is_plausible()) {
+            Some(view) => Err(format!("view {:?}: {bounds}", view.name)),
+            None => Ok(()),
+        }
+    }
 }
 
 /// Sizes that the other files must agree with.

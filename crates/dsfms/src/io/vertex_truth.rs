@@ -24,11 +24,14 @@ pub fn vertex_truth_path(mesh: &Path) -> PathBuf {
 /// Read `visible` and `displacement`.
 ///
 /// # Errors
-/// A file that is missing, damaged, or without these arrays.
+/// A file that is missing, damaged, or without these arrays, or a displacement that is not finite.
 pub fn read_vertex_truth(path: &Path) -> Result<VertexTruth, InputError> {
     let wrong = |reason: String| InputError::format(path, reason);
     let mut npz = Npz::open(path).map_err(wrong)?;
     let displacement: Vec<f32> = npz.list("displacement").map_err(wrong)?;
+    if displacement.iter().any(|d| !d.is_finite()) {
+        return Err(wrong("array 'displacement' holds a number that is not finite".into()));
+    }
     Ok(VertexTruth {
         visible: npz.list("visible").map_err(wrong)?,
         displacement: displacement.into_iter().map(f64::from).collect(),
@@ -76,6 +79,9 @@ mod tests {
         assert_eq!((truth.visible, truth.displacement), (vec![true, false], vec![0.5, 2.0]));
         write(false);
         assert!(read_vertex_truth(&path).unwrap_err().to_string().contains("displacement"));
+        let lost = VertexTruth { visible: vec![true], displacement: vec![f64::NAN] };
+        write_vertex_truth(&path, &lost).unwrap();
+        assert!(read_vertex_truth(&path).unwrap_err().to_string().contains("not finite"));
     }
 
     #[test]

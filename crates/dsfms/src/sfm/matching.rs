@@ -223,6 +223,14 @@ mod tests {
     }
 
     #[test]
+    fn rows_are_those_of_their_numbers() {
+        let unit = UnitDescriptors::new(&random_descriptors(300, 1));
+        assert_eq!(unit.rows(130, 2), [unit.row(130), unit.row(131)].concat());
+        assert_eq!(unit.head(3).row(2), unit.row(2));
+        assert_eq!((unit.head(400).len(), unit.head(3).len()), (300, 3));
+    }
+
+    #[test]
     fn a_repeated_descriptor_is_ambiguous() {
         let a = random_descriptors(2, 3);
         let b = vec![a[0], a[0], a[1]];

@@ -158,6 +158,18 @@ pub struct TemplateView {
     pub reprojection_px: f64,
 }
 
+impl TemplateView {
+    /// Whether its figures can be those of a frame.
+    pub(crate) fn is_plausible(&self) -> bool {
+        let Isometry { rotation, translation } = &self.camera_from_template;
+        (rotation.quaternion().norm() - 1.0).abs() < 1e-6
+            && translation.vector.iter().all(|v| v.is_finite())
+            && self.gain > 0.0
+            && self.gain.is_finite()
+            && self.reprojection_px.is_finite()
+    }
+}
+
 /// A conformal flattening: one UV per face corner, so that a seam needs no duplicated vertex.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flattening {

@@ -36,7 +36,7 @@ impl Drawn {
     /// To be asked before the template is written.
     pub fn of(template: &Path) -> Self {
         let path = template.join(SCRIBBLES);
-        Self { text: guard::read_text(&path).ok(), path }
+        Self { text: guard::read_text_at_most(&path, guard::MOST_JSON_BYTES).ok(), path }
     }
 
     /// Write the strokes that the template is built with; without any, those that were drawn on its predecessor stay.

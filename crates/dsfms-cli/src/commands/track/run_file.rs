@@ -14,6 +14,10 @@ use std::path::{Path, PathBuf};
 /// Its name in the output folder.
 pub const NAME: &str = "run.json";
 
+/// Most bytes of it: three million frames, thirty hours of a live source. What it is parsed to takes up to eight
+/// times as much.
+const MOST_BYTES: u64 = 128 << 20;
+
 /// A run of `dsfms track`.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct RunFile {
@@ -85,7 +89,8 @@ impl RunFile {
             "{} holds no {NAME}, so it cannot be replayed; give the output folder of `dsfms track`",
             output.display()
         );
-        let text = dsfms::guard::read_text(&path)?;
+        let text = guard::read_text_at_most(&path, MOST_BYTES)
+            .with_context(|| path.display().to_string())?;
         serde_json::from_str(&text).with_context(|| path.display().to_string())
     }
 }
@@ -147,5 +152,14 @@ mod tests {
         assert_eq!(serde_json::from_str::<Taken>(&text).unwrap(), taken);
         let error = RunFile::read(tempfile::tempdir().unwrap().path()).unwrap_err().to_string();
         assert!(error.contains("run.json"), "{error}");
+    }
+
+    #[test]
+    fn a_run_file_of_more_than_its_bound_is_not_parsed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(NAME);
+        std::fs::File::create(&path).unwrap().set_len(MOST_BYTES + 1).unwrap();
+        let error = format!("{:#}", RunFile::read(folder.path()).unwrap_err());
+        assert!(error.contains("run.json") && error.contains("128 MiB"), "{error}");
     }
 }

@@ -223,6 +223,19 @@ fn every_damage_is_named() {
     assert!(matches!(count, TemplateFileError::Count { expected: 43, found: 42, .. }), "{count}");
     let coat = edit("ambient = ", "ambient = nan # ");
     assert!(coat.to_string().contains("coat"), "{coat}");
+    let light = ["nan"; 256].join(", ");
+    for (from, to, what) in [
+        ("gamma = 2.2", "gamma = nan", "tone"),
+        ("gamma = 2.2", "table = [0.0, 1.0]", "tone"),
+        ("gamma = 2.2", &format!("table = [{light}]"), "tone"),
+        ("gain = ", "gain = nan # ", "frame_000"),
+        ("translation = [", "translation = [inf, 0.0, 0.0] # ", "frame_000"),
+        ("rotation = [", "rotation = [0.0, 0.0, 0.0, 0.0] # ", "frame_000"),
+    ] {
+        assert!(manifest.contains(from), "{manifest}");
+        let wrong = edit(from, to).to_string();
+        assert!(wrong.contains("template.toml") && wrong.contains(what), "{to:.40}: {wrong}");
+    }
     let field = edit("unit = ", "unity = ");
     assert!(field.to_string().contains("template.toml"), "{field}");
 }
@@ -264,4 +277,36 @@ fn what_would_not_read_back_is_not_written() {
     let error = write_template(&path, &template).unwrap_err();
     assert!(matches!(error, TemplateFileError::Unreadable { .. }), "{error}");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+/// What a manifest and resolutions state alike is not believed before the values are there.
+#[test]
+fn texels_that_are_only_stated_take_no_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("organ.template");
+    write_template(&path, &tiny()).unwrap();
+    let mut texels = tiny().albedo.unwrap();
+    texels.resolution.fill(u16::MAX);
+    arrays::write_albedo(&path.join(ALBEDO), &texels).unwrap();
+    let manifest = fs::read_to_string(path.join(MANIFEST)).unwrap();
+    let stated = 80 * u64::from(u16::MAX).pow(2);
+    let found = texels.value.len();
+    let lies = manifest.replace(&format!("texels = {found}"), &format!("texels = {stated}"));
+    assert_ne!(lies, manifest);
+    fs::write(path.join(MANIFEST), lies).unwrap();
+    let wrong = read_template(&path).unwrap_err();
+    assert!(matches!(wrong, TemplateFileError::Count { what: "texels", .. }), "{wrong}");
+}
+
+#[test]
+fn manifests_of_more_than_their_bound_are_not_parsed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("organ.template");
+    write_template(&path, &tiny()).unwrap();
+    for (name, mib) in [(USUAL, "1 MiB"), (MANIFEST, "32 MiB")] {
+        let file = fs::File::create(path.join(name)).unwrap();
+        file.set_len(MOST_MANIFEST_BYTES + 1).unwrap();
+        let wrong = read_template(&path).unwrap_err().to_string();
+        assert!(wrong.contains(name) && wrong.contains(mib), "{wrong}");
+    }
 }

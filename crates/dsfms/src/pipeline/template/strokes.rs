@@ -5,6 +5,7 @@ use super::click::{OrganClick, frame_named, shown_at};
 use crate::camera::CameraModel;
 use crate::dense::{DepthMap, Seeds};
 use crate::geometry::{Isometry, Point2};
+use crate::guard;
 use crate::io::atomic::write_atomic;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -114,7 +115,8 @@ struct File {
 /// # Errors
 /// A file that cannot be read, is no such JSON, or holds a stroke without a place.
 pub fn read_strokes(path: &Path) -> Result<Vec<OrganStroke>, StrokeError> {
-    let text = crate::guard::read_text(path).map_err(|e| wrong(path, e.to_string()))?;
+    let text = guard::read_text_at_most(path, guard::MOST_JSON_BYTES)
+        .map_err(|e| wrong(path, e.to_string()))?;
     strokes_from(&text).map_err(|reason| wrong(path, reason))
 }
 
@@ -157,10 +159,13 @@ pub fn drawn_from(text: &str) -> Result<Vec<OrganStroke>, String> {
 /// Write strokes as [`read_strokes`] reads them; an older file of that name is replaced whole.
 ///
 /// # Errors
-/// A file that cannot be written.
+/// A file that cannot be written, or would be too long to be read.
 pub fn write_strokes(path: &Path, strokes: &[OrganStroke]) -> Result<(), StrokeError> {
     let file = File { strokes: strokes.to_vec() };
     let text = serde_json::to_string_pretty(&file).map_err(|e| wrong(path, e.to_string()))?;
+    if text.len() as u64 > guard::MOST_JSON_BYTES {
+        return Err(wrong(path, format!("more than {} MiB", guard::MOST_JSON_BYTES >> 20)));
+    }
     let write = write_atomic(path, |w| w.write_all(text.as_bytes()));
     write.map_err(|e| wrong(path, e.to_string()))
 }
@@ -182,6 +187,19 @@ mod tests {
         assert!((xs[1] - 10.0 / 3.0).abs() < 1e-12 && xs[3] == 10.0);
         let click = OrganStroke { px: vec![Point2::new(3.0, 4.0)], ..stroke };
         assert_eq!(click.pixels(), click.px);
+    }
+
+    #[test]
+    fn strokes_of_more_than_their_bound_are_not_parsed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("strokes.json");
+        let file = std::fs::File::create(&path).unwrap();
+        file.set_len(guard::MOST_JSON_BYTES + 1).unwrap();
+        let error = read_strokes(&path).unwrap_err().to_string();
+        assert!(error.contains("strokes.json") && error.contains("32 MiB"), "{error}");
+        let px = vec![Point2::new(1.25, 2.25); MOST_CORNERS];
+        let stroke = OrganStroke { frame: None, organ: true, px };
+        assert!(write_strokes(&path, &vec![stroke; 100]).is_err());
     }
 
     #[test]

@@ -101,7 +101,42 @@ fn share(histogram: &mut Histogram, [u, v]: [f32; 2], angle: f32, weight: f32) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::scale_space::tests::noisy;
     use super::*;
+
+    /// Against the definition, pixel by pixel: a Gaussian of half the width of the cells weighs each.
+    #[test]
+    fn a_histogram_is_the_sum_over_its_pixels() {
+        let octave = noisy([40, 33]);
+        let layer = &octave.layers[2];
+        let at = |x: usize, y: usize| layer[y * 80 + x];
+        let (cell, reach, angle) = (3.0, 11, 0.7f32);
+        // Amid the image, and where the window is cut off.
+        for [cx, cy] in [[40usize, 30usize], [6, 59]] {
+            let (x, y) = (cx as f32 + 0.25, cy as f32 - 0.25);
+            let e = Extremum { x, y, nearest: [cx, cy, 2], sigma: 1.0, response: 0.1 };
+            let found = gather(&octave, &e, angle, cell, reach);
+            let mut by_hand: Histogram = [[[0.0; DIRECTIONS]; CELLS + 2]; CELLS + 2];
+            for y in cy.saturating_sub(reach).max(1)..=(cy + reach).min(64) {
+                for x in cx.saturating_sub(reach).max(1)..=(cx + reach).min(78) {
+                    let (dx, dy) = (x as f32 - cx as f32, y as f32 - cy as f32);
+                    let turned =
+                        [dx * angle.cos() + dy * angle.sin(), dy * angle.cos() - dx * angle.sin()];
+                    let [u, v] = turned.map(|d| d / cell + 2.5);
+                    let gradient = [at(x + 1, y) - at(x - 1, y), at(x, y + 1) - at(x, y - 1)];
+                    let bell = (-0.5 * (dx * dx + dy * dy) / (2.0 * cell).powi(2)).exp();
+                    let weight = bell * gradient[0].hypot(gradient[1]);
+                    if [u, v].iter().all(|d| *d > 0.0 && *d < 5.0) {
+                        share(&mut by_hand, [u, v], angle - gradient[1].atan2(gradient[0]), weight);
+                    }
+                }
+            }
+            let flat = |h: &Histogram| h.as_flattened().as_flattened().to_vec();
+            let (found, by_hand) = (flat(&found), flat(&by_hand));
+            let largest = by_hand.iter().copied().fold(0.0, f32::max);
+            assert!(found.iter().zip(&by_hand).all(|(a, b)| (a - b).abs() < 1e-3 * largest));
+        }
+    }
 
     #[test]
     fn a_gradient_is_shared_by_hand() {

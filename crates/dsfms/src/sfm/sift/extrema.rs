@@ -162,3 +162,39 @@ fn refine(
     }
     None
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sfm::random::Random;
+
+    /// Against the definition: of 27 pixels of place and scale none is above the middle one, or none below.
+    #[test]
+    fn candidates_are_all_extrema_and_no_others() {
+        let (size, contrast) = ([40, 37], 0.3);
+        let mut random = Random::new(7, 0);
+        let mut noise = || random.below(1000) as f32 / 1000.0;
+        let layers = (0..LAYERS + 3).map(|_| (0..40 * 37).map(|_| noise()).collect()).collect();
+        let octave = Octave { size, layers };
+        let difference = |x: usize, y: usize, l: usize| {
+            octave.layers[l + 1][y * 40 + x] - octave.layers[l][y * 40 + x]
+        };
+        let extreme = |x: usize, y: usize, l: usize| {
+            let around = (0..27).map(|k| (x + k % 3 - 1, y + k / 3 % 3 - 1, l + k / 9 - 1));
+            let around: Vec<f32> = around.map(|(x, y, l)| difference(x, y, l)).collect();
+            let (v, least) = (difference(x, y, l), (0.5 * contrast / LAYERS as f64) as f32);
+            v > least && around.iter().all(|a| v >= *a)
+                || v < -least && around.iter().all(|a| v <= *a)
+        };
+        let rows: Vec<usize> = (BORDER..37 - BORDER).collect();
+        let mut by_hand = Vec::new();
+        for &y in &rows {
+            for l in 1..=LAYERS {
+                let columns = (BORDER..40 - BORDER).filter(|&x| extreme(x, y, l));
+                by_hand.extend(columns.map(|x| [x, y, l]));
+            }
+        }
+        assert!(by_hand.len() > 50);
+        assert_eq!(candidates(&octave, &rows, contrast), by_hand);
+    }
+}

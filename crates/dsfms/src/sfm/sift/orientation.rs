@@ -110,7 +110,35 @@ fn peaks(histogram: &[f32; BINS]) -> Vec<f32> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::scale_space::tests::noisy;
     use super::*;
+
+    /// Against the definition, pixel by pixel.
+    #[test]
+    fn directions_are_those_of_the_window() {
+        let octave = noisy([40, 33]);
+        let layer = &octave.layers[2];
+        let at = |x: usize, y: usize| layer[y * 80 + x];
+        for [cx, cy] in [[40usize, 30usize], [6, 59]] {
+            let (x, y) = (cx as f32, cy as f32);
+            let e = Extremum { x, y, nearest: [cx, cy, 2], sigma: 2.0, response: 0.1 };
+            let mut raw = [0.0f32; BINS];
+            for y in cy.saturating_sub(9).max(1)..=(cy + 9).min(64) {
+                for x in cx.saturating_sub(9).max(1)..=(cx + 9).min(78) {
+                    let (dx, dy) = (x as f32 - cx as f32, y as f32 - cy as f32);
+                    let gradient = [at(x + 1, y) - at(x - 1, y), at(x, y + 1) - at(x, y - 1)];
+                    let turns = gradient[1].atan2(gradient[0]) / TAU;
+                    let bin = (turns * BINS as f32).round() as i32;
+                    let bell = (-0.5 * (dx * dx + dy * dy) / 9.0).exp();
+                    raw[bin.rem_euclid(BINS as i32) as usize] +=
+                        bell * gradient[0].hypot(gradient[1]);
+                }
+            }
+            let (found, by_hand) = (dominant(&octave, &e), peaks(&smoothed(&raw)));
+            assert!(!by_hand.is_empty() && found.len() == by_hand.len(), "{found:?} {by_hand:?}");
+            assert!(found.iter().zip(&by_hand).all(|(a, b)| (a - b).abs() < 0.01));
+        }
+    }
 
     #[test]
     fn directions_all_around() {

@@ -140,7 +140,7 @@ fn mirror(i: isize, n: usize) -> usize {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     #[test]
@@ -161,6 +161,13 @@ mod tests {
             assert!((out[(20 + dy) * 71 + 33 - dx] - by_hand).abs() < 1e-8);
         }
         assert!(blur(&vec![0.3; 71 * 43], size, &kernel).iter().all(|v| (v - 0.3).abs() < 1e-6));
+    }
+
+    /// The first octave of noise.
+    pub(in crate::sfm::sift) fn noisy(size: [usize; 2]) -> Octave {
+        let mut random = crate::sfm::random::Random::new(3, 0);
+        let data = (0..size[0] * size[1]).map(|_| random.below(1000) as f32 / 1000.0).collect();
+        octaves(&Plane { size, data }).remove(0)
     }
 
     #[test]
