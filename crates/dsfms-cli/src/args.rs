@@ -21,7 +21,8 @@ pub struct Global {
     /// No progress and no warnings; errors only.
     #[arg(help_heading = "Global options", long, short, global = true)]
     pub quiet: bool,
-    /// Log what is decided and with which figures; -vv says more. RUST_LOG=dsfms::sfm=debug chooses.
+    /// Log what is decided and with which figures; -vv says more. RUST_LOG=dsfms::sfm=debug
+    /// chooses.
     #[arg(help_heading = "Global options", long, short, global = true, action = clap::ArgAction::Count)]
     pub verbose: u8,
     /// Tone curve of the images; overrides the camera file's.

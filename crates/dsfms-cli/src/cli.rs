@@ -55,7 +55,8 @@ const HELP: usize = 80;
 
 /// The command line with only those global options in a command's help that it uses.
 pub fn command() -> clap::Command {
-    // Its examples are narrower. What a narrow terminal breaks by itself can still be copied as one line.
+    // Its examples are narrower. What a narrow terminal breaks by itself can still be copied as one
+    // line.
     let command = Arguments::command().term_width(HELP);
     let unused = ["seed", "tone"];
     let hidden = command.get_arguments().filter(|arg| unused.contains(&arg.get_id().as_str()));

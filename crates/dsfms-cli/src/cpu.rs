@@ -1,5 +1,6 @@
-//! What this CPU can run: the program compiled for any x86-64 CPU hands over to the one compiled for AVX2 and
-//! FMA beside it, where there is one and the CPU has them; that one says so on a CPU that has not.
+//! What this CPU can run: the program compiled for any x86-64 CPU hands over to the one compiled
+//! for AVX2 and FMA beside it, where there is one and the CPU has them; that one says so on a CPU
+//! that has not.
 
 use std::path::{Path, PathBuf};
 
@@ -7,8 +8,8 @@ use std::path::{Path, PathBuf};
 const STAY: &str = "DSFMS_PORTABLE";
 
 /// Whether this CPU has what the program was compiled for; without the question it would die of an
-/// illegal instruction. The standard library's own test is no question where the compiler may use AVX2
-/// everywhere: it is true at compile time.
+/// illegal instruction. The standard library's own test is no question where the compiler may use
+/// AVX2 everywhere: it is true at compile time.
 pub fn suits() -> bool {
     !FAST || std::fs::read_to_string("/proc/cpuinfo").map_or(true, |text| has_avx2(&text))
 }
@@ -29,7 +30,8 @@ fn faster(own: &Path) -> Option<PathBuf> {
     [folder.join(NAME), folder.join("../lib/dsfms").join(NAME)].into_iter().find(|p| p.is_file())
 }
 
-/// Go on as the faster program, where there is one that this CPU can run. Returns where there is none.
+/// Go on as the faster program, where there is one that this CPU can run. Returns where there is
+/// none.
 #[cfg(all(target_arch = "x86_64", unix))]
 pub fn hand_over() {
     use std::os::unix::process::CommandExt;

@@ -1,5 +1,5 @@
-//! Drawing on pixels: frames, shaded surfaces, colours of errors. Lines, areas and text are items of a sheet
-//! ([`crate::sheet`]).
+//! Drawing on pixels: frames, shaded surfaces, colours of errors. Lines, areas and text are items
+//! of a sheet ([`crate::sheet`]).
 
 pub mod overlay;
 mod side_view;

@@ -17,8 +17,8 @@ use std::path::Path;
 /// A format of the frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Format {
-    /// frame_NNN.vtp and frames.pvd for ParaView and 3D Slicer, with strain, visible, expected_error,
-    /// observed and region.
+    /// frame_NNN.vtp and frames.pvd for ParaView and 3D Slicer, with strain, visible,
+    /// expected_error, observed and region.
     Vtp,
     /// frame_NNN.obj with the template's UV, frames.mtl and frames.png, the albedo.
     Obj,

@@ -32,13 +32,14 @@ pub struct SolveArgs {
     /// the options file, or conformal.
     #[arg(help_heading = "Method", long, value_enum)]
     pub prior: Option<PriorName>,
-    /// Where the camera is; without it that of the options file, or auto. at-rest for a scope that stands
-    /// where it stood in a view of the template while tissue stretches: seen alone, 3 % of stretch look
-    /// like a distance that is 3 % less, and where all tissue moves auto does not see that it stands.
+    /// Where the camera is; without it that of the options file, or auto. at-rest for a scope that
+    /// stands where it stood in a view of the template while tissue stretches: seen alone, 3 % of
+    /// stretch look like a distance that is 3 % less, and where all tissue moves auto does not see
+    /// that it stands.
     #[arg(help_heading = "Method", long, value_enum)]
     pub camera_motion: Option<MotionName>,
-    /// Weights and thresholds, as `dsfms options` prints those of the command; what the file does not name
-    /// keeps its default.
+    /// Weights and thresholds, as `dsfms options` prints those of the command; what the file does
+    /// not name keeps its default.
     #[arg(help_heading = "Method", long, value_name = "FILE")]
     pub options: Option<PathBuf>,
 }

@@ -32,8 +32,8 @@ where
     parse(&text).with_context(|| format!("{} is not a valid options file", path.display()))
 }
 
-/// Camera and tone curve of frames of the deformed organ: of `--camera`, or else of the template. The
-/// file's lens and, where the template knows none, its light become the template's.
+/// Camera and tone curve of frames of the deformed organ: of `--camera`, or else of the template.
+/// The file's lens and, where the template knows none, its light become the template's.
 pub fn frame_camera(
     path: Option<&Path>,
     global: &Global,
@@ -47,9 +47,9 @@ pub fn frame_camera(
 /// Images that are looked at before the work.
 const LOOKED_AT: usize = 3;
 
-/// Refuse, before anything is written, frames of which none can be used: files that are no images, images
-/// that are all of another size than the camera. That is one mistake, told once; a few that differ fail on
-/// their own.
+/// Refuse, before anything is written, frames of which none can be used: files that are no images,
+/// images that are all of another size than the camera. That is one mistake, told once; a few that
+/// differ fail on their own.
 pub fn check_sizes(sources: &[Source], camera: &CameraModel, path: &Path) -> anyhow::Result<()> {
     let mut sizes = Vec::new();
     let mut unread = None;
@@ -108,8 +108,8 @@ pub fn check_masks(
     }
 }
 
-/// Refuse, before anything is written, match files of which none that is looked at can be used. `faces` of the
-/// template; pixels must lie in the camera's image.
+/// Refuse, before anything is written, match files of which none that is looked at can be used.
+/// `faces` of the template; pixels must lie in the camera's image.
 pub fn check_matches(
     sources: &[Source],
     matches: Option<&Path>,
@@ -134,8 +134,8 @@ fn looked_at(sources: &[Source]) -> Vec<(&Path, [usize; 2])> {
     files.filter_map(|file| Some((file, read_size(file).ok()?))).collect()
 }
 
-/// Look at what a video is to be read from: a file must be an image or a video, of which the first frame is
-/// decoded. Streams are told of by their readers.
+/// Look at what a video is to be read from: a file must be an image or a video, of which the first
+/// frame is decoded. Streams are told of by their readers.
 pub fn look(inputs: &[PathBuf]) -> anyhow::Result<Vec<Source>> {
     let mut sources = Vec::new();
     let local = |path: &&PathBuf| !path.to_string_lossy().contains("://");

@@ -1,5 +1,5 @@
-//! Ctrl-C and SIGTERM: what is being written is finished, the user is told what is kept and how to go on. A
-//! second signal ends the program at once.
+//! Ctrl-C and SIGTERM: what is being written is finished, the user is told what is kept and how to
+//! go on. A second signal ends the program at once.
 
 use crate::progress::Teller;
 use std::process::ExitCode;

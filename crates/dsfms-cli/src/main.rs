@@ -1,6 +1,7 @@
 //! The command line of dsfms: one file per subcommand, no mathematics.
 
-/// As that of the standard library, but a reader of standard error who goes away (`2>&1 | head`) ends no run.
+/// As that of the standard library, but a reader of standard error who goes away (`2>&1 | head`)
+/// ends no run.
 macro_rules! eprintln {
     ($($text:tt)*) => {{
         use std::io::Write as _;

@@ -20,8 +20,8 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Make sure, before any work, that results can be written; nothing is made yet, so that a command that
-/// is refused leaves nothing behind.
+/// Make sure, before any work, that results can be written; nothing is made yet, so that a command
+/// that is refused leaves nothing behind.
 pub fn check_folder(folder: &Path) -> anyhow::Result<()> {
     let full = std::path::absolute(folder).with_context(|| unwritable(folder))?;
     let standing = full.ancestors().find(|path| path.exists()).unwrap_or(&full);

@@ -33,8 +33,9 @@ const ENDINGS: [&str; 7] =
 /// Folders of a file or more a frame.
 const FOLDERS: [&str; 4] = ["overlay", "structures", "view", "volume"];
 
-/// Refuse, before any work, an output folder that is or lies in a folder of the input, that holds an image
-/// of the input, that cannot be written, or that holds files of our names which no run of ours left.
+/// Refuse, before any work, an output folder that is or lies in a folder of the input, that holds
+/// an image of the input, that cannot be written, or that holds files of our names which no run of
+/// ours left.
 pub fn check(output: &Path, inputs: &[&Path]) -> anyhow::Result<()> {
     check_apart(output, inputs)?;
     check_names(output, &COMMANDS, "-o", is_our_name)?;
@@ -48,7 +49,8 @@ pub fn check(output: &Path, inputs: &[&Path]) -> anyhow::Result<()> {
     check_folder(output)
 }
 
-/// Refuse an output folder that is, or lies in, a folder of the input, or that holds an image of it.
+/// Refuse an output folder that is, or lies in, a folder of the input, or that holds an image of
+/// it.
 pub fn check_apart(output: &Path, inputs: &[&Path]) -> anyhow::Result<()> {
     let out = real(output);
     for input in inputs {
@@ -114,8 +116,8 @@ pub fn same(a: &Path, b: &Path) -> bool {
 /// Make the folder, mark it, and remove the files of an older run.
 pub fn renew(output: &Path, command: &str) -> anyhow::Result<()> {
     prepare_folder(output)?;
-    // First: where there is no room for it, what an older run left stays; and a removal that was interrupted is
-    // taken up by the next run.
+    // First: where there is no room for it, what an older run left stays; and a removal that was
+    // interrupted is taken up by the next run.
     mark::write(output, command)?;
     let remove = |path: PathBuf| {
         std::fs::remove_file(&path)

@@ -1,4 +1,5 @@
-//! Progress on stderr: a bar on a terminal, a line every ten seconds elsewhere, or JSON for programs.
+//! Progress on stderr: a bar on a terminal, a line every ten seconds elsewhere, or JSON for
+//! programs.
 
 use clap::ValueEnum;
 use dsfms::pipeline::Progress;
@@ -15,8 +16,8 @@ pub enum ProgressKind {
     Auto,
     /// Lines: at the start and the end of a stage, and every ten seconds.
     Lines,
-    /// A line of JSON each second and at the ends of a stage: stage, done, total, seconds, left; or warning,
-    /// error, message.
+    /// A line of JSON each second and at the ends of a stage: stage, done, total, seconds, left; or
+    /// warning, error, message.
     Json,
 }
 

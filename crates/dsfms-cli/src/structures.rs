@@ -141,8 +141,8 @@ impl Structures {
         Ok(Some(Self { items, carrier, rest, half_extent }))
     }
 
-    /// Their places in a frame, camera axes, and expected errors where `expected_error` tells those of
-    /// the surface's vertices.
+    /// Their places in a frame, camera axes, and expected errors where `expected_error` tells those
+    /// of the surface's vertices.
     pub fn carry(
         &self,
         vertices: &[Point3],

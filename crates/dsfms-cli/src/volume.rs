@@ -20,8 +20,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Options of a volume.
 #[derive(Args, Debug)]
 pub struct VolumeArgs {
-    /// CT or MRI of the organ (.nii, .nii.gz), whose inside is carried along with the deformation: OUT/volume.
-    /// The template is a closed mesh made from it, or --volume-registration says where it lies.
+    /// CT or MRI of the organ (.nii, .nii.gz), whose inside is carried along with the deformation:
+    /// OUT/volume. The template is a closed mesh made from it, or --volume-registration says where
+    /// it lies.
     #[arg(help_heading = "Input", long, value_name = "FILE")]
     pub volume: Option<PathBuf>,
     /// Folder of `dsfms register-ct`, whose mesh was made from the volume.
@@ -86,7 +87,8 @@ pub struct CarriedVolume {
 /// `OUT/volume/frame_NNN.json`.
 #[derive(Serialize)]
 struct VolumeRecord {
-    /// 4 x 4, row by row: the volume's world (RAS, mm) with its displacement, to camera axes in `unit`.
+    /// 4 x 4, row by row: the volume's world (RAS, mm) with its displacement, to camera axes in
+    /// `unit`.
     camera_from_volume: [[f64; 4]; 4],
     /// `mm` or `template_units`: of the camera axes.
     unit: &'static str,
@@ -139,8 +141,8 @@ impl CarriedVolume {
         Ok(Some(Self { file, body, background, sampling, out: args.volume_out }))
     }
 
-    /// `OUT/volume/NAME_displacement.nii.gz`, `NAME_warped.nii.gz` and `NAME.json` of a surface; `vertices` in
-    /// camera axes.
+    /// `OUT/volume/NAME_displacement.nii.gz`, `NAME_warped.nii.gz` and `NAME.json` of a surface;
+    /// `vertices` in camera axes.
     pub fn write(
         &self,
         folder: &Path,

@@ -6,7 +6,8 @@ mod common;
 use common::Case;
 use std::process::{Command, Stdio};
 
-/// The binary in the folder of a case, its standard output and standard error pipes without a reader.
+/// The binary in the folder of a case, its standard output and standard error pipes without a
+/// reader.
 fn unread(case: &Case, arguments: &[&str]) -> Option<i32> {
     let mut child = Command::new(assert_cmd::cargo::cargo_bin("dsfms"))
         .current_dir(case.folder.path())

@@ -10,7 +10,8 @@ fn dsfms(folder: &Path, arguments: &str) -> Command {
     command
 }
 
-/// Error over all vertices of the frame of a synthetic case, through template, reconstruct and evaluate.
+/// Error over all vertices of the frame of a synthetic case, through template, reconstruct and
+/// evaluate.
 fn rms_mm(case: &Path, template: &str, method: &str) -> f64 {
     let template = format!("template --mesh rest.obj {template} -q -o organ.template");
     dsfms(case, &template).assert().success();
@@ -40,7 +41,8 @@ fn a_synthetic_case_goes_through_the_other_commands() {
     assert!(all < 2.0, "{all} mm");
 }
 
-/// A ring light: rendered, written to the camera file, read from it, in the shading of the joint solve.
+/// A ring light: rendered, written to the camera file, read from it, in the shading of the joint
+/// solve.
 #[test]
 fn a_ring_light_goes_from_synth_to_reconstruct() {
     let folder = tempfile::tempdir().unwrap();

@@ -130,7 +130,8 @@ impl Frames {
         mesh.positions.iter().map(|p| p.coords / depth).collect()
     }
 
-    /// What the template keeps of its organ gives, with its strokes and the frames, the masks that it was built with.
+    /// What the template keeps of its organ gives, with its strokes and the frames, the masks that
+    /// it was built with.
     fn assert_drawn(&self, template: &str) {
         let scene = OrganScene::read(&self.path(&format!("{template}/organ.scene"))).unwrap();
         let strokes = self.path(&format!("{template}/organ_scribbles.json"));

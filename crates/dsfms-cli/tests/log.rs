@@ -1,4 +1,5 @@
-//! `-v` and `RUST_LOG`: what is decided is logged on standard error, and only where it is asked for.
+//! `-v` and `RUST_LOG`: what is decided is logged on standard error, and only where it is asked
+//! for.
 
 mod common;
 

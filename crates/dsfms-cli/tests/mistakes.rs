@@ -1,5 +1,6 @@
-//! The mistakes of an outside reader, one by one: each is refused with the file, the field, what was expected and
-//! what was found, and leaves nothing behind. Those of `litter.rs` and `bad_input.rs` are not repeated.
+//! The mistakes of an outside reader, one by one: each is refused with the file, the field, what
+//! was expected and what was found, and leaves nothing behind. Those of `litter.rs` and
+//! `bad_input.rs` are not repeated.
 
 mod common;
 

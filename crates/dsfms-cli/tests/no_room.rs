@@ -1,8 +1,9 @@
-//! Output that cannot be written: a disk without room, and a folder that may only be read. The run ends with 1 and
-//! its reason; what is under a final name is whole, and older results stay where nothing new could be written.
+//! Output that cannot be written: a disk without room, and a folder that may only be read. The run
+//! ends with 1 and its reason; what is under a final name is whole, and older results stay where
+//! nothing new could be written.
 //!
-//! Room is taken away by the largest file that a process may write (`ulimit -f`), for which no right is needed;
-//! `scripts/faults.py` fills real disks.
+//! Room is taken away by the largest file that a process may write (`ulimit -f`), for which no
+//! right is needed; `scripts/faults.py` fills real disks.
 #![cfg(unix)]
 
 mod common;
@@ -76,7 +77,8 @@ fn told(done: &Output, reason: &str) {
     assert!(!text.contains("panicked") && text.matches("error:").count() >= 1, "{text}");
 }
 
-/// What is under a final name is whole: the same bytes as those of an undisturbed run, or text that ends.
+/// What is under a final name is whole: the same bytes as those of an undisturbed run, or text that
+/// ends.
 fn whole(name: &str, bytes: &[u8], older: &BTreeMap<String, Vec<u8>>) {
     match Path::new(name).extension().unwrap_or_default().to_str() {
         Some("json") => {

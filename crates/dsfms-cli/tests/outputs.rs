@@ -1,5 +1,5 @@
-//! Output folders: nothing of an older run stays, nothing of the user's goes, nothing lies in the input; and
-//! input that is no file is refused at once.
+//! Output folders: nothing of an older run stays, nothing of the user's goes, nothing lies in the
+//! input; and input that is no file is refused at once.
 
 mod common;
 
@@ -89,7 +89,8 @@ fn results_do_not_go_into_the_input_nor_over_files_of_others() {
     assert!(case.path("truth/frame_003.ply").is_file());
 }
 
-/// Commands and what they would replace in a folder that is none of theirs, with the word of the refusal.
+/// Commands and what they would replace in a folder that is none of theirs, with the word of the
+/// refusal.
 const REPLACING: [(&str, &str, &str); 12] = [
     ("demo -o out", "scene/camera.json", "scene"),
     ("demo -o out", "joint/summary.csv", "joint"),

@@ -1,5 +1,5 @@
-//! What `cargo package` makes of the crates is whole: licences, the README, no invented address. The image of the
-//! Dockerfile gets all that it names.
+//! What `cargo package` makes of the crates is whole: licences, the README, no invented address.
+//! The image of the Dockerfile gets all that it names.
 
 use std::path::Path;
 use std::process::Command;

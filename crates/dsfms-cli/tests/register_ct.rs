@@ -133,7 +133,8 @@ fn a_ct_in_metres_and_its_tumour_come_onto_the_template() {
     let picture = image::open(case.path("ct/registration.png")).unwrap().to_rgb8();
     let colours: std::collections::BTreeSet<[u8; 3]> = picture.pixels().map(|p| p.0).collect();
     assert!(picture.width() > 1000 && colours.len() > 500, "{}", colours.len());
-    // A second run takes the folder's place; without bending the residual is that of the similarity.
+    // A second run takes the folder's place; without bending the residual is that of the
+    // similarity.
     case.register(&["--landmarks", "pairs.csv", "--rigid", "-o", "ct"], 0);
     let record = case.record("ct");
     assert!(record["found"].get("residual").is_none() && !case.path("ct/structures").exists());

@@ -1,4 +1,5 @@
-//! `dsfms track`: a small synthetic clip from files, by pipe, damaged and faster than it can be solved.
+//! `dsfms track`: a small synthetic clip from files, by pipe, damaged and faster than it can be
+//! solved.
 
 #[path = "../../dsfms/tests/common/mp4.rs"]
 mod mp4;
@@ -95,7 +96,8 @@ fn raw_frames_give_the_shapes_of_files_and_their_vertices_by_pipe() {
     let (a, b) = (files.join("vertices.npz"), pipe.join("vertices.npz"));
     assert_eq!(std::fs::read(&a).unwrap(), std::fs::read(&b).unwrap());
     let (shapes, status) = dsfms::track::shapes::read_shapes(&b).unwrap();
-    // One frame is black; where the instrument, of which no mask tells, covers a part, they are degraded.
+    // One frame is black; where the instrument, of which no mask tells, covers a part, they are
+    // degraded.
     assert!(status.iter().filter(|s| **s < 2).count() == 11, "{status:?}");
     assert!(status.iter().filter(|s| **s == 0).count() >= 6, "{status:?}");
     let lines = lines(&live.stdout);
@@ -202,7 +204,8 @@ fn a_frame_of_another_size_or_without_its_mask_is_lost_and_no_other() {
     assert!(out.join("vertices.npz").exists());
 }
 
-/// Which frames are dropped depends on the machine (`queue.rs` has the rule); that none is forgotten does not.
+/// Which frames are dropped depends on the machine (`queue.rs` has the rule); that none is
+/// forgotten does not.
 #[test]
 fn realtime_accounts_for_every_frame_however_fast_they_come() {
     let folder = tempfile::tempdir().unwrap();

@@ -216,7 +216,8 @@ fn a_registered_volume_goes_the_way_of_its_mesh() {
     let code = case.reconstruct(&volume).output().unwrap().status.code();
     assert!(matches!(code, Some(0 | 2)), "{code:?}");
     assert!(!case.path("out/volume/frame_003_warped.nii.gz").exists());
-    // At rest before the camera: the field is what the organ bent since the CT, seen from the template.
+    // At rest before the camera: the field is what the organ bent since the CT, seen from the
+    // template.
     let record = case.record();
     let matrix: [[f64; 4]; 4] =
         serde_json::from_value(record["camera_from_volume"].clone()).unwrap();

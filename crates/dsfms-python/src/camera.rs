@@ -198,7 +198,8 @@ impl Camera {
     }
 }
 
-/// Read a camera: camera.json, OpenCV YAML or JSON, or COLMAP's cameras.txt, cameras.bin or model folder.
+/// Read a camera: camera.json, OpenCV YAML or JSON, or COLMAP's cameras.txt, cameras.bin or model
+/// folder.
 ///
 /// Parameters
 /// ----------

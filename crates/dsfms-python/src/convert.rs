@@ -1,5 +1,5 @@
-//! NumPy in and out. Whatever has the array protocol is taken (NumPy of any strides, torch tensors on the
-//! CPU, lists); what does not fit is refused by name.
+//! NumPy in and out. Whatever has the array protocol is taken (NumPy of any strides, torch tensors
+//! on the CPU, lists); what does not fit is refused by name.
 
 use crate::errors::wrong;
 use dsfms::geometry::{Isometry, Point3};
@@ -38,7 +38,8 @@ fn typed<'py, T: Element>(
     array.cast::<PyArrayDyn<T>>().ok().map(|a| a.readonly())
 }
 
-/// An image `(h, w, 3)`: `uint8`, `uint16` (of 65535) or floating point in `[0, 1]`, encoded as in a file.
+/// An image `(h, w, 3)`: `uint8`, `uint16` (of 65535) or floating point in `[0, 1]`, encoded as in
+/// a file.
 pub fn frame(value: &Bound<'_, PyAny>, argument: &str, name: String) -> PyResult<Frame> {
     const EXPECTED: &str = "an image (h, w, 3) of uint8, uint16 or floats in [0, 1]";
     let array = contiguous(value, argument)?;

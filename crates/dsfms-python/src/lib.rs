@@ -1,5 +1,5 @@
-//! The Python module `dsfms._dsfms`: the library's front door with NumPy in and out. What needs no Rust
-//! (bridges to other packages, batch runs, pages) lies beside it in `python/dsfms`.
+//! The Python module `dsfms._dsfms`: the library's front door with NumPy in and out. What needs no
+//! Rust (bridges to other packages, batch runs, pages) lies beside it in `python/dsfms`.
 
 mod build;
 mod camera;

@@ -16,9 +16,9 @@ use pyo3::types::PyDict;
 
 /// The surface of one frame.
 ///
-/// Arrays have the template's vertex order, whatever happened: of a lost frame `vertices` and `pose` are
-/// NaN and nothing is visible. Lengths are in ``template.unit``, positions in camera axes (x right, y
-/// down, z forward).
+/// Arrays have the template's vertex order, whatever happened: of a lost frame `vertices` and
+/// `pose` are NaN and nothing is visible. Lengths are in ``template.unit``, positions in camera
+/// axes (x right, y down, z forward).
 #[pyclass(module = "dsfms", frozen, name = "Surface")]
 pub struct Surface {
     /// The template that was fitted.
@@ -174,8 +174,9 @@ impl Surface {
         }
     }
 
-    /// ``camera_from_template`` by what lies around the organ and does not deform, float64 (4, 4), whatever becomes of the
-    /// organ; None from `reconstruct`, and where template or frame show too little of that.
+    /// ``camera_from_template`` by what lies around the organ and does not deform, float64 (4, 4),
+    /// whatever becomes of the organ; None from `reconstruct`, and where template or frame show too
+    /// little of that.
     #[getter]
     fn camera_pose<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         self.camera_pose.as_ref().map(|pose| pose_out(py, pose)).transpose()
@@ -187,26 +188,29 @@ impl Surface {
         array1(py, self.visible.clone().unwrap_or_else(|| vec![false; self.count()]))
     }
 
-    /// Expected error of every vertex, float64 (n,), length units; None where the method gives none.
+    /// Expected error of every vertex, float64 (n,), length units; None where the method gives
+    /// none.
     #[getter]
     fn expected_error<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         self.expected_error.clone().map(|values| array1(py, values))
     }
 
-    /// Nine vertices of ten, and the deformed zone in nine frames of ten, are off by less than this multiple of their
-    /// expected error; None where there is none.
+    /// Nine vertices of ten, and the deformed zone in nine frames of ten, are off by less than this
+    /// multiple of their expected error; None where there is none.
     #[getter]
     fn expected_error_bound(&self) -> Option<f64> {
         self.error_bound
     }
 
-    /// False where nothing in the frame spoke of a vertex, bool (n,); None where the method does not tell.
+    /// False where nothing in the frame spoke of a vertex, bool (n,); None where the method does
+    /// not tell.
     #[getter]
     fn observed<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<bool>>> {
         self.observed.clone().map(|values| array1(py, values))
     }
 
-    /// What is known of every vertex, uint8 (n,) of `Region`; None where the frame is lost, and from a tracker.
+    /// What is known of every vertex, uint8 (n,) of `Region`; None where the frame is lost, and
+    /// from a tracker.
     #[getter]
     fn regions<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<u8>>> {
         self.regions.clone().map(|values| array1(py, values))
@@ -224,14 +228,15 @@ impl Surface {
         self.ambient
     }
 
-    /// Mean relative difference of the frame's brightness from what the surface predicts; NaN from `reconstruct`,
-    /// and where no shading was read.
+    /// Mean relative difference of the frame's brightness from what the surface predicts; NaN from
+    /// `reconstruct`, and where no shading was read.
     #[getter]
     fn photometric(&self) -> f64 {
         self.tracked.photometric.unwrap_or(f64::NAN)
     }
 
-    /// Share of the textured places in view that look like the template's, 0 to 1; NaN from `reconstruct`.
+    /// Share of the textured places in view that look like the template's, 0 to 1; NaN from
+    /// `reconstruct`.
     #[getter]
     fn agreement(&self) -> f64 {
         self.tracked.agreement.unwrap_or(f64::NAN)
@@ -285,7 +290,8 @@ impl Surface {
         bridge(slf.as_any(), "to_open3d")
     }
 
-    /// PyVista mesh in camera axes (extra ``pyvista``); visible, observed and expected error as point data.
+    /// PyVista mesh in camera axes (extra ``pyvista``); visible, observed and expected error as
+    /// point data.
     fn to_pyvista<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         bridge(slf.as_any(), "to_pyvista")
     }

@@ -119,8 +119,8 @@ impl Template {
         array2(py, self.inner.mesh.topology.faces.iter().copied())
     }
 
-    /// Texture coordinates of the corners of every face, float64 (m, 3, 2) in [0, 1], v upward; None
-    /// where the surface could not be flattened.
+    /// Texture coordinates of the corners of every face, float64 (m, 3, 2) in [0, 1], v upward;
+    /// None where the surface could not be flattened.
     #[getter]
     fn uv<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<f64>>>> {
         let Some(flat) = &self.inner.flattening else { return Ok(None) };
@@ -178,8 +178,8 @@ impl Template {
         array2(py, self.inner.points.iter().map(|p| p.rgb))
     }
 
-    /// Standard deviation expected of every vertex across the surface, float64 (n,), in `unit`; infinite
-    /// where no depth map spoke of it, empty where the mesh was given.
+    /// Standard deviation expected of every vertex across the surface, float64 (n,), in `unit`;
+    /// infinite where no depth map spoke of it, empty where the mesh was given.
     #[getter]
     fn sigma<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.inner.sigma.clone())
@@ -267,8 +267,8 @@ impl Template {
         bridge(slf.as_any(), "to_trimesh")
     }
 
-    /// ``pycolmap.Reconstruction`` of the exploration (extra ``pycolmap``): camera, images with their
-    /// poses, points with their colours.
+    /// ``pycolmap.Reconstruction`` of the exploration (extra ``pycolmap``): camera, images with
+    /// their poses, points with their colours.
     fn to_pycolmap<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         bridge(slf.as_any(), "to_pycolmap")
     }

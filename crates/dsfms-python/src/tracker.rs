@@ -1,4 +1,5 @@
-//! `dsfms.Tracker`. The tracker borrows its template and its camera, so it lives on a thread that owns both.
+//! `dsfms.Tracker`. The tracker borrows its template and its camera, so it lives on a thread that
+//! owns both.
 
 use crate::convert;
 use crate::errors::{self, IntoPython, TrackingError};
@@ -119,8 +120,8 @@ impl Tracker {
         self.solve(py, frame, mask, None)
     }
 
-    /// Iterate over a video (or a folder or list of images): one `Surface` a frame, solved as asked for
-    /// while the next frames are decoded.
+    /// Iterate over a video (or a folder or list of images): one `Surface` a frame, solved as asked
+    /// for while the next frames are decoded.
     ///
     /// Parameters
     /// ----------
@@ -229,7 +230,8 @@ impl Tracking {
 }
 
 impl Tracker {
-    /// A frame of a video; what cannot be decoded or has another size is lost, as on the command line.
+    /// A frame of a video; what cannot be decoded or has another size is lost, as on the command
+    /// line.
     fn shown(&self, py: Python<'_>, shown: Shown) -> PyResult<Surface> {
         let Shown { name, content, .. } = shown;
         let (frame, reservation) = match content {

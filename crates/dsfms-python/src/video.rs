@@ -101,7 +101,8 @@ fn read_video(
 /// FileError
 ///     While iterating: the video is missing or cannot be decoded.
 ///
-/// A frame that cannot be decoded is left out with a `DsfmsWarning`; `number` counts it all the same.
+/// A frame that cannot be decoded is left out with a `DsfmsWarning`; `number` counts it all the
+/// same.
 #[pyclass(module = "dsfms", frozen, name = "Frames")]
 pub struct Frames {
     frames: Mutex<Receiver<PyResult<Shown>>>,
@@ -152,7 +153,8 @@ impl Frames {
     }
 }
 
-/// Number of frames of a video or of a folder of images, lost ones too; everything is decoded to count them.
+/// Number of frames of a video or of a folder of images, lost ones too; everything is decoded to
+/// count them.
 ///
 /// Raises
 /// ------

@@ -45,9 +45,9 @@ impl<T: Send> Progress for Told<T> {
     }
 }
 
-/// Do `work` on another thread while Python goes on; `progress(stage, done, total)` is called on the
-/// calling thread. Where the callback or a signal raises, the work is abandoned: it unwinds at its next
-/// step.
+/// Do `work` on another thread while Python goes on; `progress(stage, done, total)` is called on
+/// the calling thread. Where the callback or a signal raises, the work is abandoned: it unwinds at
+/// its next step.
 pub fn run<T: Send + 'static>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,

@@ -1,10 +1,10 @@
 //! Solves of eq. 3, eq. 4 and the joint problem over mesh sizes: `cargo bench --bench solve`.
 //!
 //! Synthetic patches, 300 matches of 1 px outside a zone pulled by 3 %. CPU milliseconds of the
-//! whole process (median of the repetitions), steps of the last solve, and RMS error against the truth
-//! over the whole surface. `warm` keeps coarse mesh and symbolic factors; eq. 4 and joint also start from
-//! their own solution, as in a video. Arguments choose sizes and problems: `-- 432 6912 eq3 joint`;
-//! `-- solve` is all of them.
+//! whole process (median of the repetitions), steps of the last solve, and RMS error against the
+//! truth over the whole surface. `warm` keeps coarse mesh and symbolic factors; eq. 4 and joint
+//! also start from their own solution, as in a video. Arguments choose sizes and problems:
+//! `-- 432 6912 eq3 joint`; `-- solve` is all of them.
 
 use dsfms::image::{Mask, Picture, ToneCurve};
 use dsfms::light::LightModel;

@@ -1,5 +1,5 @@
-//! A template from frames: camera poses, surface, light and albedo, all from eight pictures of the organ at
-//! rest; a known camera step makes its lengths mm.
+//! A template from frames: camera poses, surface, light and albedo, all from eight pictures of the
+//! organ at rest; a known camera step makes its lengths mm.
 //!
 //!     cargo run --example 1_template
 

@@ -1,5 +1,5 @@
-//! The surface in one frame of the deformed organ, by the methods of the paper and by the joint solve:
-//! the rigid pose, motion (eq. 3), motion then shading (eq. 4), both in one problem.
+//! The surface in one frame of the deformed organ, by the methods of the paper and by the joint
+//! solve: the rigid pose, motion (eq. 3), motion then shading (eq. 4), both in one problem.
 //!
 //!     cargo run --example 2_reconstruct
 
@@ -13,8 +13,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// Root mean square error of every method in the deformed zone, mm.
 pub fn run() -> Result<Vec<f64>, Box<dyn Error>> {
-    // A template with its albedo, a frame that shows it pulled towards the camera, and 25 matches, none of
-    // them in the pulled zone: only shading sees what happens there.
+    // A template with its albedo, a frame that shows it pulled towards the camera, and 25 matches,
+    // none of them in the pulled zone: only shading sees what happens there.
     let case = Case::example(4);
     let observation = Observation::new(&case.frame, &case.camera).matches(&case.matches);
     let options = ReconstructOptions::default();

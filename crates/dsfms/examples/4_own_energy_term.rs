@@ -1,5 +1,5 @@
-//! An energy term that the library does not have: the distance of vertices from the camera, as a range
-//! sensor measures it, beside the lines of eq. 3.
+//! An energy term that the library does not have: the distance of vertices from the camera, as a
+//! range sensor measures it, beside the lines of eq. 3.
 //!
 //!     cargo run --example 4_own_energy_term
 

@@ -1,8 +1,8 @@
 //! Values of finished stages, kept so that a run that was stopped goes on behind the last of them.
 //!
-//! A stage asks for its value by name and by a key over everything that it depends on; whoever keeps the
-//! values says which build made them. Values are written with `postcard`, exactly: what is read back has the
-//! bits of what was kept.
+//! A stage asks for its value by name and by a key over everything that it depends on; whoever
+//! keeps the values says which build made them. Values are written with `postcard`, exactly: what
+//! is read back has the bits of what was kept.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -13,10 +13,11 @@ pub type WriteValue<'a> = &'a dyn Fn(&mut dyn Write) -> io::Result<()>;
 
 /// Keeps the values of stages; may be called from any thread.
 pub trait Store: Sync {
-    /// What was saved under a name and a key by this build of the program; `None` where there is nothing.
+    /// What was saved under a name and a key by this build of the program; `None` where there is
+    /// nothing.
     fn load(&self, stage: &str, key: u64) -> Option<Vec<u8>>;
-    /// Keep a value, whose bytes are written piece by piece: depth maps of all frames are too large to be in memory twice.
-    /// What cannot be kept costs the next run time, not this one its result.
+    /// Keep a value, whose bytes are written piece by piece: depth maps of all frames are too large
+    /// to be in memory twice. What cannot be kept costs the next run time, not this one its result.
     fn save(&self, stage: &str, key: u64, value: WriteValue<'_>);
     /// A value that was loaded is used; `frames`: how many frames it is about.
     fn used(&self, stage: &str, frames: usize);
@@ -39,7 +40,8 @@ impl<'a> Keep<'a> {
         Self { store: Some(store), key: 0, suffix: "" }
     }
 
-    /// Under a key that a digest of further input enters; `digest` is asked only where something is kept.
+    /// Under a key that a digest of further input enters; `digest` is asked only where something is
+    /// kept.
     pub(crate) fn with(self, digest: impl FnOnce(&mut Digest)) -> Self {
         if self.store.is_none() {
             return self;
@@ -60,8 +62,8 @@ impl<'a> Keep<'a> {
         Self { suffix, ..self }
     }
 
-    /// The value of a stage: the kept one where it is `whole`, else what `make` makes, which is then kept.
-    /// `frames`: how many frames a value is about.
+    /// The value of a stage: the kept one where it is `whole`, else what `make` makes, which is
+    /// then kept. `frames`: how many frames a value is about.
     pub(crate) fn stage<T: Serialize + DeserializeOwned, E>(
         &self,
         name: &str,
@@ -95,8 +97,8 @@ impl std::fmt::Debug for Keep<'_> {
     }
 }
 
-/// A number for everything that was fed, the same for every build and machine: FNV-1a of 64 bits. It tells a
-/// change, not a forgery.
+/// A number for everything that was fed, the same for every build and machine: FNV-1a of 64 bits.
+/// It tells a change, not a forgery.
 pub struct Digest(u64);
 
 impl Default for Digest {

@@ -8,7 +8,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 use std::path::Path;
 use std::sync::Once;
 
-/// Most bytes of a file that is read as a whole (everything but videos, which are read piece by piece).
+/// Most bytes of a file that is read as a whole (everything but videos, which are read piece by
+/// piece).
 pub const MOST_BYTES: u64 = 1 << 30;
 
 /// Most bytes of a file of options.
@@ -90,8 +91,8 @@ thread_local! {
     static GUARDED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Run third-party code on data of others; a panic is an error with its message. What `work` changed
-/// before it panicked must not be used any more.
+/// Run third-party code on data of others; a panic is an error with its message. What `work`
+/// changed before it panicked must not be used any more.
 ///
 /// # Errors
 /// What the panic said.
@@ -106,8 +107,8 @@ pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     })
 }
 
-/// Let panics that [`caught`] turns into errors print nothing. For programs: it wraps the panic hook of
-/// the whole process, once.
+/// Let panics that [`caught`] turns into errors print nothing. For programs: it wraps the panic
+/// hook of the whole process, once.
 pub fn quiet_hook() {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {

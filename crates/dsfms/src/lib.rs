@@ -55,8 +55,8 @@
 //! # Ok::<_, Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! `examples/` has four programs to begin with. What is named here in short lies in its module, which
-//! says more.
+//! `examples/` has four programs to begin with. What is named here in short lies in its module,
+//! which says more.
 //!
 //! Conventions everywhere: OpenCV camera axes (x right, y down, z forward), pixel centres at
 //! integers, lengths in mm where the scale is known (else template units), linear light in

@@ -61,8 +61,8 @@ pub(crate) enum Moved {
     In(&'static str, &'static str, f64),
 }
 
-/// `base` with what a TOML text names; the fields of `moved`, which stood in the table `below` (`""`: the root),
-/// are also read from where they stood.
+/// `base` with what a TOML text names; the fields of `moved`, which stood in the table `below`
+/// (`""`: the root), are also read from where they stood.
 pub(crate) fn read<T: Serialize + DeserializeOwned>(
     base: &T,
     text: &str,
@@ -134,8 +134,8 @@ fn lay_over(under: &mut toml::Table, over: toml::Table) {
     }
 }
 
-/// A table of an options file: its path (`""` for the root), and the source text and name of the struct
-/// behind it, whose comments explain its fields.
+/// A table of an options file: its path (`""` for the root), and the source text and name of the
+/// struct behind it, whose comments explain its fields.
 pub(crate) type Documented = (&'static str, &'static str, &'static str);
 
 /// The same tables where their options stand in a table of others (`""`: the root).

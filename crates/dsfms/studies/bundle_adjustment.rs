@@ -1,14 +1,14 @@
-//! Bundle adjustment on the problems that ceres-solver ships for libmv: one shared camera, poses and
-//! points free, the first camera held, squared errors.
+//! Bundle adjustment on the problems that ceres-solver ships for libmv: one shared camera, poses
+//! and points free, the first camera held, squared errors.
 //!
 //!     cargo run --release --example bundle_adjustment -- PROBLEM.bin... BUNDLER.out...
 //!
-//! Of Bundler's models (`.out`) the tracks, poses and points are taken, and every view has a focal length
-//! and two distortions of its own, as Bundler has them; its cost is that of the file. `--shared`: one
-//! camera for all views, with its centre refined too.
+//! Of Bundler's models (`.out`) the tracks, poses and points are taken, and every view has a focal
+//! length and two distortions of its own, as Bundler has them; its cost is that of the file.
+//! `--shared`: one camera for all views, with its centre refined too.
 //!
-//! Prints the cost `½ Σ ‖Π(X) − x‖²` before and after, steps and seconds; a peer's costs of the same
-//! files come from `docs/peers/bundle_adjustment.py`.
+//! Prints the cost `½ Σ ‖Π(X) − x‖²` before and after, steps and seconds; a peer's costs of the
+//! same files come from `docs/peers/bundle_adjustment.py`.
 
 use dsfms::camera::{Camera, CameraModel, Lens};
 use dsfms::geometry::{Isometry, Point2, Point3};
@@ -64,8 +64,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Little-endian: `vP` (pixels), focal length, principal point, five distortion coefficients, then counted
-/// cameras (number, R by columns, t), points (number, X) and sightings (camera, point, x, y).
+/// Little-endian: `vP` (pixels), focal length, principal point, five distortion coefficients, then
+/// counted cameras (number, R by columns, t), points (number, X) and sightings (camera, point, x,
+/// y).
 fn read(bytes: &[u8]) -> Option<Bundle> {
     let mut words = bytes.get(2..)?.chunks_exact(4).map(|w| [w[0], w[1], w[2], w[3]]);
     let floats = |n: usize, words: &mut dyn Iterator<Item = [u8; 4]>| -> Option<Vec<f64>> {
@@ -116,8 +117,8 @@ fn bundle(
     Bundle { priors: cameras.clone(), cameras, camera_of, poses, fixed, points, observations }
 }
 
-/// Bundler 0.3: cameras look along −z with y up; pixels count from the middle of the image. The second
-/// value is the cost of the model as it is.
+/// Bundler 0.3: cameras look along −z with y up; pixels count from the middle of the image. The
+/// second value is the cost of the model as it is.
 fn read_bundler(text: &str, shared: bool) -> Option<(Bundle, f64)> {
     let body = text.split_once('\n')?.1;
     let mut words = body.split_whitespace().map(|w| w.parse::<f64>().ok());

@@ -1,14 +1,16 @@
-//! Fits the weights of the expected error, and checks them on cases of another seed and scenes of another half.
+//! Fits the weights of the expected error, and checks them on cases of another seed and scenes of
+//! another half.
 //!
 //!     cargo run --release --example expected_error -- cases 30 OUT/cases.csv
 //!     cargo run --release --example expected_error -- scenes SCENES OUT/scenes.csv
 //!     cargo run --release --example expected_error -- fit OUT OUT/cases.csv OUT/scenes.csv
 //!     dsfms figure OUT/held.csv --x predicted --y actual --by model --log x,y -o reliability.svg
 //!
-//! The first two solve and write a row a vertex (model, set, case, seen, observed, error / R, features);
-//! SCENES are finished scenes of `studies/scenes`. The third takes the sets `fit` and `choose`, prints the
-//! weights for `expected_error/model.rs` and, as Markdown, rank correlation, coverage and reliability on the
-//! sets `test` and `held`; OUT gets a table of each (mean errors of every tenth by prediction).
+//! The first two solve and write a row a vertex (model, set, case, seen, observed, error / R,
+//! features); SCENES are finished scenes of `studies/scenes`. The third takes the sets `fit` and
+//! `choose`, prints the weights for `expected_error/model.rs` and, as Markdown, rank correlation,
+//! coverage and reliability on the sets `test` and `held`; OUT gets a table of each (mean errors of
+//! every tenth by prediction).
 
 #[path = "expected_error/fit.rs"]
 mod fit;

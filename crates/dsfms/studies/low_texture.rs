@@ -3,9 +3,9 @@
 //!
 //!     cargo run --release --example low_texture -- SCENE [CONTRAST...] [--options TOML] [--out DIR]
 //!
-//! Every pixel of the organ is multiplied by the mean albedo plus CONTRAST times its deviation, over
-//! the albedo (true, averaged over the pixel, in linear light): shading and highlights stay. CONTRAST
-//! 1 0.6 0.4 0.2 unless given. Prints a row of Markdown each; DIR gets the frames.
+//! Every pixel of the organ is multiplied by the mean albedo plus CONTRAST times its deviation,
+//! over the albedo (true, averaged over the pixel, in linear light): shading and highlights stay.
+//! CONTRAST 1 0.6 0.4 0.2 unless given. Prints a row of Markdown each; DIR gets the frames.
 
 use dsfms::camera::CameraModel;
 use dsfms::geometry::{Isometry, Point3, Vector2, align_similarity};

@@ -1,8 +1,10 @@
-//! Preoperative surfaces on what an exploration would have shown of them: figures of `docs/results/register_ct.md`.
+//! Preoperative surfaces on what an exploration would have shown of them: figures of
+//! `docs/results/register_ct.md`.
 //!
-//! `cargo run --release --example register_ct -- DATA OUT` with the folders `organs_ucl`, `organs_hra` and
-//! `p2ilf_liver` in DATA. Every case is written to OUT/CASE (ct.ply, template.ply, targets.ply, landmarks.csv,
-//! truth.json), so that another program can be asked the same (`scripts/peer_register_ct.py`).
+//! `cargo run --release --example register_ct -- DATA OUT` with the folders `organs_ucl`,
+//! `organs_hra` and `p2ilf_liver` in DATA. Every case is written to OUT/CASE (ct.ply, template.ply,
+//! targets.ply, landmarks.csv, truth.json), so that another program can be asked the same
+//! (`scripts/peer_register_ct.py`).
 
 #[path = "../tests/common/organ.rs"]
 mod organ;
@@ -66,9 +68,9 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// A real liver: its preoperative mesh, and the part that faces the camera of the mesh that was registered to
-/// real laparoscopic views by others. The rest of that mesh, which is not given, says how well the hidden side
-/// comes out.
+/// A real liver: its preoperative mesh, and the part that faces the camera of the mesh that was
+/// registered to real laparoscopic views by others. The rest of that mesh, which is not given, says
+/// how well the hidden side comes out.
 fn p2ilf(data: &Path) -> Result<()> {
     let read = |path: &str| -> Result<Mesh> {
         Ok(read_repaired(&data.join("p2ilf_liver").join(path))?.mesh)

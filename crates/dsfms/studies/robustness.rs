@@ -1,6 +1,6 @@
-//! What wrong matches cost: synthetic cases with clean matches, with wrong ones added until 30 % are
-//! wrong, and with 30 % replaced by wrong ones. A wrong match ties a surface point to a uniformly
-//! random pixel of the frame.
+//! What wrong matches cost: synthetic cases with clean matches, with wrong ones added until 30 %
+//! are wrong, and with 30 % replaced by wrong ones. A wrong match ties a surface point to a
+//! uniformly random pixel of the frame.
 //!
 //!     cargo run --release --example robustness [-- CASES [NOISE_PX [OPTIONS.toml]]]
 //!

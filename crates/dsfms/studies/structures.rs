@@ -3,10 +3,10 @@
 //!     cargo run --release --example structures [-- CASES [SEED]]
 //!
 //! An organ (whole, or the half of it that a camera sees) is deformed together with a ball of inner
-//! points by a random smooth map of space; the surface gets an error of the size and smoothness that
-//! reconstructions have; the structures are carried by the surface with that error. Then parts of the
-//! organs are rendered and reconstructed, and the error is the reconstruction's own. Prints, as
-//! Markdown, the inner points' mean error over the surface's. SEED is for new cases: those of
+//! points by a random smooth map of space; the surface gets an error of the size and smoothness
+//! that reconstructions have; the structures are carried by the surface with that error. Then parts
+//! of the organs are rendered and reconstructed, and the error is the reconstruction's own. Prints,
+//! as Markdown, the inner points' mean error over the surface's. SEED is for new cases: those of
 //! `docs/results/structures.md` are of 2, and nothing was chosen on them.
 
 use dsfms::experiment::{SeriesOrgan, surface};

@@ -2,11 +2,11 @@
 //!
 //!     cargo run --release --example template_accuracy -- SCENE [--masks] [--light] [--vertices N] [--mesh PLY] [--options TOML] [--out DIR]
 //!
-//! SCENE holds `exploration/`, `camera.json`, `masks/exploration/` and `ground_truth/` (rest mesh with
-//! UV and albedo, poses, views per vertex). Prints Markdown: poses after one similarity of the camera
-//! centres, then, under that similarity and no other alignment, surface, completeness and albedo.
-//! DIR gets `surface.ply` (aligned), `truth.csv` (a row per vertex of the truth) and `albedo.csv` (found
-//! over true for each face), to look at.
+//! SCENE holds `exploration/`, `camera.json`, `masks/exploration/` and `ground_truth/` (rest mesh
+//! with UV and albedo, poses, views per vertex). Prints Markdown: poses after one similarity of the
+//! camera centres, then, under that similarity and no other alignment, surface, completeness and
+//! albedo. DIR gets `surface.ply` (aligned), `truth.csv` (a row per vertex of the truth) and
+//! `albedo.csv` (found over true for each face), to look at.
 
 use dsfms::camera::Camera;
 use dsfms::eval::transformed;
@@ -228,7 +228,8 @@ fn poses(template: &Template, truth: &Truth) -> Outcome<Similarity> {
     Ok(world)
 }
 
-/// Points of the exploration against the true surface, and how far cameras and points are said to be off.
+/// Points of the exploration against the true surface, and how far cameras and points are said to
+/// be off.
 fn sparse(
     built: &BuiltTemplate,
     world: &Similarity,
@@ -330,7 +331,8 @@ struct Shade {
     views: f64,
 }
 
-/// Relative error of the albedo up to one factor a channel (the light's colour), by number of views.
+/// Relative error of the albedo up to one factor a channel (the light's colour), by number of
+/// views.
 fn albedo(
     template: &Template,
     aligned: &Mesh,

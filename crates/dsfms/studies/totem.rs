@@ -4,8 +4,9 @@
 //!     python3 scripts/convert_totem.py DATA_DIR SETS
 //!     cargo run --release --example totem -- SETS [OUT [OPTIONS.toml]]
 //!
-//! Prints the table as Markdown ("every match": none is hidden; matches that agree with no pose are named
-//! and left out); OUT gets totem.csv (a row per view, disc and method) and the shapes of the first disc as PLY, for looking at. OPTIONS.toml: as for `dsfms reconstruct --options`.
+//! Prints the table as Markdown ("every match": none is hidden; matches that agree with no pose are
+//! named and left out); OUT gets totem.csv (a row per view, disc and method) and the shapes of the
+//! first disc as PLY, for looking at. OPTIONS.toml: as for `dsfms reconstruct --options`.
 
 use dsfms::camera::CameraModel;
 use dsfms::eval::{Alignment, EvaluateOptions, Truth, evaluate};
@@ -160,7 +161,8 @@ fn outside(rest: &Mesh, view: &View, hidden: &[bool]) -> Vec<Match> {
     view.matches.iter().filter(|m| !hidden[vertex(m)]).copied().collect()
 }
 
-/// The shape by every method; `None`, and a line that says why, where the matches agree with no pose.
+/// The shape by every method; `None`, and a line that says why, where the matches agree with no
+/// pose.
 fn shapes(
     camera: &CameraModel,
     rest: &Mesh,

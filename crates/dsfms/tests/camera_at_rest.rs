@@ -13,7 +13,8 @@ use dsfms::{
     TrackOptions, Tracker, reconstruct,
 };
 
-/// An organ seen once, whose surface then stretches by 3 % from `fixed` (x, mm) on and rises a little.
+/// An organ seen once, whose surface then stretches by 3 % from `fixed` (x, mm) on and rises a
+/// little.
 struct Beat {
     camera: CameraModel,
     template: Template,
@@ -111,8 +112,9 @@ fn a_camera_that_moved_is_not_taken_to_stand() {
     };
 }
 
-/// Shifts, retreats, rolls and a turn about the organ: the pose that the matches give is off because tissue stretches, that
-/// of the view because the camera has moved, and which is nearer is found from the matches.
+/// Shifts, retreats, rolls and a turn about the organ: the pose that the matches give is off
+/// because tissue stretches, that of the view because the camera has moved, and which is nearer is
+/// found from the matches.
 #[test]
 fn a_camera_that_hardly_moves_is_posed_no_worse_than_by_its_matches() {
     let moves = [

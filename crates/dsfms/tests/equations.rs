@@ -1,5 +1,5 @@
-//! The terms of eqs. 3 and 4 against values by hand, and the printed equations against the sums that a reader
-//! of the paper would form from the surface that was found.
+//! The terms of eqs. 3 and 4 against values by hand, and the printed equations against the sums
+//! that a reader of the paper would form from the surface that was found.
 
 use dsfms::Mesh;
 use dsfms::camera::{Camera, CameraModel};
@@ -95,7 +95,8 @@ fn near(a: f64, b: f64, what: &str) {
     assert!((a - b).abs() < 1e-9 * (1.0 + a.abs()), "{what}: {a} against {b}");
 }
 
-/// The unsquared norm of the paper, which the solver rounds off within 10⁻³ of 0; twice, as its costs are.
+/// The unsquared norm of the paper, which the solver rounds off within 10⁻³ of 0; twice, as its
+/// costs are.
 fn norm(r: f64) -> f64 {
     2.0 * ((r * r + 1e-6).sqrt() - 1e-3)
 }

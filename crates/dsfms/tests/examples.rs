@@ -1,5 +1,5 @@
-//! The programs of `examples/` run, and what they say is true. Figures of the bounds were measured on these very
-//! scenes, which come from seeds.
+//! The programs of `examples/` run, and what they say is true. Figures of the bounds were measured
+//! on these very scenes, which come from seeds.
 
 use dsfms::track::TrackStatus;
 

@@ -1,4 +1,5 @@
-//! The expected error of a vertex: unit, growth, flags, determinism, and the bound that nine of ten stay below.
+//! The expected error of a vertex: unit, growth, flags, determinism, and the bound that nine of ten
+//! stay below.
 
 use dsfms::expected_error::{ExpectedErrors, Model, Solved, expected_errors, features};
 use dsfms::geometry::Point3;
@@ -67,7 +68,8 @@ fn the_error_has_the_unit_of_the_surface() {
 #[test]
 fn it_looks_at_the_brightness_that_the_options_let_in() {
     let case = case();
-    // Nothing faces the camera so squarely: no brightness counts, and far from the matches nothing tells.
+    // Nothing faces the camera so squarely: no brightness counts, and far from the matches nothing
+    // tells.
     let mut nothing = RefineOptions::default();
     nothing.image.grazing = 2.0;
     let left = |m: &Match| {
@@ -150,7 +152,8 @@ fn a_wrong_shape_is_expected_to_be_worse() {
     assert!(mean(&wrong) > 1.1 * mean(&right), "{} {}", mean(&wrong), mean(&right));
 }
 
-/// The true error over the expected one of every visible vertex, on cases that nothing was fitted on.
+/// The true error over the expected one of every visible vertex, on cases that nothing was fitted
+/// on.
 fn true_over_expected(method: Method, bound: Option<f64>) -> Vec<f64> {
     let protocol = Protocol { vertices: 150, seed: 77, ..Default::default() };
     let case = |i: usize| protocol.case(Cell { extension: 5.0 * (i % 4) as f64, noise: 1.0 }, i);
@@ -174,7 +177,8 @@ fn about_nine_errors_of_ten_stay_below_the_bound() {
         let below =
             |most: f64| ratios.iter().filter(|r| **r < most).count() as f64 / ratios.len() as f64;
         let [tight, share] = [below(0.5 * model.bound()), below(model.bound())];
-        // 0.92 and 0.96 are measured, 0.62 and 0.74 below half of the bound, which is that of zones for joint.
+        // 0.92 and 0.96 are measured, 0.62 and 0.74 below half of the bound, which is that of zones
+        // for joint.
         assert!(share > 0.8, "{method:?}: {share} below the bound");
         // A bound that everything stays below would say nothing.
         assert!(tight < 0.75, "{method:?}: {tight} below half of the bound");

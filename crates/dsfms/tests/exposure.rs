@@ -1,4 +1,5 @@
-//! What a near light tells of distance: as much as the exposure is known, and nothing where it has changed.
+//! What a near light tells of distance: as much as the exposure is known, and nothing where it has
+//! changed.
 
 use dsfms::geometry::{Isometry, Point3, median};
 use dsfms::light::{LightModel, PointLight, Spot};

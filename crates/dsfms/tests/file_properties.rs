@@ -1,5 +1,6 @@
-//! Every reader after every writer, on drawn content: what was written comes back, number by number. OFF, legacy
-//! VTK, `poses.json` and masks have no writer in the library; the files are written here as other programs write them.
+//! Every reader after every writer, on drawn content: what was written comes back, number by
+//! number. OFF, legacy VTK, `poses.json` and masks have no writer in the library; the files are
+//! written here as other programs write them.
 
 use dsfms::camera::{CameraModel, Lens};
 use dsfms::geometry::{Isometry, Point2, Point3, Vector3};

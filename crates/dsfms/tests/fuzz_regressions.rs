@@ -1,5 +1,5 @@
-//! Every file of the corpus through its reader, within a time; and mutants of them, few in the usual run and
-//! as many as a time allows on demand:
+//! Every file of the corpus through its reader, within a time; and mutants of them, few in the
+//! usual run and as many as a time allows on demand:
 //!
 //! `DSFMS_FUZZ_SECONDS=600 cargo test --release --test fuzz_regressions -- --ignored --nocapture`
 
@@ -310,7 +310,8 @@ fn mutate(random: &mut Random, seeds: &[(String, Vec<u8>)]) -> Vec<u8> {
     bytes
 }
 
-/// Mutants of a target's corpus until a count or a time is reached; executions, accepted, the slowest.
+/// Mutants of a target's corpus until a count or a time is reached; executions, accepted, the
+/// slowest.
 fn fuzz(name: &str, target: Target, most: usize, time: Duration) -> (usize, usize, Duration) {
     let seeds = corpus(name);
     let mut random = Random(0x9E37_79B9_7F4A_7C15 ^ name.len() as u64);

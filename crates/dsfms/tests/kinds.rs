@@ -1,4 +1,5 @@
-//! A light and a lens stand in a file of their own and in one line of a table; nobody else asks which it is.
+//! A light and a lens stand in a file of their own and in one line of a table; nobody else asks
+//! which it is.
 
 use std::fs;
 use std::path::{Path, PathBuf};

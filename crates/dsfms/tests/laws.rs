@@ -1,5 +1,6 @@
-//! Laws of eqs. 3 and 4 and the joint solve on drawn cases: finite in, finite out; order of matches, unit, axes
-//! and vertex order of the template say nothing; threads change no bit of any method.
+//! Laws of eqs. 3 and 4 and the joint solve on drawn cases: finite in, finite out; order of
+//! matches, unit, axes and vertex order of the template say nothing; threads change no bit of any
+//! method.
 
 use dsfms::geometry::{Isometry, Point2, Point3, Vector3};
 use dsfms::pipeline::{

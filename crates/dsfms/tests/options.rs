@@ -103,7 +103,8 @@ fn masks_and_matches_of_something_else_are_refused() {
     assert!(error.contains("[10, 10] px"), "{error}");
 }
 
-/// The numbers of options that are not integers: path of each, as `joint.blurs` (of a list, its first).
+/// The numbers of options that are not integers: path of each, as `joint.blurs` (of a list, its
+/// first).
 fn numbers_of(table: &toml::Table, below: &str) -> Vec<String> {
     let path = |key: &String| if below.is_empty() { key.clone() } else { format!("{below}.{key}") };
     let of = |(key, value): (&String, &toml::Value)| match value {
@@ -128,7 +129,8 @@ fn with_number<T: Serialize + DeserializeOwned>(base: &T, path: &str, number: f6
     all.try_into().unwrap()
 }
 
-/// No number of the options can be "not a number", and none but those of `signed` is negative; the error names it.
+/// No number of the options can be "not a number", and none but those of `signed` is negative; the
+/// error names it.
 fn numbers_are_checked<T: Serialize + DeserializeOwned>(
     base: &T,
     validate: impl Fn(&T) -> Result<(), String>,

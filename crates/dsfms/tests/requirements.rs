@@ -1,5 +1,5 @@
-//! `docs/requirements.md` names tests that exist, and leaves no requirement without one unsaid; and what it says
-//! of connections is so.
+//! `docs/requirements.md` names tests that exist, and leaves no requirement without one unsaid; and
+//! what it says of connections is so.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -123,7 +123,8 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
     files.into_iter().filter(|p| p.extension().is_some_and(|e| e == "rs")).chain(inner).collect()
 }
 
-/// Sockets are named in the viewer and in the OpenIGTLink of `track`, and no package that speaks HTTP is linked.
+/// Sockets are named in the viewer and in the OpenIGTLink of `track`, and no package that speaks
+/// HTTP is linked.
 #[test]
 fn connections_are_opened_where_they_are_promised() {
     let with_sockets = |package: &str| -> BTreeSet<String> {

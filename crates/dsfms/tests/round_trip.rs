@@ -1,4 +1,5 @@
-//! Every format gives back what was written: vertices, their order, faces, unit, texture coordinates.
+//! Every format gives back what was written: vertices, their order, faces, unit, texture
+//! coordinates.
 
 use dsfms::Mesh;
 use dsfms::geometry::{Point2, Point3};
@@ -101,8 +102,8 @@ fn an_stl_gives_back_its_faces_and_unit() {
     assert_eq!(file.unit, Some(MeshUnit::TemplateUnit));
 }
 
-/// Texture coordinate `i` is that of vertex `i`, and there are no more than the seams need: what keeps
-/// the order of vertices in programs that number them by pairs.
+/// Texture coordinate `i` is that of vertex `i`, and there are no more than the seams need: what
+/// keeps the order of vertices in programs that number them by pairs.
 #[test]
 fn an_obj_has_every_texture_coordinate_once() {
     let folder = tempfile::tempdir().unwrap();

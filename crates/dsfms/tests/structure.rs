@@ -1,5 +1,5 @@
-//! Inside the rooms of ARCHITECTURE.md: no two files need each other, no two types have one name, and files and
-//! functions are short.
+//! Inside the rooms of ARCHITECTURE.md: no two files need each other, no two types have one name,
+//! and files and functions are short.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

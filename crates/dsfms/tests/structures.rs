@@ -9,7 +9,8 @@ use dsfms::structures::Carrier;
 use dsfms::synth::{Random, patch};
 use organ::closed;
 
-/// Bend about the y axis, a bulge pressed in from the front and a twist: tens of per cent of strain.
+/// Bend about the y axis, a bulge pressed in from the front and a twist: tens of per cent of
+/// strain.
 fn deformed(p: &Point3) -> Point3 {
     let press =
         -6.0 * (-((p.x - 4.0).powi(2) + (p.y + 3.0).powi(2)) / 200.0).exp() * (-p.z / 30.0).exp();

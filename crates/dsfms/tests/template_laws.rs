@@ -1,5 +1,5 @@
-//! Laws of the template: threads change no bit of it; unit, axes and vertex order of a given mesh say nothing to its
-//! albedo, nor to what is reconstructed by it.
+//! Laws of the template: threads change no bit of it; unit, axes and vertex order of a given mesh
+//! say nothing to its albedo, nor to what is reconstructed by it.
 
 use dsfms::geometry::{Isometry, Point3, Vector3};
 use dsfms::pipeline::{
@@ -90,8 +90,8 @@ fn surface(case: &Case, template: &Template) -> Vec<Point3> {
     Reconstruction::even_refused(found).unwrap().vertices
 }
 
-/// Root mean square of the differences of two albedos over the first, on faces of the same resolution; and the share of
-/// faces that have another.
+/// Root mean square of the differences of two albedos over the first, on faces of the same
+/// resolution; and the share of faces that have another.
 fn albedo_apart(a: &Template, b: &Template) -> [f64; 2] {
     let [a, b] = [a, b].map(|t| t.albedo.as_ref().unwrap());
     let faces = a.resolution.len();

@@ -1,5 +1,5 @@
-//! A small clip of known truth: a moving camera, a growing push, a black frame and a cut; smoke, blur
-//! and an organ that leaves the view.
+//! A small clip of known truth: a moving camera, a growing push, a black frame and a cut; smoke,
+//! blur and an organ that leaves the view.
 
 use dsfms::camera::PosedFrame;
 use dsfms::geometry::{Isometry, Point3, Vector3};
@@ -53,7 +53,8 @@ fn black_and_cut_are_survived_and_no_wrong_surface_is_ok() {
     }
 }
 
-/// Largest distance of two tracked clips' surfaces, the second's divided by `unit`; every frame of both has one.
+/// Largest distance of two tracked clips' surfaces, the second's divided by `unit`; every frame of
+/// both has one.
 fn apart(a: &[Tracked], b: &[Tracked], unit: f64) -> f64 {
     let surfaces =
         a.iter().zip(b).map(|(a, b)| [a, b].map(|t| &t.surface.as_ref().unwrap().vertices));
@@ -61,7 +62,8 @@ fn apart(a: &[Tracked], b: &[Tracked], unit: f64) -> f64 {
     distances.fold(0.0, f64::max)
 }
 
-/// By how much the surfaces of one clip may differ, mm, where other matches are kept; found are 0.27 and 0.34.
+/// By how much the surfaces of one clip may differ, mm, where other matches are kept; found are
+/// 0.27 and 0.34.
 const SAME: f64 = 0.5;
 
 #[test]
@@ -180,7 +182,8 @@ fn bits(tracked: &Tracked) -> String {
     format!("{:?} {:?} {:?}", tracked.status, tracked.reasons, tracked.surface)
 }
 
-/// Nothing but the matches holds the distance of motion alone: a shape that is held to its own last one drifts.
+/// Nothing but the matches holds the distance of motion alone: a shape that is held to its own last
+/// one drifts.
 #[test]
 fn motion_alone_does_not_drift_off_in_depth() {
     let mut clip = clip();
@@ -304,8 +307,9 @@ fn clip_of(clip: &Clip) -> Clip {
     Clip { camera, template, frames: Vec::new(), truth: clip.truth.clone() }
 }
 
-/// The patch with its tissue strewn with white spots, pale between them, in a picture that is exposed so that the
-/// spots are as white as highlights: it turns in the image back and forth while it moves.
+/// The patch with its tissue strewn with white spots, pale between them, in a picture that is
+/// exposed so that the spots are as white as highlights: it turns in the image back and forth while
+/// it moves.
 fn pale_clip() -> Clip {
     let mut clip = clip();
     let mut albedo = clip.template.albedo.clone().unwrap();

@@ -9,7 +9,8 @@ use dsfms::pipeline::Method;
 use dsfms::track::{Origin, TrackOptions, TrackStatus, Tracked, Tracker};
 use dsfms::verdict::{NoSurface, Reason};
 
-/// Frames of the clip, searched on another thread; `true` where the answer to a question is taken, and waited for.
+/// Frames of the clip, searched on another thread; `true` where the answer to a question is taken,
+/// and waited for.
 fn searched_beside(clip: &Clip, method: Method, frames: &[(usize, bool)]) -> Vec<Tracked> {
     let options = TrackOptions { search_beside: true, patience: 1, ..TrackOptions::default() };
     let mut tracker =
@@ -27,7 +28,8 @@ fn searched_beside(clip: &Clip, method: Method, frames: &[(usize, bool)]) -> Vec
     })
 }
 
-/// Frame 4 is black; of the searches in the first and in 2 the answers are taken in the frames after them.
+/// Frame 4 is black; of the searches in the first and in 2 the answers are taken in the frames
+/// after them.
 const BLACK: [(usize, bool); 5] = [(0, false), (1, true), (4, false), (2, false), (3, true)];
 
 #[test]

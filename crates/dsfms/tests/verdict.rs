@@ -82,7 +82,8 @@ fn an_undisturbed_case_is_good() {
 fn given_matches_that_the_surface_leaves_aside_are_told() {
     let case = case(60);
     let mut matches = case.matches.clone();
-    // To either side, so that no surface goes with them, and by too little to be thrown out as wrong.
+    // To either side, so that no surface goes with them, and by too little to be thrown out as
+    // wrong.
     for (i, m) in matches.iter_mut().enumerate().filter(|(i, _)| i % 5 < 2) {
         m.pixel.x += if i % 2 == 0 { 11.0 } else { -11.0 };
     }
@@ -115,7 +116,8 @@ fn degenerate_matches_are_never_good() {
     }
 }
 
-/// Exact matches in a narrow band of the frame can hold a pose: an organ is no plane. What is `ok` then is right.
+/// Exact matches in a narrow band of the frame can hold a pose: an organ is no plane. What is `ok`
+/// then is right.
 #[test]
 fn true_matches_in_a_band_are_good_where_the_surface_is() {
     let case = case(60);

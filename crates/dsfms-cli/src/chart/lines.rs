@@ -1,4 +1,5 @@
-//! Lines with markers. Series differ in colour, dash and marker, so that print and colour-blind eyes tell them apart.
+//! Lines with markers. Series differ in colour, dash and marker, so that print and colour-blind
+//! eyes tell them apart.
 
 use super::axes::Axes;
 use super::{Chart, Key, Plot, STATUSES, Series, TOP, said};

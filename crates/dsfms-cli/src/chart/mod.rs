@@ -1,4 +1,5 @@
-//! Charts: laid out once, as items of a sheet; on a page of a report as inline SVG, on paper as a sheet of their own.
+//! Charts: laid out once, as items of a sheet; on a page of a report as inline SVG, on paper as a
+//! sheet of their own.
 
 mod axes;
 mod lines;
@@ -177,8 +178,8 @@ pub fn bars(title: &str, unit: &str, bars: &[Bar]) -> String {
     )
 }
 
-/// A strip along the frames, for a page: ok low, degraded halfway, anything else full height. `names` of the
-/// frames; none where they are 0, 1, ….
+/// A strip along the frames, for a page: ok low, degraded halfway, anything else full height.
+/// `names` of the frames; none where they are 0, 1, ….
 pub fn status_strip(title: &str, statuses: &[&str], names: Option<&[String]>) -> String {
     const TALL: f64 = 34.0;
     let count = statuses.len().max(1) as f64;

@@ -124,7 +124,8 @@ pub fn run(args: &CalibrateArgs, global: &Global, reporter: &Reporter) -> anyhow
     Ok(if found.rejected.is_empty() { Outcome::Ok } else { Outcome::Degraded })
 }
 
-/// Refuse to replace a camera file, or what lies in the folder about it, that no calibration of ours wrote.
+/// Refuse to replace a camera file, or what lies in the folder about it, that no calibration of
+/// ours wrote.
 fn check_ours(args: &CalibrateArgs, folder: &Path) -> anyhow::Result<()> {
     place::keep_inputs(&args.output, args.images.iter().map(PathBuf::as_path))?;
     let ours = |name: &str| ["report.json", "residuals.png", "corners"].contains(&name);
@@ -177,7 +178,8 @@ fn write_pictures(folder: &Path, frames: &[Frame], found: &Calibration) -> anyho
     write_png(&folder.join("residuals.png"), &pictures::residuals(found))
 }
 
-/// Remove the pictures that the report of an earlier run names, and that this one does not write anew.
+/// Remove the pictures that the report of an earlier run names, and that this one does not write
+/// anew.
 fn remove_older(folder: &Path, corners: &Path, own: &BTreeSet<&str>) -> anyhow::Result<()> {
     let report = folder.join("report.json");
     let Ok(text) = guard::read_text_at_most(&report, guard::MOST_JSON_BYTES) else {

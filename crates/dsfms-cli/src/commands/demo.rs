@@ -93,8 +93,8 @@ pub fn run(args: &DemoArgs, global: &Global, reporter: &Reporter) -> anyhow::Res
     Ok(if believed { Outcome::Ok } else { Outcome::Degraded })
 }
 
-/// Refuse a folder with files or folders of others that the demo would replace; else mark it, and remove what an
-/// older demo found in it.
+/// Refuse a folder with files or folders of others that the demo would replace; else mark it, and
+/// remove what an older demo found in it.
 fn take(output: &Path) -> anyhow::Result<()> {
     let methods = METHODS.map(Method::name);
     let ours = |name: &str| OWN.contains(&name) || methods.contains(&name);
@@ -192,8 +192,8 @@ fn observation<'a>(
     observation.instrument(&deformed.instrument).organ(&deformed.organ)
 }
 
-/// `OUT/truth/frame_NNN.ply`: the true places of the template's vertices, in its unit, and what `evaluate`
-/// reads beside them.
+/// `OUT/truth/frame_NNN.ply`: the true places of the template's vertices, in its unit, and what
+/// `evaluate` reads beside them.
 fn write_truth(
     template: &Template,
     tie: &Tie,

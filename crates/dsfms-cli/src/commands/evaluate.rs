@@ -123,8 +123,8 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<Outcome> {
     })
 }
 
-/// The unit of a mesh beside another one: where it states none, mm as everywhere, or that of a template of unknown
-/// scale.
+/// The unit of a mesh beside another one: where it states none, mm as everywhere, or that of a
+/// template of unknown scale.
 fn unit_of(stated: Option<MeshUnit>, other: Option<MeshUnit>) -> Option<MeshUnit> {
     let taken = |other| match other {
         MeshUnit::TemplateUnit => MeshUnit::TemplateUnit,

@@ -48,15 +48,15 @@ pub struct ExportArgs {
     /// Folder for a COLMAP model of the exploration: cameras, images, points3D.
     #[arg(long, value_name = "DIR")]
     colmap: Option<PathBuf>,
-    /// Folder of the exploration's images, whose file names the COLMAP model then holds; without it the
-    /// names have no extension, and other programs do not find the images.
+    /// Folder of the exploration's images, whose file names the COLMAP model then holds; without it
+    /// the names have no extension, and other programs do not find the images.
     #[arg(long, value_name = "DIR", requires = "colmap")]
     images: Option<PathBuf>,
     /// Write the COLMAP model as .bin instead of .txt.
     #[arg(long, requires = "colmap")]
     binary: bool,
-    /// Surface as PLY (with normals and albedo as colour), OBJ (with UV, .mtl and albedo), VTP, STL or
-    /// GLB (with UV and albedo), by the file's extension; may be given several times.
+    /// Surface as PLY (with normals and albedo as colour), OBJ (with UV, .mtl and albedo), VTP, STL
+    /// or GLB (with UV and albedo), by the file's extension; may be given several times.
     #[arg(long, value_name = "FILE")]
     mesh: Vec<PathBuf>,
     /// What lies around the organ, where the template has it, as PLY.

@@ -78,8 +78,8 @@ pub fn to_stdout(text: &str) -> anyhow::Result<()> {
     }
 }
 
-/// The worker threads; `apart`: each on a core of its own where there are enough, since a live source
-/// cannot wait for a scheduler that packs threads together.
+/// The worker threads; `apart`: each on a core of its own where there are enough, since a live
+/// source cannot wait for a scheduler that packs threads together.
 fn start_threads(threads: Option<usize>, apart: bool) -> anyhow::Result<()> {
     let cores = if apart { core_affinity::get_core_ids().unwrap_or_default() } else { Vec::new() };
     let count = threads.unwrap_or(cores.len());

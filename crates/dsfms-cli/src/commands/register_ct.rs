@@ -64,7 +64,8 @@ Exit codes: 0 registered; 2 registered with doubts; 1 refused (too few or wrong
 landmarks, too little overlap, a surface that slides along itself, another pose
 as good): registration.json then holds the reason and nothing else is written.";
 
-/// Bring a preoperative mesh (CT, MRI) and structures inside it onto a template, without known poses.
+/// Bring a preoperative mesh (CT, MRI) and structures inside it onto a template, without known
+/// poses.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub struct RegisterCtArgs {
@@ -86,12 +87,12 @@ pub struct RegisterCtArgs {
     /// Axes of the CT mesh, for landmark files that state theirs (3D Slicer).
     #[arg(help_heading = "Input", long, value_enum, default_value_t = AxesName::Lps)]
     mesh_axes: AxesName,
-    /// Mend the meshes: merge vertices at the same place, remove repeated faces and those without area,
-    /// turn faces that run against their neighbours. What was done is said.
+    /// Mend the meshes: merge vertices at the same place, remove repeated faces and those without
+    /// area, turn faces that run against their neighbours. What was done is said.
     #[arg(help_heading = "Input", long)]
     repair: bool,
-    /// Scale between template and CT; default free for a template in template units, bounded (5 %) for one
-    /// in mm.
+    /// Scale between template and CT; default free for a template in template units, bounded (5 %)
+    /// for one in mm.
     #[arg(help_heading = "Method", long, value_enum)]
     scale: Option<ScaleName>,
     /// Leave out the deformation after the similarity.

@@ -1,4 +1,5 @@
-//! `dsfms replay`: a run of `dsfms track` once more from what it kept, and whether it gives the same bits.
+//! `dsfms replay`: a run of `dsfms track` once more from what it kept, and whether it gives the
+//! same bits.
 
 use super::track::{Again, RunFile, TrackArgs, digest, number_of, target, track_again};
 use crate::args::{Global, VERSION};
@@ -114,7 +115,8 @@ fn unchanged(run: &RunFile, track: &TrackArgs, reporter: &Reporter) -> anyhow::R
     Ok(())
 }
 
-/// Put the frames in place of the input; `true` where they are a recording, numbered by their names.
+/// Put the frames in place of the input; `true` where they are a recording, numbered by their
+/// names.
 fn source(track: &mut TrackArgs, given: Option<PathBuf>, run: &RunFile) -> anyhow::Result<bool> {
     let within = |path: &PathBuf| run.folder.join(path);
     let recording = given.or_else(|| track.record.as_ref().map(within));

@@ -227,8 +227,9 @@ struct Claim<'a> {
 }
 
 impl Claim<'_> {
-    /// Refuse, before anything is written, a folder of another run, or one with what has `ours` for a name and is of
-    /// no run: it would be replaced, or taken for a part of this one. Else mark the folder.
+    /// Refuse, before anything is written, a folder of another run, or one with what has `ours` for
+    /// a name and is of no run: it would be replaced, or taken for a part of this one. Else mark
+    /// the folder.
     fn take(&self, folder: &Path, ours: impl Fn(&str) -> bool) -> anyhow::Result<()> {
         let Self { name, parameters, other } = self;
         let path = folder.join(name);

@@ -278,8 +278,8 @@ fn from_frames(
     Ok((built, loaded, complete))
 }
 
-/// Whether every frame is in a template, and looks like it where its surface was given, it is of the organ alone, and
-/// frames agree on nearly all of it; says where they do not.
+/// Whether every frame is in a template, and looks like it where its surface was given, it is of
+/// the organ alone, and frames agree on nearly all of it; says where they do not.
 fn whole(built: &BuiltTemplate, given: bool, reporter: &Reporter) -> bool {
     let holes = unmeasured(&built.template).filter(|&share| share > MOST_UNMEASURED);
     if let Some(share) = holes {

@@ -71,8 +71,8 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<Outcome> {
     Ok(Outcome::Ok)
 }
 
-/// Serve the page of an output folder that a run of this process fills, until the process ends. Returns its
-/// address.
+/// Serve the page of an output folder that a run of this process fills, until the process ends.
+/// Returns its address.
 pub fn serve_running(output: &Path, port: u16) -> anyhow::Result<String> {
     let (listener, root) = bound(port, "--view-port")?;
     let url = format!("http://{}{root}", listener.local_addr()?);
@@ -133,8 +133,8 @@ fn token() -> String {
 const WAITING: &str = "<!DOCTYPE html><html lang=\"en\"><meta charset=\"utf-8\">\
     <meta http-equiv=\"refresh\" content=\"1\"><title>dsfms</title><body>{{words}}</body></html>";
 
-/// The page while there is nothing to show: a command that begins has nothing yet, one that begins anew takes
-/// away what an older run left. It asks again by itself.
+/// The page while there is nothing to show: a command that begins has nothing yet, one that begins
+/// anew takes away what an older run left. It asks again by itself.
 fn waiting(running: bool, error: &anyhow::Error) -> Answer {
     let words = match running {
         true => "No frame yet.".to_owned(),
@@ -347,7 +347,8 @@ mod tests {
         let (json, none) = ("Content-Type: application/json\r\n", "{\"strokes\": []}");
         let part = ask("POST /secret/organ/part", json, none);
         assert!(part.starts_with("HTTP/1.1 200") && part.contains("\"runs\""), "{part}");
-        // Without the token, as a form of elsewhere would send it, from elsewhere, to what takes nothing.
+        // Without the token, as a form of elsewhere would send it, from elsewhere, to what takes
+        // nothing.
         assert!(ask("POST /organ/part", json, none).starts_with("HTTP/1.1 404"));
         let form = "Content-Type: text/plain\r\n";
         assert!(ask("POST /secret/organ/part", form, none).starts_with("HTTP/1.1 405"));

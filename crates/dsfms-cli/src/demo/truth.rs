@@ -1,9 +1,9 @@
 //! The true place of every template vertex in every frame.
 //!
 //! A template from frames has its own faces and frame, and its unit from the true way of the camera
-//! ([`steps`]). One similarity, from its camera centres to the true ones, brings it into the true world;
-//! there every template vertex is tied to the closest point of the true surface at rest, whose place in
-//! every deformed frame is known.
+//! ([`steps`]). One similarity, from its camera centres to the true ones, brings it into the true
+//! world; there every template vertex is tied to the closest point of the true surface at rest,
+//! whose place in every deformed frame is known.
 
 use super::scene::{DeformedFrame, Scene};
 use anyhow::Context;

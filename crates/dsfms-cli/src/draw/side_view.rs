@@ -100,7 +100,8 @@ impl SideView {
         window
     }
 
-    /// Look through a window, `size` pixels for it, `scale` px per length unit at the middle of `first`.
+    /// Look through a window, `size` pixels for it, `scale` px per length unit at the middle of
+    /// `first`.
     pub fn through(
         first: &[Point3],
         [yaw, pitch]: [f64; 2],

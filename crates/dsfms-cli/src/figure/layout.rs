@@ -1,4 +1,5 @@
-//! Where the panels of a plate lie: every column as wide and every line as high as what it holds, without holes.
+//! Where the panels of a plate lie: every column as wide and every line as high as what it holds,
+//! without holes.
 
 /// What stands in a cell of a plate: which surface, which look.
 pub type Cell = [usize; 2];
@@ -69,8 +70,8 @@ pub fn views_across(layers: usize, views: usize) -> Arrangement {
     Arrangement { lines: (0..layers).map(line).collect(), kind: ArrangementKind::Views }
 }
 
-/// Layers of `views` each, all around: every layer of every surface in lines of one length, or in lines that
-/// differ by one panel where the number has no divisor.
+/// Layers of `views` each, all around: every layer of every surface in lines of one length, or in
+/// lines that differ by one panel where the number has no divisor.
 pub fn turntable(surfaces: usize, layers: usize, views: usize) -> Arrangement {
     let lines = match views.div_ceil(9) {
         1 => 1,

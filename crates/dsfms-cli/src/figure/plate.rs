@@ -237,8 +237,8 @@ impl Plate<'_> {
     }
 }
 
-/// What lengths and colours mean: a line under the panels, the colour bar in the place of the truth's error
-/// where there is one.
+/// What lengths and colours mean: a line under the panels, the colour bar in the place of the
+/// truth's error where there is one.
 struct Legend<'a> {
     plate: &'a Plate<'a>,
     layout: &'a Layout,

@@ -22,7 +22,8 @@ pub struct Wanted<'a> {
     pub by_error: bool,
 }
 
-/// The surfaces, the truth last; and what was left out, since one folder of several lacks the frame.
+/// The surfaces, the truth last; and what was left out, since one folder of several lacks the
+/// frame.
 pub fn read(wanted: &Wanted) -> anyhow::Result<(Vec<Surface>, Vec<String>)> {
     let truth = wanted.truth.map(read_mesh).transpose()?;
     let mut unit = truth.as_ref().and_then(|truth| truth.unit);
@@ -75,8 +76,8 @@ pub fn mean(surface: &Surface) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// The end of the colour scale: a round number that covers 98 % of the middle surface, so that one bad method
-/// does not darken the others; and whether a value lies beyond it.
+/// The end of the colour scale: a round number that covers 98 % of the middle surface, so that one
+/// bad method does not darken the others; and whether a value lies beyond it.
 pub fn limit(surfaces: &[Surface], given: Option<f64>) -> (f64, bool) {
     let values = surfaces.iter().filter_map(|s| s.values.as_deref());
     limit_of(&values.collect::<Vec<_>>(), given)

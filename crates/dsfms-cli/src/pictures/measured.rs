@@ -21,8 +21,9 @@ const RADIUS: f64 = 0.004;
 /// Room for the words, px.
 const BELOW: u32 = 34;
 
-/// Write `measured.png`: the vertices on the frame that sees most of them, dark blue where they are known best,
-/// yellow at twice the median of their expected errors and beyond, red where nothing measured them.
+/// Write `measured.png`: the vertices on the frame that sees most of them, dark blue where they are
+/// known best, yellow at twice the median of their expected errors and beyond, red where nothing
+/// measured them.
 pub fn write_measured(template: &Template, frames: &[Frame], folder: &Path) -> anyhow::Result<()> {
     let (Some(camera), Some(share)) = (&template.camera, unmeasured(template)) else {
         return Ok(());

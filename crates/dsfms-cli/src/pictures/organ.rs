@@ -22,8 +22,9 @@ const TINT: [u8; 3] = [0, 60, 90];
 /// Half the width of the outline, px of the frame, of the frame's width.
 const HALF: f64 = 0.003;
 
-/// Write `organ_masks/NAME.png`, one a frame (white = organ), and `pictures/organ.png`, some of them at a glance.
-/// Where it is open what is meant, of every part `organ_masks_a/` and `pictures/organ_a.png`, with other letters.
+/// Write `organ_masks/NAME.png`, one a frame (white = organ), and `pictures/organ.png`, some of
+/// them at a glance. Where it is open what is meant, of every part `organ_masks_a/` and
+/// `pictures/organ_a.png`, with other letters.
 pub fn write_organ(organ: &FoundOrgan, frames: &[Frame], template: &Path) -> anyhow::Result<()> {
     if !organ.open() {
         return write_guess(&organ.guess, "", frames, template);
@@ -73,7 +74,8 @@ fn black_and_white(mask: &Mask) -> RgbImage {
     RgbImage::from_fn(w, h, |x, y| Rgb([value(x, y); 3]))
 }
 
-/// The frame, darker outside of the mask, with its outline from [`UNSURE`] to [`SURE`] as the border is marked.
+/// The frame, darker outside of the mask, with its outline from [`UNSURE`] to [`SURE`] as the
+/// border is marked.
 fn outlined(frame: &Frame, mask: &Mask, border: &[Border], tint: [u8; 3]) -> RgbImage {
     let half = (HALF * frame.size[0] as f64).max(1.0);
     let rim = mask.dilate(half).minus(&mask.erode(half));

@@ -36,8 +36,8 @@ pub struct ShownRegistration<'a> {
     pub carried: &'a [Carried],
 }
 
-/// Above: the CT surface (blue, see-through) over the template (clay) and the structures; below: the template
-/// with its distances from the CT surface.
+/// Above: the CT surface (blue, see-through) over the template (clay) and the structures; below:
+/// the template with its distances from the CT surface.
 pub fn draw(shown: &ShownRegistration) -> RgbImage {
     let mut sheet = Sheet::in_pixels(PANEL * SIDES.len() as u32, 2 * PANEL + LINE + LEGEND);
     let turn = facing(shown.template);

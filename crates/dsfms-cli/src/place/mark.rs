@@ -1,5 +1,5 @@
-//! The mark of a folder that a command of ours wrote: what has our names there may be replaced, elsewhere it is
-//! the user's.
+//! The mark of a folder that a command of ours wrote: what has our names there may be replaced,
+//! elsewhere it is the user's.
 
 use crate::outputs::{prepare_folder, write_json};
 use anyhow::Context;
@@ -19,8 +19,8 @@ struct Mark<'a> {
     command: &'a str,
 }
 
-/// Refuse, before any work, a folder that `option` names and that another command marked, or that holds what
-/// has one of our names without the mark of `commands`.
+/// Refuse, before any work, a folder that `option` names and that another command marked, or that
+/// holds what has one of our names without the mark of `commands`.
 pub fn check_names(
     folder: &Path,
     commands: &[&str],

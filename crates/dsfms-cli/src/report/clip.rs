@@ -1,5 +1,5 @@
-//! Every frame of a long clip as a file of its own, `OUT/view/frame_NNN.json`: the page holds a part of
-//! them, `dsfms view` sends the others when they are looked at.
+//! Every frame of a long clip as a file of its own, `OUT/view/frame_NNN.json`: the page holds a
+//! part of them, `dsfms view` sends the others when they are looked at.
 
 use super::data::ShownFrame;
 use super::embed;
@@ -103,8 +103,8 @@ pub fn here(count: usize) -> Vec<usize> {
 
 const BEFORE: &str = "<script type=\"application/json\" id=\"data\">";
 
-/// The page with all frames by name and few in full; as it is where it holds all of them, or is none
-/// of ours.
+/// The page with all frames by name and few in full; as it is where it holds all of them, or is
+/// none of ours.
 pub fn streamed(html: String, names: &[String]) -> String {
     replaced(&html, names).unwrap_or(html)
 }

@@ -14,8 +14,8 @@ use dsfms::io::template::read_template;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-/// Frames that are newer than the page by less than this belong to it: `dsfms track` writes them one
-/// by one and the page every few seconds.
+/// Frames that are newer than the page by less than this belong to it: `dsfms track` writes them
+/// one by one and the page every few seconds.
 const GRACE: Duration = Duration::from_secs(20);
 
 /// What a path holds.

@@ -1,4 +1,5 @@
-//! The one font of all figures: Arimo, as wide as Arial, Helvetica and Liberation Sans (`data/font`).
+//! The one font of all figures: Arimo, as wide as Arial, Helvetica and Liberation Sans
+//! (`data/font`).
 
 use std::sync::LazyLock;
 use ttf_parser::{Face, GlyphId, OutlineBuilder};

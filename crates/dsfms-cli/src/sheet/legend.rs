@@ -53,8 +53,8 @@ impl ColourBar<'_> {
     }
 }
 
-/// A round length, at most `longest` units long on the sheet: a line with its length under it. `scale` is
-/// units of the sheet per length unit.
+/// A round length, at most `longest` units long on the sheet: a line with its length under it.
+/// `scale` is units of the sheet per length unit.
 pub fn scale_bar([x, y]: Place, longest: f64, scale: f64, unit: &str, text: f64) -> Vec<Item> {
     let length = colours::round_down(longest / scale);
     let end = x + length * scale;

@@ -1,7 +1,9 @@
-//! A sheet of pictures, lines, areas and text: what every chart, plate and picture with letters is made of.
+//! A sheet of pictures, lines, areas and text: what every chart, plate and picture with letters is
+//! made of.
 //!
-//! One drawing, three files: SVG, in which text stays text ([`svg`]); PDF with the font inside ([`pdf`]); pixels
-//! ([`raster`]). On a page of a report the same items take their colours from its style sheet.
+//! One drawing, three files: SVG, in which text stays text ([`svg`]); PDF with the font inside
+//! ([`pdf`]); pixels ([`raster`]). On a page of a report the same items take their colours from its
+//! style sheet.
 
 pub mod colours;
 pub mod font;
@@ -26,7 +28,8 @@ pub enum Anchor {
     End,
 }
 
-/// A colour by what it is for: a page's style sheet knows the names, paper the values ([`colours`]).
+/// A colour by what it is for: a page's style sheet knows the names, paper the values
+/// ([`colours`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Ink {
     /// Text, axes and frames.

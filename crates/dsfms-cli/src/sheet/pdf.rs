@@ -1,5 +1,5 @@
-//! A sheet as PDF: lines and areas as such, text in the font of the program, which the file carries, pictures
-//! without loss.
+//! A sheet as PDF: lines and areas as such, text in the font of the program, which the file
+//! carries, pictures without loss.
 
 use super::{Anchor, Item, POINT, Place, Sheet, colours, font};
 use flate2::Compression;
@@ -91,7 +91,8 @@ fn write_picture(pdf: &mut Pdf, id: Ref, picture: &RgbImage) -> anyhow::Result<(
     Ok(())
 }
 
-/// The whole font, with its widths and with the letter of every glyph, so that text can be searched and copied.
+/// The whole font, with its widths and with the letter of every glyph, so that text can be searched
+/// and copied.
 fn write_font(pdf: &mut Pdf, id: Ref, objects: &mut Objects) -> anyhow::Result<()> {
     let [cid, descriptor, program, cmap] = std::array::from_fn(|_| objects.one());
     let face = &*font::FACE;

@@ -119,7 +119,8 @@ fn paint(page: &mut RgbImage, path: &[Command], style: Style, colour: [u8; 3], o
     if path.is_empty() {
         return;
     }
-    // The mask has the size of the page, or less where the path is small; what lies outside is dropped.
+    // The mask has the size of the page, or less where the path is small; what lies outside is
+    // dropped.
     let bounds = zeno::bounds(path, style, None);
     let low = [bounds.min.x, bounds.min.y].map(|v| v.floor().max(0.0) as u32);
     let ends = [bounds.max.x, bounds.max.y].map(|v| v.ceil().max(0.0));

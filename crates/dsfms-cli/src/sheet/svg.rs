@@ -1,4 +1,5 @@
-//! A sheet as SVG: on paper with colours, sizes and widths; on a page with classes for its style sheet.
+//! A sheet as SVG: on paper with colours, sizes and widths; on a page with classes for its style
+//! sheet.
 
 use super::{Anchor, Ink, Item, Place, Sheet, colours, font};
 use crate::outputs::encode_png;

@@ -1,5 +1,5 @@
-//! Whether the page can be read and reached: contrast, order of the focus, sizes of what is touched; and
-//! the rules of axe-core, where `DSFMS_AXE` names its `axe.min.js`.
+//! Whether the page can be read and reached: contrast, order of the focus, sizes of what is
+//! touched; and the rules of axe-core, where `DSFMS_AXE` names its `axe.min.js`.
 
 use super::*;
 

@@ -133,7 +133,8 @@ impl Browser {
         self.evaluate(expression).unwrap_or_else(|error| panic!("{expression}: {error}"))
     }
 
-    /// The same, or the error that the browser answers, or that the page throws: a new page has no names yet.
+    /// The same, or the error that the browser answers, or that the page throws: a new page has no
+    /// names yet.
     fn evaluate(&mut self, expression: &str) -> Result<Value, Value> {
         let parameters = json!({"expression": expression, "returnByValue": true,
             "awaitPromise": true});
@@ -219,7 +220,8 @@ impl Browser {
             match self.evaluate(expression) {
                 Ok(Value::Bool(true)) => return,
                 Ok(_) => {}
-                // The page that was asked makes room for the next one, which has no names yet and is asked again.
+                // The page that was asked makes room for the next one, which has no names yet and
+                // is asked again.
                 Err(error) if error["message"].to_string().contains("navigated") => {}
                 Err(error) if error.to_string().contains("is not defined") => {}
                 Err(error) => panic!("{expression}: {error}"),

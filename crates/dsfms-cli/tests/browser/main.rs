@@ -314,8 +314,8 @@ fn measurements_have_the_values_they_must_have() {
     for (value, expected) in now[..4].iter().zip([11.0, 11.0, 110.0, 10.0]) {
         assert!((value - expected).abs() < 0.01, "{now:?}");
     }
-    // Half a millimetre of expected error at every vertex, shared by neighbours and mostly along the
-    // lines of sight, which lie across what is measured.
+    // Half a millimetre of expected error at every vertex, shared by neighbours and mostly along
+    // the lines of sight, which lie across what is measured.
     for (sd, [least, most]) in
         now[4..].iter().zip([[0.02, 0.5], [0.02, 0.8], [0.2, 12.0], [0.1, 12.0]])
     {

@@ -14,7 +14,8 @@ use tempfile::TempDir;
 pub const SIZE: [usize; 2] = [320, 180];
 pub const FRAMES: usize = 12;
 
-/// Twelve frames of a clip with its template, made once, and `files`, what they give without a network.
+/// Twelve frames of a clip with its template, made once, and `files`, what they give without a
+/// network.
 pub static CLIP: LazyLock<TempDir> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
     Assert::cargo_bin("dsfms")

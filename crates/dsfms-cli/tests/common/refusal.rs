@@ -27,8 +27,8 @@ fn listing(folder: &Path) -> BTreeSet<(PathBuf, Vec<u8>)> {
     found
 }
 
-/// What is wrong with a refusal: another exit code, a word that the message lacks, no single message, anything
-/// that is new, changed or gone in the case's folder.
+/// What is wrong with a refusal: another exit code, a word that the message lacks, no single
+/// message, anything that is new, changed or gone in the case's folder.
 pub fn faults(case: &Case, arguments: &[&str], code: i32, words: &[&str]) -> Vec<String> {
     let before = listing(case.folder.path());
     let done = case.dsfms(arguments).write_stdin("").output().unwrap();

@@ -5,8 +5,8 @@
 //! frames ─► saddle points ─► grid ─► sub-pixel corners ─► homographies ─► K, poses ─► refined, σ
 //! ```
 //!
-//! Only the corners inside the board are used, those where four squares meet. A chessboard looks the
-//! same mirrored, so mirrored pictures need no special care.
+//! Only the corners inside the board are used, those where four squares meet. A chessboard looks
+//! the same mirrored, so mirrored pictures need no special care.
 
 mod board;
 mod closed_form;

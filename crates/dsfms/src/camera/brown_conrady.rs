@@ -36,7 +36,8 @@ impl LensModel for BrownConrady {
         vec![k1, k2, p1, p2, k3]
     }
 
-    /// `None` outside the domain in which the radial part is monotonic and the map keeps its orientation.
+    /// `None` outside the domain in which the radial part is monotonic and the map keeps its
+    /// orientation.
     fn distort(&self, point: &Vector2) -> Option<Distorted> {
         let [k1, k2, k3] = self.k;
         let u = point.norm_squared();

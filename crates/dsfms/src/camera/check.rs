@@ -73,7 +73,8 @@ fn kannala_brandt() {
 
 #[test]
 fn rational() {
-    // cv2.calibrateCamera with CALIB_RATIONAL_MODEL gives pairs of large coefficients that nearly cancel.
+    // cv2.calibrateCamera with CALIB_RATIONAL_MODEL gives pairs of large coefficients that nearly
+    // cancel.
     let lens = Lens::Rational { k: [4.21, 1.6, 0.1, 4.4, 2.2, 0.15], p: [0.0011, -0.0007] };
     assert_eq!(check_camera(&laparoscope(lens)), 1.0);
 }

@@ -94,7 +94,8 @@ lenses! {
         /// k1 to k4.
         k: [f64; 4],
     },
-    /// OpenCV's rational model: Brown-Conrady with its radial part over `1 + k4 r² + k5 r⁴ + k6 r⁶`.
+    /// OpenCV's rational model: Brown-Conrady with its radial part over
+    /// `1 + k4 r² + k5 r⁴ + k6 r⁶`.
     Rational = rational {
         /// Radial coefficients k1 to k6.
         k: [f64; 6],
@@ -109,8 +110,8 @@ impl Lens {
         self.kind().coefficients.iter().copied().zip(self.values()).collect()
     }
 
-    /// The first of the table that has every coefficient that is not zero; a lens that is no pinhole without
-    /// coefficients stays.
+    /// The first of the table that has every coefficient that is not zero; a lens that is no
+    /// pinhole without coefficients stays.
     pub(crate) fn simplest(self) -> Self {
         let kind = self.kind();
         let named = self.coefficients();
@@ -142,7 +143,8 @@ impl Lens {
 }
 
 impl LensKind {
-    /// The kind that a text names, e.g. `"fisheye"`, `"rational_polynomial"`; `None` where it names none.
+    /// The kind that a text names, e.g. `"fisheye"`, `"rational_polynomial"`; `None` where it names
+    /// none.
     pub fn told(text: &str) -> Option<&'static Self> {
         let text = text.to_lowercase();
         let says = |kind: &&Self| kind.words.iter().any(|word| text.contains(word));
@@ -155,8 +157,9 @@ impl LensKind {
         (self.make)(&self.coefficients.iter().map(value).collect::<Vec<f64>>())
     }
 
-    /// With a list of coefficients in OpenCV's order, the simplest that holds them; zeros may follow those
-    /// that it has, where the lens is one of the perspective family, of which none at all are a pinhole.
+    /// With a list of coefficients in OpenCV's order, the simplest that holds them; zeros may
+    /// follow those that it has, where the lens is one of the perspective family, of which none at
+    /// all are a pinhole.
     ///
     /// # Errors
     /// What is wrong with the list.

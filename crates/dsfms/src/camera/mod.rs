@@ -44,12 +44,13 @@ pub trait Camera: Send + Sync {
 
 /// What a lens model says of itself; everything else follows from it.
 ///
-/// A new one is a struct with this trait in a file of its own, and its line in the table of `lens.rs`.
+/// A new one is a struct with this trait in a file of its own, and its line in the table of
+/// `lens.rs`.
 pub(crate) trait LensModel: Sized {
     /// As our files call it.
     const NAME: &'static str;
-    /// Words by which others know it, small letters; the lens of a text is the last of the table with one of
-    /// its words.
+    /// Words by which others know it, small letters; the lens of a text is the last of the table
+    /// with one of its words.
     const WORDS: &'static [&'static str];
     /// Names of its coefficients in OpenCV's order.
     const COEFFICIENTS: &'static [&'static str];

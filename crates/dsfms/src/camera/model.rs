@@ -57,7 +57,8 @@ pub enum CameraError {
 }
 
 impl CameraModel {
-    /// A camera without distortion: size, focal lengths and principal point in px, pixel centres at integers.
+    /// A camera without distortion: size, focal lengths and principal point in px, pixel centres at
+    /// integers.
     pub fn pinhole(size: [usize; 2], focal: [f64; 2], centre: [f64; 2]) -> Self {
         Self { size, focal, centre, lens: Lens::default() }
     }

@@ -3,8 +3,8 @@
 use super::Distorted;
 use crate::geometry::Vector2;
 
-/// Where `distort` maps to `target`, without leaving its domain (`Some`); `None` where no point of the domain
-/// does.
+/// Where `distort` maps to `target`, without leaving its domain (`Some`); `None` where no point of
+/// the domain does.
 pub(super) fn invert(
     distort: impl Fn(&Vector2) -> Option<Distorted>,
     target: &Vector2,

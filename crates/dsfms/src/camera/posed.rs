@@ -36,8 +36,8 @@ impl<'a> PosedFrame<'a> {
         Some(self.camera.project(&(self.pose * point))?.pixel)
     }
 
-    /// Where it shows a point (camera axes) inside the image and both masks, px; whether something else lies
-    /// before the point is not asked.
+    /// Where it shows a point (camera axes) inside the image and both masks, px; whether something
+    /// else lies before the point is not asked.
     pub(crate) fn usable_pixel(&self, point: &Point3) -> Option<Point2> {
         let pixel = self.camera.project(point)?.pixel;
         let masks = [self.valid, self.organ].into_iter().flatten();

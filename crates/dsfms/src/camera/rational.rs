@@ -5,8 +5,8 @@
 //! y_d = y R(r²) + p1 (r² + 2y²) + 2 p2 x y
 //! ```
 //!
-//! The model holds from the axis out to where `r R(r²)` stops growing, the denominator vanishes, or the map
-//! folds.
+//! The model holds from the axis out to where `r R(r²)` stops growing, the denominator vanishes, or
+//! the map folds.
 
 use super::brown_conrady::radial_and_tangential;
 use super::{Distorted, LensModel, newton, polynomial};

@@ -1,13 +1,13 @@
-//! Images as another camera at the same place would have taken them: no point of the scene has to be
-//! known, as the sightlines stay.
+//! Images as another camera at the same place would have taken them: no point of the scene has to
+//! be known, as the sightlines stay.
 
 use super::{Camera, CameraModel};
 use crate::geometry::Point2;
 use crate::image::{Bilinear, Frame, Mask};
 use rayon::prelude::*;
 
-/// A frame of `from` as `to` would have taken it (encoded values, the mean over each pixel's footprint),
-/// and where `from` shows anything; black elsewhere.
+/// A frame of `from` as `to` would have taken it (encoded values, the mean over each pixel's
+/// footprint), and where `from` shows anything; black elsewhere.
 pub fn resampled(frame: &Frame, from: &CameraModel, to: &CameraModel) -> (Frame, Mask) {
     let finer = (0..2).map(|k| from.focal[k] / to.focal[k]).fold(1.0, f64::max);
     let taps = (finer.ceil() as usize).clamp(1, 8);

@@ -6,7 +6,8 @@ use crate::camera::Camera;
 use crate::geometry::{Point2, Point3, Vector3};
 use crate::image::{Mask, nearest_pixel};
 
-/// Nodes of a frame, at most: enough to tell the sides of an outline apart, which the image then gives exactly.
+/// Nodes of a frame, at most: enough to tell the sides of an outline apart, which the image then
+/// gives exactly.
 pub(super) const NODES: usize = 20_000;
 /// How far about a point its motion is taken to be that of the surface, of the frame's width.
 const REACH: f64 = 0.03;
@@ -30,7 +31,8 @@ pub(super) struct GridNode {
     normal: Vector3,
     /// Encoded, 0 to 1; NaN beside the frame.
     rgb: [f64; 3],
-    /// Two log ratios of colours, the height along the mean line of sight, and motion; NaN where unknown.
+    /// Two log ratios of colours, the height along the mean line of sight, and motion; NaN where
+    /// unknown.
     pub(super) features: [f64; 4],
     /// Of the frame; `None` beside it.
     pub(super) pixel: Option<Point2>,
@@ -40,8 +42,8 @@ pub(super) struct GridNode {
     pub(super) given: Option<bool>,
 }
 
-/// What a frame shows at every pixel of its depth map: the sum of nine encoded pixels of each channel, all that the
-/// labelling reads of the frame itself.
+/// What a frame shows at every pixel of its depth map: the sum of nine encoded pixels of each
+/// channel, all that the labelling reads of the frame itself.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Colours(Vec<[u16; 3]>);
 
@@ -137,7 +139,8 @@ impl<'a> Grid<'a> {
         ((z - p.z).abs() < super::SAME_SURFACE * p.z).then_some(node)
     }
 
-    /// Let the nodes about what is known of single places hold it; where masks and seeds differ the masks count.
+    /// Let the nodes about what is known of single places hold it; where masks and seeds differ the
+    /// masks count.
     pub(super) fn hold(&mut self, seeds: &Seeds) {
         let organ = seeds.organ.iter().map(|p| (p, true));
         for (point, label) in organ.chain(seeds.other.iter().map(|p| (p, false))) {
@@ -181,8 +184,8 @@ impl<'a> Grid<'a> {
         }
     }
 
-    /// Distance of every node from what is known to be organ, without it from the middle of the frame, and from
-    /// what is known not to be: 1 is half the frame's width or height.
+    /// Distance of every node from what is known to be organ, without it from the middle of the
+    /// frame, and from what is known not to be: 1 is half the frame's width or height.
     pub(super) fn off(&self, seeds: &Seeds) -> Vec<[f64; 2]> {
         let nearest = |points: &[Point3]| {
             let seen: Vec<Point2> = points.iter().filter_map(|p| self.place_of(p)).collect();

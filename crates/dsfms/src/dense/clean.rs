@@ -222,7 +222,8 @@ mod tests {
 
     #[test]
     fn a_crumb_on_a_thin_neck_goes_and_the_sheet_stays() {
-        // A sheet of 20 x 20 squares, a strip of width 1 from its side, a crumb of 4 x 4 at its end.
+        // A sheet of 20 x 20 squares, a strip of width 1 from its side, a crumb of 4 x 4 at its
+        // end.
         let inside = |x: usize, y: usize| {
             (x < 20 && y < 20) || (x < 30 && y == 10) || (x >= 30 && (8..12).contains(&y))
         };

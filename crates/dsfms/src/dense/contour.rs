@@ -1,9 +1,10 @@
 //! The outline of the organ in every frame.
 //!
-//! The labels of the depth maps tell roughly where: a window of stereo that lies across an occluding contour takes
-//! the depth of the side of more texture, so a depth map is off by up to the window's size. The image tells exactly
-//! where: between what the labels hold well inside and well outside, the outline runs along the strongest edge. Both
-//! sides go on at the price of the edges they cross (shortest paths), and the outline is where they meet.
+//! The labels of the depth maps tell roughly where: a window of stereo that lies across an
+//! occluding contour takes the depth of the side of more texture, so a depth map is off by up to
+//! the window's size. The image tells exactly where: between what the labels hold well inside and
+//! well outside, the outline runs along the strongest edge. Both sides go on at the price of the
+//! edges they cross (shortest paths), and the outline is where they meet.
 
 use super::{DepthMap, PosedFrame};
 use crate::camera::Camera;
@@ -13,19 +14,21 @@ use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Px of the depth grid by which depth may run over an outline from inside: the width of the window of stereo,
-/// less the pixel itself.
+/// Px of the depth grid by which depth may run over an outline from inside: the width of the window
+/// of stereo, less the pixel itself.
 const BAND_PX: f64 = 6.0;
-/// And from outside: where the rim is dim and the wall is not, the wall's depth wins on the coarser levels,
-/// whose windows are twice as wide or more, and stays. Chosen, as [`DOUBT`], on `rendered_scene`
-/// (`docs/results/template.md` has what other values give there); the generated scenes confirm it.
+/// And from outside: where the rim is dim and the wall is not, the wall's depth wins on the coarser
+/// levels, whose windows are twice as wide or more, and stays. Chosen, as [`DOUBT`], on
+/// `rendered_scene` (`docs/results/template.md` has what other values give there); the generated
+/// scenes confirm it.
 const OUTER_PX: f64 = 2.0 * BAND_PX;
-/// To go on from outside costs this times as much as from inside, so that where no edge is clear the outline
-/// lies outside: one too far inside cuts the organ, one too far outside only holds it less.
+/// To go on from outside costs this times as much as from inside, so that where no edge is clear
+/// the outline lies outside: one too far inside cuts the organ, one too far outside only holds it
+/// less.
 const DOUBT: u64 = 3;
 
-/// Of every view where the organ is the first surface hit, on the frame's pixels; `organ`: the same, roughly,
-/// on those of the depth maps. Masks of the views stay as they are.
+/// Of every view where the organ is the first surface hit, on the frame's pixels; `organ`: the
+/// same, roughly, on those of the depth maps. Masks of the views stay as they are.
 pub fn outlines(organ: &[Mask], views: &[PosedFrame], maps: &[DepthMap]) -> Vec<Mask> {
     let views = organ.par_iter().zip(views).zip(maps);
     views.map(|((organ, view), map)| outline(organ, view, map)).collect()
@@ -80,8 +83,8 @@ fn gradient(frame: &Frame) -> Vec<u32> {
     (0..w * h).into_par_iter().map(steepness).collect()
 }
 
-/// `own` grown into what neither mask holds until the two meet: every pixel falls to the mask from which the
-/// least steepness, summed over the way, leads to it; see [`DOUBT`].
+/// `own` grown into what neither mask holds until the two meet: every pixel falls to the mask from
+/// which the least steepness, summed over the way, leads to it; see [`DOUBT`].
 fn flooded(steepness: &[u32], mut own: Mask, other: &Mask) -> Mask {
     let mut cost: Vec<u64> = vec![u64::MAX; own.data.len()];
     let mut front = BinaryHeap::new();
@@ -165,8 +168,8 @@ mod tests {
             found.data.iter().filter(|&&own| own).count()
         };
         assert_eq!(reach(&steepness), 6, "past the faint edge, up to the strong one");
-        // 2 a step from the organ, 6 from outside: pixel 7 costs 12 from the organ, 18 from outside; pixel 8
-        // 14 and 12.
+        // 2 a step from the organ, 6 from outside: pixel 7 costs 12 from the organ, 18 from
+        // outside; pixel 8 14 and 12.
         assert_eq!(reach(&[1; 12]), 8);
     }
 }

@@ -1,10 +1,10 @@
 //! A smooth field of signed distances through what the depth maps say.
 //!
-//! `min_f Σ c (f − d)² + λ Σ ‖∇²f‖²` over the points of the grid, `c` the trust in what the frames say
-//! of a point: where many agree the field follows them, where few do it is smoothed over a longer way
-//! (`2π (λ/c)^¼` edges), and where nothing is known it goes on as flat as it can. Of free space and of
-//! what lies outside the organ's outline it is only known that the distance is at least so much.
-//! Solved from coarse to fine by conjugate gradients.
+//! `min_f Σ c (f − d)² + λ Σ ‖∇²f‖²` over the points of the grid, `c` the trust in what the frames
+//! say of a point: where many agree the field follows them, where few do it is smoothed over a
+//! longer way (`2π (λ/c)^¼` edges), and where nothing is known it goes on as flat as it can. Of
+//! free space and of what lies outside the organ's outline it is only known that the distance is at
+//! least so much. Solved from coarse to fine by conjugate gradients.
 
 use super::grid::{NONE, coarser, neighbours, prolonged};
 use super::observe::DistanceEvidence;
@@ -96,7 +96,8 @@ impl FieldGrid {
         conjugate_gradients(&mut normal, field, &mut residual, Goal::Below(0.0), steps);
     }
 
-    /// Second differences about point `i` along x, y, z; then of the squares above it in xy, yz, zx.
+    /// Second differences about point `i` along x, y, z; then of the squares above it in xy, yz,
+    /// zx.
     #[inline]
     fn differences(&self, f: &[f32], i: usize) -> [f32; 6] {
         let around = &self.around[i];

@@ -1,5 +1,5 @@
-//! The blocks of the grid and those of the next coarser one: who lies beside whom, and what of a field
-//! comes from one to the other.
+//! The blocks of the grid and those of the next coarser one: who lies beside whom, and what of a
+//! field comes from one to the other.
 
 use super::observe::DistanceEvidence;
 use rayon::prelude::*;
@@ -11,7 +11,8 @@ pub(super) const BLOCK: usize = EDGE * EDGE * EDGE;
 /// No neighbour.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Index of the six neighbours of every point, along x, y, z, down and up; [`NONE`] where there is none.
+/// Index of the six neighbours of every point, along x, y, z, down and up; [`NONE`] where there is
+/// none.
 pub(super) fn neighbours(blocks: &[[i32; 3]]) -> Vec<[u32; 6]> {
     let mut around = vec![[NONE; 6]; blocks.len() * BLOCK];
     around.par_chunks_mut(BLOCK).enumerate().for_each(|(b, around)| {

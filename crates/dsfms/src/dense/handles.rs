@@ -1,9 +1,9 @@
 //! Handles of the fused surface: tunnels between noisy layers of depth, cut open where they are
 //! thinnest.
 //!
-//! With every boundary loop closed by a cone, a surface has two independent loops a handle that bound
-//! nothing. They come from a tree of edges and a tree of faces that cross none of its edges (Erickson
-//! and Whittlesey 2005): each edge in neither closes one through the root.
+//! With every boundary loop closed by a cone, a surface has two independent loops a handle that
+//! bound nothing. They come from a tree of edges and a tree of faces that cross none of its edges
+//! (Erickson and Whittlesey 2005): each edge in neither closes one through the root.
 
 use super::tetrahedra::Triangles;
 use crate::geometry::DisjointSets;

@@ -6,8 +6,8 @@ use crate::geometry::{Point3, Vector3};
 use crate::mesh::faces::{pieces, simple_loops};
 use std::collections::BTreeMap;
 
-/// Close every boundary loop of at most `max_edges` edges but the rim of each piece. Expects one fan a
-/// vertex.
+/// Close every boundary loop of at most `max_edges` edges but the rim of each piece. Expects one
+/// fan a vertex.
 pub(super) fn close_small(triangles: &mut Triangles, max_edges: usize) {
     for ring in loops(triangles).inner {
         if ring.len() >= 3 && ring.len() <= max_edges {
@@ -16,9 +16,10 @@ pub(super) fn close_small(triangles: &mut Triangles, max_edges: usize) {
     }
 }
 
-/// Cut away what is not `seen` (of every vertex) and `rings` edges more, but for `margin` edges along the rim of each
-/// piece. Where frames contradict each other about bare tissue, the field of distances falls into pits
-/// that no frame sees; a film from where the frames agree is nearer. Expects one fan a vertex.
+/// Cut away what is not `seen` (of every vertex) and `rings` edges more, but for `margin` edges
+/// along the rim of each piece. Where frames contradict each other about bare tissue, the field of
+/// distances falls into pits that no frame sees; a film from where the frames agree is nearer.
+/// Expects one fan a vertex.
 pub(super) fn cut_unseen(triangles: &mut Triangles, seen: &[bool], rings: usize, margin: usize) {
     let mut near_rim = vec![false; seen.len()];
     loops(triangles).rims.iter().flatten().for_each(|&v| near_rim[v as usize] = true);
@@ -105,8 +106,8 @@ const MOMENTUM: f64 = 0.97;
 const FAIRING: usize = 400;
 
 /// Let the new vertices (from `first` on) settle into a surface whose Laplacian varies as little as
-/// it can (a thin plate): it goes on with the slope and the curvature found around the hole, without
-/// the crease of a flat lid.
+/// it can (a thin plate): it goes on with the slope and the curvature found around the hole,
+/// without the crease of a flat lid.
 fn fair(triangles: &mut Triangles, first: usize, ring: &[u32]) {
     let n = triangles.positions.len();
     let mut near = vec![false; n];

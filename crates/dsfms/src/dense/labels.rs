@@ -1,4 +1,5 @@
-//! Which pixels show the organ: one labelling of the depth maps of all frames, of least energy (graph cut).
+//! Which pixels show the organ: one labelling of the depth maps of all frames, of least energy
+//! (graph cut).
 //!
 //! ```text
 //! E(x) = Σ_p  cost_p(x_p)                            colour and height above the wall, as each label has them
@@ -6,14 +7,16 @@
 //!      + Σ_pq link·[x_p ≠ x_q]                       a place of the surface in two frames
 //! ```
 //!
-//! Labels part cheaply where depth steps or the surface folds inwards, as an organ meets what it lies on (`joined`),
-//! and where the image changes (`image`). What either label looks like is not known before: it is learned
-//! from what the explorer looks at, the middle of the frames or what was clicked, and then by each cut from the
-//! labels of the last (Rother, Kolmogorov, Blake 2004, in three dimensions). Masks of single frames hold, and so does
-//! what is said of single places ([`Seeds`]). Where the outline is a guess, the same energy under another prior
-//! offers others ([`Parting::others`]).
+//! Labels part cheaply where depth steps or the surface folds inwards, as an organ meets what it
+//! lies on (`joined`), and where the image changes (`image`). What either label looks like is not
+//! known before: it is learned from what the explorer looks at, the middle of the frames or what
+//! was clicked, and then by each cut from the labels of the last (Rother, Kolmogorov, Blake 2004,
+//! in three dimensions). Masks of single frames hold, and so does what is said of single places
+//! ([`Seeds`]). Where the outline is a guess, the same energy under another prior offers others
+//! ([`Parting::others`]).
 //!
-//! Weights were chosen on five of the generated scenes (`docs/results/parting.md` has what others give).
+//! Weights were chosen on five of the generated scenes (`docs/results/parting.md` has what others
+//! give).
 
 use super::cells::{Colours, Grid, GridNode, NODES, NodePair};
 use super::looks::LogRatio;
@@ -23,8 +26,9 @@ use crate::geometry::{DisjointSets, Point2, Point3, Vector3};
 use crate::image::{Mask, cut::Graph};
 use rayon::prelude::*;
 
-/// Cost of a border between nodes side by side where nothing speaks for one, in units of log likelihood, on a grid
-/// of [`NODES`]. What nodes say grows with their number, a border with its square root, and so does this.
+/// Cost of a border between nodes side by side where nothing speaks for one, in units of log
+/// likelihood, on a grid of [`NODES`]. What nodes say grows with their number, a border with its
+/// square root, and so does this.
 const LAMBDA: f64 = 8.0;
 /// Share of it that stays where everything does: of two outlines the shorter.
 const LEAST: f64 = 0.05;
@@ -35,14 +39,17 @@ const LINK: f64 = 2.0;
 const LINKED: usize = 3;
 /// Most that the looks of a node say.
 const LOOKS: f64 = 4.0;
-/// What each feature says: two log ratios of colours, half as much height, for walls are not flat, and motion.
+/// What each feature says: two log ratios of colours, half as much height, for walls are not flat,
+/// and motion.
 const SAYS: [f64; 4] = [0.5, 0.5, 0.25, 0.5];
-/// Cuts, at most, each of which learns from the last, and the share of nodes below which a change is none.
+/// Cuts, at most, each of which learns from the last, and the share of nodes below which a change
+/// is none.
 const CUTS: usize = 5;
 const SETTLED: f64 = 1e-3;
 /// What a mask says of a node: more than everything else can.
 const GIVEN: f64 = 100.0;
-/// Neighbours that depth and fold join by less are two surfaces, and those that are alike by less look different.
+/// Neighbours that depth and fold join by less are two surfaces, and those that are alike by less
+/// look different.
 const HALF: f64 = 0.5;
 /// Energies are counted in whole numbers of this size.
 const UNIT: f64 = 1.0 / 256.0;
@@ -60,15 +67,17 @@ pub(super) struct LabelPrior {
     pub(super) gaze: f64,
     /// Whether pieces part where depth steps or the surface folds, so that of those only one stays.
     pub(super) apart: bool,
-    /// What a node in the middle says for the organ in a cut before the first that learns; 0 leaves it out.
+    /// What a node in the middle says for the organ in a cut before the first that learns; 0 leaves
+    /// it out.
     pub(super) first: f64,
 }
 
 /// That of the labels that are taken.
 pub(super) const USUAL: LabelPrior =
     LabelPrior { middle: 0.55, favour: 0.0, looks: 1.0, gaze: 0.0, apart: true, first: 0.0 };
-/// That where nothing is left of those: what is learned from the middle tells nothing where the rest looks like the
-/// organ as often. The labels of the gallbladder clip, which need it, are the same for 3 and for 6.
+/// That where nothing is left of those: what is learned from the middle tells nothing where the
+/// rest looks like the organ as often. The labels of the gallbladder clip, which need it, are the
+/// same for 3 and for 6.
 const CUT_FIRST: LabelPrior = LabelPrior { first: 3.0, ..USUAL };
 /// Share of what the frames show below which nothing is left.
 pub(super) const NOTHING: f64 = 0.02;
@@ -78,10 +87,11 @@ pub(super) const NOTHING: f64 = 0.02;
 pub struct Labelling {
     /// One a depth map, on its pixels: `true` where it shows the organ.
     pub masks: Vec<Mask>,
-    /// Share of the border between organ and wall, 0 to 1, along which depth steps or is missing, or the surface
-    /// folds inwards. Where it is small the border runs over one smooth surface.
+    /// Share of the border between organ and wall, 0 to 1, along which depth steps or is missing,
+    /// or the surface folds inwards. Where it is small the border runs over one smooth surface.
     pub stepping: f64,
-    /// Share along which it does so or the image changes clearly. Where it is small the border is a guess.
+    /// Share along which it does so or the image changes clearly. Where it is small the border is a
+    /// guess.
     pub marked: f64,
     /// One a depth map: the border.
     pub borders: Vec<Vec<Border>>,
@@ -102,9 +112,10 @@ pub struct Parting<'a> {
 }
 
 impl<'a> Parting<'a> {
-    /// `maps` are those of [`super::depth_maps`] for the same `views`, in the same order. Masks of `views` and
-    /// `seeds` are kept; without seeds of the organ it is what the frames look at. `moved`: points of the surface, world
-    /// axes, and how far they move in other frames, in any measure: which of the two moves is learned.
+    /// `maps` are those of [`super::depth_maps`] for the same `views`, in the same order. Masks of
+    /// `views` and `seeds` are kept; without seeds of the organ it is what the frames look at.
+    /// `moved`: points of the surface, world axes, and how far they move in other frames, in any
+    /// measure: which of the two moves is learned.
     pub fn new(
         views: &[PosedFrame],
         maps: &'a [DepthMap],
@@ -134,7 +145,8 @@ impl<'a> Parting<'a> {
         Self { nodes: Nodes::new(grids, seeds) }
     }
 
-    /// The labels of least energy. Where nothing parts, all or nothing is organ and both shares are 0.
+    /// The labels of least energy. Where nothing parts, all or nothing is organ and both shares are
+    /// 0.
     pub fn best(&self) -> Labelling {
         let mut organ = self.nodes.solve(&USUAL);
         if (organ.iter().filter(|&&own| own).count() as f64) < NOTHING * organ.len() as f64 {
@@ -167,8 +179,8 @@ struct Nodes<'a> {
     grids: Vec<Grid<'a>>,
     /// First node of every frame.
     start: Vec<usize>,
-    /// Distance from the middle, or from what is known to be organ, and from what is known not to be: 1 is half the
-    /// frame's width or height.
+    /// Distance from the middle, or from what is known to be organ, and from what is known not to
+    /// be: 1 is half the frame's width or height.
     off: Vec<[f64; 2]>,
     pairs: Vec<Pair>,
     /// One place in two frames.
@@ -186,7 +198,8 @@ impl<'a> Nodes<'a> {
         Self { grids, start, off, pairs, links }
     }
 
-    /// How near every node is to what is looked at: above 0 where all is organ to begin with, 1 at most.
+    /// How near every node is to what is looked at: above 0 where all is organ to begin with, 1 at
+    /// most.
     fn gaze(&self, prior: &LabelPrior) -> Vec<f64> {
         let gaze = |&[organ, other]: &[f64; 2]| {
             let near = 1.0 - organ / prior.middle;
@@ -246,8 +259,8 @@ impl<'a> Nodes<'a> {
         favour.map(whole).collect()
     }
 
-    /// Of the pieces that are organ, joined in frames or between them, that which is looked at most; see
-    /// [`LabelPrior::apart`].
+    /// Of the pieces that are organ, joined in frames or between them, that which is looked at
+    /// most; see [`LabelPrior::apart`].
     fn piece(&self, organ: Vec<bool>, gaze: &[f64], apart: bool) -> Vec<bool> {
         let mut pieces = DisjointSets::new(organ.len());
         let close = self.pairs.iter().filter(|pair| pair.joined || !apart);

@@ -9,8 +9,8 @@ pub(super) const LANES: usize = 8;
 /// One value a sample.
 pub(super) type Lanes = [f32; LANES];
 
-/// A homography about the centre of a window: homogeneous image of the centre, and its change per px
-/// along u and v.
+/// A homography about the centre of a window: homogeneous image of the centre, and its change per
+/// px along u and v.
 pub(super) type Warp = [[f32; 3]; 3];
 
 /// Where samples fall in a view, and the four pixels around.
@@ -88,8 +88,8 @@ fn between(v: f32, high: f32) -> f32 {
 /// From here on neighbouring numbers of single precision differ by one.
 const WHOLE: f32 = 8_388_608.0;
 
-/// The largest whole number not above `0 ≤ v < 2²²`. A cast to an integer, which has to look after every
-/// number there is, would be done lane by lane.
+/// The largest whole number not above `0 ≤ v < 2²²`. A cast to an integer, which has to look after
+/// every number there is, would be done lane by lane.
 #[inline(always)]
 fn floor(v: f32) -> f32 {
     let nearest = (v + WHOLE) - WHOLE;
@@ -108,8 +108,8 @@ pub(super) fn total(v: Lanes) -> f32 {
     ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]))
 }
 
-/// Whether a warped window of half the side `reach` may meet the view: it lies before the camera and
-/// not beyond one side. A homography keeps the window within its four corners.
+/// Whether a warped window of half the side `reach` may meet the view: it lies before the camera
+/// and not beyond one side. A homography keeps the window within its four corners.
 #[inline(always)]
 pub(super) fn meets([base, du, dv]: &Warp, reach: f32, size: [usize; 2]) -> bool {
     let (right, bottom) = ((size[0] - 1) as f32, (size[1] - 1) as f32);

@@ -1,4 +1,5 @@
-//! How much likelier a value is among the organ's than among the wall's, by histograms of what is labelled so far.
+//! How much likelier a value is among the organ's than among the wall's, by histograms of what is
+//! labelled so far.
 
 const BINS: usize = 40;
 /// Standard deviation of the smoothing, bins, and the share of values that may be anything.

@@ -153,13 +153,14 @@ enum Said {
     Nothing,
 }
 
-/// Depths that differ by less than this fraction, times one over the cosine to the sightline, are of
-/// the same surface.
+/// Depths that differ by less than this fraction, times one over the cosine to the sightline, are
+/// of the same surface.
 const SAME_SURFACE: f64 = 0.01;
 /// Cosine below which depths may not differ by more.
 const GRAZING: f64 = 0.25;
 
-/// By how much depths of one surface may differ where it is seen under a cosine of `facing`, length units.
+/// By how much depths of one surface may differ where it is seen under a cosine of `facing`, length
+/// units.
 fn tolerance(z: f64, facing: f64) -> f64 {
     SAME_SURFACE * z / facing.max(GRAZING)
 }
@@ -182,7 +183,8 @@ pub fn worthwhile<'a>(
 /// searched, which is slower to converge and less robust. `progress` is told `(done, total)`.
 ///
 /// # Errors
-/// An option out of range, fewer than two frames, images or masks of another size than their camera, or no depth.
+/// An option out of range, fewer than two frames, images or masks of another size than their
+/// camera, or no depth.
 pub fn depth_maps(
     views: &[PosedFrame],
     sparse: &[Point3],

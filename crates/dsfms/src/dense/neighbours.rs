@@ -34,9 +34,9 @@ pub(super) fn select(
         .collect()
 }
 
-/// Of many frames those that lie farthest apart, at most `count`, in order: more pixels in each tell
-/// more than many that see the same. Two frames are as far apart as their centres and the places
-/// they look at, in the median distance of the points.
+/// Of many frames those that lie farthest apart, at most `count`, in order: more pixels in each
+/// tell more than many that see the same. Two frames are as far apart as their centres and the
+/// places they look at, in the median distance of the points.
 pub(super) fn spread(poses: &[Isometry], sparse: &[Point3], count: usize) -> Vec<usize> {
     let all: Vec<usize> = (0..poses.len()).collect();
     if poses.len() <= count {

@@ -121,7 +121,8 @@ impl PlaneDistance {
     }
 }
 
-/// A point (camera axes) against the plane of pixel `i`: what is seen at a grazing angle weighs less.
+/// A point (camera axes) against the plane of pixel `i`: what is seen at a grazing angle weighs
+/// less.
 fn tangent_plane(m: &DepthMap, i: usize, [x, y]: [f64; 2], p: &Point3) -> PlaneDistance {
     let z = m.depth[i] as f64;
     let on = [
@@ -161,8 +162,8 @@ pub(super) fn average(
     (DistanceEvidence { distance: distance as f32, weight: weight as f32, bound }, support as f32)
 }
 
-/// How far the point lies outside the organ's outline: the second largest distance from the cones of
-/// the outlines, as one outline may be wrong; of few frames each counts.
+/// How far the point lies outside the organ's outline: the second largest distance from the cones
+/// of the outlines, as one outline may be wrong; of few frames each counts.
 fn outside(views: &[ObservedView], point: &Point3) -> f64 {
     let mut largest = [0.0f64; 2];
     for distance in views.iter().filter_map(|v| v.outside(point)) {
@@ -175,8 +176,8 @@ fn outside(views: &[ObservedView], point: &Point3) -> f64 {
     largest[usize::from(views.len() > 4)]
 }
 
-/// Weighted mean of the distances within [`SAME_LAYER`] of their weighted median, and their weight: a
-/// depth map that is wrong here must not shift the others. Sorts the observations.
+/// Weighted mean of the distances within [`SAME_LAYER`] of their weighted median, and their weight:
+/// a depth map that is wrong here must not shift the others. Sorts the observations.
 fn robust_distance(seen: &mut Vec<PlaneDistance>) -> Option<(f64, f64)> {
     seen.retain(|s| s.weight > 0.0);
     seen.sort_unstable_by(|a, b| {

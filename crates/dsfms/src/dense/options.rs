@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 /// How depth is estimated and fused.
 ///
-/// Measured: `target_vertices` (`docs/results/template.md`). Other values of the rest are not measured beside one
-/// another; what the defaults reach is in the same page.
+/// Measured: `target_vertices` (`docs/results/template.md`). Other values of the rest are not
+/// measured beside one another; what the defaults reach is in the same page.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DenseOptions {
@@ -37,8 +37,9 @@ pub struct DenseOptions {
     pub image_noise: f64,
     /// How far depth is filled in from trusted neighbours, px of the depth grid; 0 = not at all.
     pub fill_px: usize,
-    /// Vertices of the surface, about; they set the edge of the grid of signed distances. Where they are not
-    /// set: 60,000; for a template thirty for each of its vertices, at least 15,000 and no more than that.
+    /// Vertices of the surface, about; they set the edge of the grid of signed distances. Where
+    /// they are not set: 60,000; for a template thirty for each of its vertices, at least 15,000
+    /// and no more than that.
     pub target_vertices: Option<usize>,
     /// Edge of that grid, length units; overrides `target_vertices`.
     pub voxel: Option<f64>,
@@ -51,12 +52,14 @@ pub struct DenseOptions {
     /// Holes with at most this many edges are closed.
     pub max_hole_edges: usize,
     /// Rounds of volume-preserving (Taubin) smoothing of the surface: 40 pass waves longer than
-    /// about 18 edges, and no shorter ones: a template of a thirtieth of the vertices has edges of 5.
+    /// about 18 edges, and no shorter ones: a template of a thirtieth of the vertices has edges of
+    /// 5.
     pub smoothing: usize,
     /// Keep only the largest connected piece.
     pub largest_only: bool,
-    /// At the rim, frames do not vouch for surface that faces away from them or lies behind the surface
-    /// itself (by 8 % of the depth or more): folds and tongues that no frame can have seen are peeled.
+    /// At the rim, frames do not vouch for surface that faces away from them or lies behind the
+    /// surface itself (by 8 % of the depth or more): folds and tongues that no frame can have seen
+    /// are peeled.
     pub peel_hidden: bool,
     /// Seed of the random search; the same seed gives the same bits.
     pub seed: u64,

@@ -1,10 +1,11 @@
-//! What else may be meant by the organ, where its outline is a guess: the same energy under other priors.
+//! What else may be meant by the organ, where its outline is a guess: the same energy under other
+//! priors.
 
 use super::labels::{LabelPrior, Labelling, NOTHING, Parting, USUAL};
 use crate::image::Mask;
 
-/// Priors, the likeliest meaning first: with the pieces that it borders on, less, more than what is looked at, and what
-/// depth and folds alone enclose.
+/// Priors, the likeliest meaning first: with the pieces that it borders on, less, more than what is
+/// looked at, and what depth and folds alone enclose.
 const OTHERS: [LabelPrior; 4] = [
     LabelPrior { apart: false, ..USUAL },
     LabelPrior { middle: 0.3, favour: -0.75, ..USUAL },
@@ -17,8 +18,8 @@ const SAME: f64 = 0.9;
 const SHOWN: [f64; 2] = [NOTHING, 0.95];
 
 impl Parting<'_> {
-    /// Labellings that differ clearly from `own`, from each other and from everything, at most `most`, those first
-    /// whose border is marked best.
+    /// Labellings that differ clearly from `own`, from each other and from everything, at most
+    /// `most`, those first whose border is marked best.
     pub fn others(&self, own: &Labelling, most: usize) -> Vec<Labelling> {
         let mut found: Vec<Labelling> = Vec::new();
         for prior in &OTHERS {
@@ -104,7 +105,8 @@ mod tests {
 
     #[test]
     fn an_organ_that_looks_no_rarer_elsewhere_is_found_by_its_place() {
-        // Four more pieces like the plate in the corners: of the middle and of the rest the same share looks so.
+        // Four more pieces like the plate in the corners: of the middle and of the rest the same
+        // share looks so.
         let (camera, (mut frames, mut maps)) = (camera(), scene(0.0, PLATE[0]));
         let corner = |p: usize| {
             let (x, y) = (p % SIZE[0], p / SIZE[0]);

@@ -1,7 +1,7 @@
 //! PatchMatch stereo: good planes spread over a chessboard of pixels.
 //!
-//! Each round looks, at the pixels of one colour, at the planes of eight neighbourhoods of the other
-//! colour (the best of each, as in ACMH), then tries random changes of the winner.
+//! Each round looks, at the pixels of one colour, at the planes of eight neighbourhoods of the
+//! other colour (the best of each, as in ACMH), then tries random changes of the winner.
 
 use super::options::DenseOptions;
 use super::plane::{ALL, Field, InversePlane, NONE, Noise};

@@ -32,7 +32,8 @@ impl InversePlane {
 
     /// Unit normal towards the camera for a pinhole `[fx, fy, cx, cy]` at pixel `(u, v)`.
     ///
-    /// With `w(u, v) = (n·ray)/d`, `ray = ((u-cx)/fx, (v-cy)/fy, 1)`: `n/d = (a fx, b fy, w - a fx x - b fy y)`.
+    /// With `w(u, v) = (n·ray)/d`, `ray = ((u-cx)/fx, (v-cy)/fy, 1)`:
+    /// `n/d = (a fx, b fy, w - a fx x - b fy y)`.
     pub(super) fn normal(&self, k: [f32; 4], u: f32, v: f32) -> [f32; 3] {
         let [fx, fy, cx, cy] = k;
         let (nx, ny) = (self.a * fx, self.b * fy);

@@ -66,8 +66,8 @@ struct Polisher<'a> {
     depth: [f32; 2],
 }
 
-/// Usable samples of the reference window: offset from the grid point, weight (0 for the unused places
-/// at the end), value less the weighted mean.
+/// Usable samples of the reference window: offset from the grid point, weight (0 for the unused
+/// places at the end), value less the weighted mean.
 struct PolishWindow {
     centre: [f32; 2],
     x: [Lanes; GROUPS],
@@ -276,8 +276,8 @@ impl PolishWindow {
     }
 }
 
-/// Weighted moments of reference, warped window and Jacobian: number, 1; r, s; rr, rs, ss; the three
-/// columns j alone, with r and with s; the upper triangle of jj.
+/// Weighted moments of reference, warped window and Jacobian: number, 1; r, s; rr, rs, ss; the
+/// three columns j alone, with r and with s; the upper triangle of jj.
 const SUMS: usize = 22;
 
 /// Inner products after `{1, r}` are projected out.

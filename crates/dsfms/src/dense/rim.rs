@@ -23,14 +23,14 @@ const LEAST: f64 = 0.15;
 const SEEN: f64 = 0.5;
 /// What a straight rim of full trust loses by that, in edges: it is given back.
 const LOST: usize = 4;
-/// What lies behind the surface by more than this fraction of the depth is hidden: both may be off by
-/// what depths of one surface differ by at a grazing angle.
+/// What lies behind the surface by more than this fraction of the depth is hidden: both may be off
+/// by what depths of one surface differ by at a grazing angle.
 const BEHIND: f64 = 2.0 * SAME_SURFACE / GRAZING;
 /// Bays of the rim narrower than twice this, in edges, stay filled.
 const BAY: usize = 6;
 
-/// Peel the rim. Expects one fan a vertex; leaves teeth. `hides`: a frame does not look at what faces
-/// away from it or the surface itself hides from it.
+/// Peel the rim. Expects one fan a vertex; leaves teeth. `hides`: a frame does not look at what
+/// faces away from it or the surface itself hides from it.
 pub(super) fn peel(
     triangles: &mut Triangles,
     views: &[PosedFrame],
@@ -55,8 +55,8 @@ pub(super) fn peel(
     remove_from_rim(triangles, &doubtful, &front);
 }
 
-/// For every frame, whether a vertex faces it and nothing of the surface itself hides the vertex from it:
-/// an empty depth map, or a wrong one, tells nothing of what the surface lies before.
+/// For every frame, whether a vertex faces it and nothing of the surface itself hides the vertex
+/// from it: an empty depth map, or a wrong one, tells nothing of what the surface lies before.
 fn unhidden(triangles: &Triangles, normals: &[Vector3], maps: &[DepthMap]) -> Vec<Vec<bool>> {
     let topology = Topology::from_checked(triangles.positions.len(), triangles.faces.clone());
     let one = |map: &DepthMap| {
@@ -96,8 +96,8 @@ fn trust<'a>(
     (trust, f64::from(u8::from(seen)))
 }
 
-/// Whether a frame agrees with a surface at a point; `None` where it does not look or something lies
-/// before it.
+/// Whether a frame agrees with a surface at a point; `None` where it does not look or something
+/// lies before it.
 fn says(view: &PosedFrame, map: &DepthMap, point: &Point3) -> Option<bool> {
     let p = map.pose * point;
     view.usable_pixel(&p)?;
@@ -134,8 +134,8 @@ fn diffused(triangles: &Triangles, mut value: Vec<f64>) -> Vec<f64> {
     value
 }
 
-/// Take away the faces at doubtful vertices that connect over such vertices to the rim: doubt amid the
-/// surface makes no hole. What is given back is only what a frame looks at from the front.
+/// Take away the faces at doubtful vertices that connect over such vertices to the rim: doubt amid
+/// the surface makes no hole. What is given back is only what a frame looks at from the front.
 fn remove_from_rim(triangles: &mut Triangles, doubtful: &[bool], front: &[bool]) {
     let mut gone = vec![false; doubtful.len()];
     let rim = boundary_edges(&triangles.faces);
@@ -254,7 +254,8 @@ mod tests {
             let z = |f: &[u32; 3]| triangles.positions[f[0] as usize].z;
             [50.0, 58.0].map(|depth| triangles.faces.iter().filter(|f| z(f) == depth).count())
         };
-        // Twice back behind itself: the last layer faces the camera, and the second map is of its depth.
+        // Twice back behind itself: the last layer faces the camera, and the second map is of its
+        // depth.
         let section = [[-20, 50], [20, 50], [20, 54], [-15, 54], [-15, 58], [15, 58]];
         assert!(left(strip(&section), false)[1] > 500);
         let fold = left(strip(&section), true);

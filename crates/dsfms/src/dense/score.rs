@@ -11,9 +11,9 @@ const RADIUS: i32 = 3;
 const TAPS: usize = 24;
 /// Views scored at once, at most (the bound of `max_sources`).
 const MAX_VIEWS: usize = 16;
-/// What each view short of `best_sources` adds to the cost, over `best_sources`: enough that a plane
-/// does not win by leaving the views in which it would be found wrong, little enough that what only
-/// two frames see can be found.
+/// What each view short of `best_sources` adds to the cost, over `best_sources`: enough that a
+/// plane does not win by leaving the views in which it would be found wrong, little enough that
+/// what only two frames see can be found.
 const LONELY: f32 = 0.3;
 /// Correlation cost above which a view says nothing for a plane.
 const USEFUL: f32 = 0.7;
@@ -194,8 +194,8 @@ impl WindowPatch {
         costs
     }
 
-    /// Mean cost over the best few of the named sources, and a fine for each that is missing; [`NONE`],
-    /// without looking at the last sources, where they cannot bring it below `than`.
+    /// Mean cost over the best few of the named sources, and a fine for each that is missing;
+    /// [`NONE`], without looking at the last sources, where they cannot bring it below `than`.
     pub(super) fn score(
         &self,
         pairs: &Pairs,

@@ -10,8 +10,8 @@ use rayon::prelude::*;
 
 /// Radius of the fit around a trusted pixel, px.
 const RADIUS: i32 = 3;
-/// Neighbours whose plane misses the pixel by more than this fraction of depth (seen from the front)
-/// are another surface.
+/// Neighbours whose plane misses the pixel by more than this fraction of depth (seen from the
+/// front) are another surface.
 const SAME_SURFACE: f32 = 0.01;
 /// Cosine to the sightline (83 degrees) below which the slope of a surface is not believed.
 const GRAZING: f32 = 0.12;
@@ -92,8 +92,8 @@ fn trust(field: &Field, agreement: &[u8], k: [f32; 4], options: &DenseOptions) -
     trust
 }
 
-/// Pixels that continue the surface of trusted ones without a step. What one frame sees well and all
-/// others at a grazing angle no other depth map confirms, but surfaces go on.
+/// Pixels that continue the surface of trusted ones without a step. What one frame sees well and
+/// all others at a grazing angle no other depth map confirms, but surfaces go on.
 fn continued(
     field: &Field,
     trust: &[f32],

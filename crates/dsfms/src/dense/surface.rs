@@ -83,16 +83,19 @@ fn without_handles(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptio
     best.map(|(_, triangles)| triangles).unwrap_or_default()
 }
 
-/// How far, in edges, the surface goes on beyond what depth supports, for the rim to be chosen from.
+/// How far, in edges, the surface goes on beyond what depth supports, for the rim to be chosen
+/// from.
 const BEYOND: usize = 6;
-/// What no frame sees is cut away from inside the surface but along so many edges of the rim, which is chosen later.
+/// What no frame sees is cut away from inside the surface but along so many edges of the rim, which
+/// is chosen later.
 const RIM: usize = BEYOND + 4;
 /// Edges of what is seen that go with it: the walls of a pit.
 const DOUBTFUL: usize = 2;
 /// Grids tried, at most: each has edges longer by √2 than the one before.
 const COARSER: usize = 5;
 
-/// One manifold piece without teeth, small holes and doubtful rim, smoothed; the handles that are left.
+/// One manifold piece without teeth, small holes and doubtful rim, smoothed; the handles that are
+/// left.
 fn tidy(
     triangles: &mut Triangles,
     views: &[PosedFrame],
@@ -171,8 +174,8 @@ mod tests {
     /// Standard deviation of the depths.
     const SIGMA: f64 = 0.1;
 
-    /// A wall at z = 50 as six frames measure it, side by side: errors of known standard deviation, alike
-    /// over some pixels as those of smoothed depth maps are, and others in every frame.
+    /// A wall at z = 50 as six frames measure it, side by side: errors of known standard deviation,
+    /// alike over some pixels as those of smoothed depth maps are, and others in every frame.
     fn maps() -> Vec<DepthMap> {
         // Four waves of their own directions, whose variance is half their squared amplitude.
         let error = |u: f64, v: f64, i: usize| -> f64 {

@@ -62,8 +62,8 @@ impl DistanceVolume {
         volume
     }
 
-    /// Count what lies within `reach` edges of points of at least `least` support near the zero level
-    /// as supported.
+    /// Count what lies within `reach` edges of points of at least `least` support near the zero
+    /// level as supported.
     pub(super) fn spread_support(&mut self, least: f32, reach: usize) {
         /// Of the truncation distance.
         const NEAR: f32 = 0.67;

@@ -2,10 +2,11 @@
 //!
 //! `r = (xⱼ − xᵢ) − Rᵢ (pⱼ − pᵢ)` for every directed edge of the rest shape `p`, weighted by the
 //! cotangent weight of the edge over the visible area, with `Rᵢ` the rotation that fits the ring of
-//! `i` best: the polar factor of `M = Σⱼ wᵢⱼ (xⱼ − xᵢ)(pⱼ − pᵢ)ᵀ`. The rotations are functions of the
-//! vertices, not unknowns, and their derivative is kept, so this is the reduced energy and its exact
-//! Jacobian, not one half of an alternation. For small strain of a flat piece it is the isometric
-//! prior; beyond that it resists bending (within a ring, hence the less the finer the mesh).
+//! `i` best: the polar factor of `M = Σⱼ wᵢⱼ (xⱼ − xᵢ)(pⱼ − pᵢ)ᵀ`. The rotations are functions of
+//! the vertices, not unknowns, and their derivative is kept, so this is the reduced energy and its
+//! exact Jacobian, not one half of an alternation. For small strain of a flat piece it is the
+//! isometric prior; beyond that it resists bending (within a ring, hence the less the finer the
+//! mesh).
 
 use super::{EnergyTerm, Infeasible, Jacobian};
 use crate::geometry::{Point3, Vector3};
@@ -34,7 +35,8 @@ struct Ring {
 /// The rotation of a ring and what its derivative needs.
 struct RingFit {
     rotation: Matrix3<f64>,
-    /// `R (tr S · I − S)⁻¹ Rᵀ` for `M = R S`: from the moment of a change of `M` to the turn of `R`.
+    /// `R (tr S · I − S)⁻¹ Rᵀ` for `M = R S`: from the moment of a change of `M` to the turn of
+    /// `R`.
     compliance: Matrix3<f64>,
 }
 
@@ -57,7 +59,8 @@ impl Arap {
 }
 
 impl Ring {
-    /// The best rotation; infeasible where the ring has collapsed to a line and no rotation is best.
+    /// The best rotation; infeasible where the ring has collapsed to a line and no rotation is
+    /// best.
     fn fit(&self, v: &[Point3]) -> Result<RingFit, Infeasible> {
         let terms = self.edges.iter().zip(&v[1..]).zip(&self.weights);
         let moment: Matrix3<f64> = terms.map(|((e, x), &w)| (x - v[0]) * e.transpose() * w).sum();
@@ -164,7 +167,8 @@ mod tests {
 
     #[test]
     fn a_scaled_sheet_by_hand_and_the_isometric_prior_at_small_strain() {
-        // Nearly equilateral faces: hardly a cotangent is clamped, and the weights add up to the area.
+        // Nearly equilateral faces: hardly a cotangent is clamped, and the weights add up to the
+        // area.
         let sheet = shapes::irregular_sheet(9);
         let shear = |p: &Point3| Point3::new(p.x - 0.5 * p.y, 0.75_f64.sqrt() * p.y, 0.0);
         let mesh = sheet.with_positions(sheet.positions.iter().map(shear).collect());

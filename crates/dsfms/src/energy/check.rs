@@ -9,7 +9,8 @@ use nalgebra::{SMatrix, SVector};
 /// feasible.
 ///
 /// # Panics
-/// When a derivative is wrong: this is a test helper, public so that a term of one's own can use it.
+/// When a derivative is wrong: this is a test helper, public so that a term of one's own can use
+/// it.
 pub fn assert_jacobian<const R: usize>(
     term: &impl EnergyTerm<R>,
     vertices: &[Point3],

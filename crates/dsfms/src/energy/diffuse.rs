@@ -9,11 +9,12 @@ use crate::light::Light;
 use crate::mesh::Topology;
 use nalgebra::{Matrix3, SVector};
 
-/// `r = (wᵢ·I′(π(xᵢ)) − e^γ αᵢ (s(xᵢ, Nᵢ) + s₀ᵢ) − κ wᵢ·1) / σᵢ` for the diffuse vertices `𝒟ᵥ`, with
-/// [`Brightness::added_shade`] `s₀`, the log gain `γ = g₀` and the ambient light `κ = g₁` as global unknowns.
+/// `r = (wᵢ·I′(π(xᵢ)) − e^γ αᵢ (s(xᵢ, Nᵢ) + s₀ᵢ) − κ wᵢ·1) / σᵢ` for the diffuse vertices `𝒟ᵥ`,
+/// with [`Brightness::added_shade`] `s₀`, the log gain `γ = g₀` and the ambient light `κ = g₁` as
+/// global unknowns.
 ///
-/// The image gradient is kept in the derivative of `I′(π(xᵢ))`. A vertex that leaves the image keeps the
-/// value at its edge.
+/// The image gradient is kept in the derivative of `I′(π(xᵢ))`. A vertex that leaves the image
+/// keeps the value at its edge.
 #[doc(alias("eq. 4", "Lambertian"))]
 #[derive(Clone, Debug)]
 pub struct Diffuse<'a, C, L> {

@@ -1,7 +1,8 @@
 //! The metric of a deformed face in the plane of its rest face, shared by the conformal terms.
 //!
-//! `F = [x₁−x₀, x₂−x₀] D⁻¹` maps the rest face's own plane to the deformed face and `C = FᵀF` is its
-//! metric: anisotropy, shearing and stretch are functions of `C` alone, so they ignore rigid motion.
+//! `F = [x₁−x₀, x₂−x₀] D⁻¹` maps the rest face's own plane to the deformed face and `C = FᵀF` is
+//! its metric: anisotropy, shearing and stretch are functions of `C` alone, so they ignore rigid
+//! motion.
 
 use super::{EnergyTerm, Infeasible, Jacobian};
 use crate::geometry::{Point3, Vector3};

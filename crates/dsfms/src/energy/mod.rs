@@ -50,8 +50,9 @@ pub struct Brightness {
     pub weights: [f64; 3],
     /// The sum `w·α` over the linear albedo, smoothed like the image.
     pub albedo: f64,
-    /// What the smoothing adds to the shading `s`, which varies within it: `s₀ = smooth(α s) / smooth(α) − s` at the shape
-    /// that the sample was read at, in units of `s`; 0 where shading is taken at the point.
+    /// What the smoothing adds to the shading `s`, which varies within it:
+    /// `s₀ = smooth(α s) / smooth(α) − s` at the shape that the sample was read at, in units of
+    /// `s`; 0 where shading is taken at the point.
     pub added_shade: f64,
     /// The sum `w·1` over white light.
     pub white: f64,

@@ -72,8 +72,8 @@ struct StripedSystem {
 }
 
 impl Workspace {
-    /// Prepared for the blocks of these stencils, so that objectives that come to need them one by one
-    /// are not analysed again.
+    /// Prepared for the blocks of these stencils, so that objectives that come to need them one by
+    /// one are not analysed again.
     pub fn reserved<'s>(
         vertices: usize,
         globals: usize,
@@ -107,8 +107,8 @@ impl<'a> Objective<'a> {
         self.globals
     }
 
-    /// Add a term under the name that it has in this problem (role and equation, `"motion (eq. 3)"`):
-    /// reports print it. A weight of 0 leaves it out.
+    /// Add a term under the name that it has in this problem (role and equation,
+    /// `"motion (eq. 3)"`): reports print it. A weight of 0 leaves it out.
     pub fn plus<const R: usize>(
         mut self,
         label: &'static str,

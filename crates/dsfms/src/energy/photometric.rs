@@ -10,14 +10,16 @@ use crate::mesh::normals::vertex_normals;
 use nalgebra::{Matrix3, SVector};
 use rayon::prelude::*;
 
-/// `r = (w·I′(π(p)) − e^γ α (s(p, N) + s₀) − κ w₁) / σ` at points `p = v(f)·b + l` inside faces, with the normal
-/// `N = T n`, `n` interpolated from the area-weighted vertex normals, and the [`Lift`] `(l, T)` of the
-/// full mesh over the one that is solved on. `s₀` is [`Brightness::added_shade`]. The log gain `γ = g₀ + Σ wₖ gₖ` varies slowly over the
-/// surface; it and the ambient light `κ = g₁` are global unknowns.
+/// `r = (w·I′(π(p)) − e^γ α (s(p, N) + s₀) − κ w₁) / σ` at points `p = v(f)·b + l` inside faces,
+/// with the normal `N = T n`, `n` interpolated from the area-weighted vertex normals, and the
+/// [`Lift`] `(l, T)` of the full mesh over the one that is solved on. `s₀` is
+/// [`Brightness::added_shade`]. The log gain `γ = g₀ + Σ wₖ gₖ` varies slowly over the surface; it
+/// and the ambient light `κ = g₁` are global unknowns.
 ///
 /// Unlike eq. 4, which has vertices only, the samples carry the texture between them, so the
-/// image also fixes where on the surface a point lies. A sample that leaves the image keeps the value
-/// at its edge: refusing the step would stop an organ that crosses the border from moving at all.
+/// image also fixes where on the surface a point lies. A sample that leaves the image keeps the
+/// value at its edge: refusing the step would stop an organ that crosses the border from moving at
+/// all.
 #[doc(alias = "direct alignment")]
 #[derive(Clone, Debug)]
 pub struct Photometric<'a, C, L> {
@@ -216,8 +218,8 @@ impl<'a, C: Camera, L: Light> Photometric<'a, C, L> {
         median(&mut ratios).unwrap_or(0.0)
     }
 
-    /// Mean of `|image − prediction| / image` over the samples, for a log gain and an ambient light;
-    /// 0 without samples.
+    /// Mean of `|image − prediction| / image` over the samples, for a log gain and an ambient
+    /// light; 0 without samples.
     pub(crate) fn mean_residual(
         &self,
         topology: &Topology,

@@ -6,9 +6,9 @@ use crate::geometry::{Point2, Point3, Vector3, point_at};
 use crate::image::Plane;
 use nalgebra::SVector;
 
-/// `r = d(π(v(f)·b + l)) / σ` with the signed distance `d` to the outline, px, positive outside. What the
-/// condition holds on one side only (the rim of an open surface, which need not be where the organ
-/// ends) has no residual inside.
+/// `r = d(π(v(f)·b + l)) / σ` with the signed distance `d` to the outline, px, positive outside.
+/// What the condition holds on one side only (the rim of an open surface, which need not be where
+/// the organ ends) has no residual inside.
 ///
 /// A vertex that leaves the image keeps the distance at its edge.
 #[doc(alias = "occluding contour")]

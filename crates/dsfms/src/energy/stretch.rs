@@ -1,7 +1,7 @@
 //! Stretch, which the paper does not have: `e = ½ ln det C`, the log of the area ratio.
 //!
-//! Conformal energies alone do not fix scale: scaling everything about the camera centre keeps every
-//! reprojection and every angle. A weak stretch prior does.
+//! Conformal energies alone do not fix scale: scaling everything about the camera centre keeps
+//! every reprojection and every angle. A weak stretch prior does.
 
 use super::RestFaces;
 use super::face::{FaceMetric, FaceTerm};

@@ -50,8 +50,8 @@ pub(super) fn fit(
     }
 }
 
-/// Where to start from: as the surfaces lie; and, where the scale is free, scaled about the origin, which
-/// is the camera of both where both are in camera axes.
+/// Where to start from: as the surfaces lie; and, where the scale is free, scaled about the origin,
+/// which is the camera of both where both are in camera axes.
 fn starts(found: &Mesh, truth: &Mesh, kind: Alignment) -> Vec<Similarity> {
     let mut starts = vec![Similarity::identity()];
     let far = |mesh: &Mesh| {
@@ -65,8 +65,8 @@ fn starts(found: &Mesh, truth: &Mesh, kind: Alignment) -> Vec<Similarity> {
     starts
 }
 
-/// Mean distance between the surfaces, from both sides: a surface that shrinks onto a point is far from
-/// what it should cover.
+/// Mean distance between the surfaces, from both sides: a surface that shrinks onto a point is far
+/// from what it should cover.
 fn apart(found: &Mesh, truth: &Mesh, fit: &Similarity) -> f64 {
     let moved = found.with_positions(found.positions.iter().map(|p| fit * p).collect());
     let mean = |from: &Mesh, to: &Mesh| {

@@ -125,7 +125,8 @@ pub enum EvaluateError {
 /// Compare a reconstruction with the truth, both in the same frame and unit (or aligned first).
 ///
 /// # Errors
-/// A truth or a mesh that cannot be measured (counts, numbers that are not finite), or no alignment.
+/// A truth or a mesh that cannot be measured (counts, numbers that are not finite), or no
+/// alignment.
 #[doc(alias("RMSE", "chamfer distance"))]
 pub fn evaluate(
     found: &Mesh,

@@ -1,9 +1,9 @@
 //! How far each vertex is expected to be from the truth (§8.1's error, predicted).
 //!
 //! `error = R exp(w · f)`: `R` is the radius of a disc of the visible area, `f` are dimensionless
-//! features of a vertex ([`mod@features`]) that each grow with what makes a vertex uncertain, `w` ≥ 0 is
-//! fitted once on synthetic cases and path-traced scenes ([`model`]). So the expected error scales with
-//! the unit, is finite everywhere, and never falls with the distance to evidence.
+//! features of a vertex ([`mod@features`]) that each grow with what makes a vertex uncertain, `w` ≥
+//! 0 is fitted once on synthetic cases and path-traced scenes ([`model`]). So the expected error
+//! scales with the unit, is finite everywhere, and never falls with the distance to evidence.
 
 pub mod features;
 pub mod model;
@@ -36,8 +36,8 @@ pub struct Solved<'a> {
 pub struct ExpectedErrors {
     /// Expected distance from the truth, length units of the vertices; finite and positive.
     pub errors: Vec<f64>,
-    /// Nine vertices of ten, and the deformed zone in nine frames of ten, are off by less than this multiple of
-    /// their expected error.
+    /// Nine vertices of ten, and the deformed zone in nine frames of ten, are off by less than this
+    /// multiple of their expected error.
     pub bound: f64,
     /// `true` where the frame says something about the vertex: it is seen, and a kept match or a
     /// brightness that can be used lies within [`features::REACH`] visible radii along the surface.

@@ -24,8 +24,9 @@ impl Model {
         &WEIGHTS[self as usize]
     }
 
-    /// Nine errors of ten are below this multiple of the expected one, and so is the zone of nine frames of ten:
-    /// the root mean square over what is seen and moved by at least half of what moved most.
+    /// Nine errors of ten are below this multiple of the expected one, and so is the zone of nine
+    /// frames of ten: the root mean square over what is seen and moved by at least half of what
+    /// moved most.
     pub fn bound(self) -> f64 {
         BOUNDS[self as usize]
     }
@@ -35,14 +36,15 @@ impl Model {
 /// visible radii, so beyond that a prediction says no more than "lost".
 pub const LARGEST: f64 = -0.35;
 
-/// The multiple of the expected error that nine errors of ten of the fitted cases are below, or nine zones of ten
-/// where that is larger: errors of a zone go together. In the order of [`WEIGHTS`].
+/// The multiple of the expected error that nine errors of ten of the fitted cases are below, or
+/// nine zones of ten where that is larger: errors of a zone go together. In the order of
+/// [`WEIGHTS`].
 const BOUNDS: [f64; 4] = [3.21, 2.78, 2.21, 2.27];
 
-/// Made by the study `expected_error` on 30 synthetic cases and the choosing half of the generated scenes
-/// (`docs/results/expected_error.md`): gamma regression with a logarithmic link and a level of its own for every
-/// case, in which the zone counts as much as all of it, all distances to evidence at least 0.05; one row a model,
-/// columns as [`super::NAMES`].
+/// Made by the study `expected_error` on 30 synthetic cases and the choosing half of the generated
+/// scenes (`docs/results/expected_error.md`): gamma regression with a logarithmic link and a level
+/// of its own for every case, in which the zone counts as much as all of it, all distances to
+/// evidence at least 0.05; one row a model, columns as [`super::NAMES`].
 #[rustfmt::skip]
 pub const WEIGHTS: [[f64; COUNT]; 4] = [
     [-5.599, 1.010, 0.110, 0.321, 0.000, 0.000, 0.050, 0.659, 1.561, 0.194, 0.000, 0.000, 0.000, 0.000, 0.364, 0.000, 0.000],

@@ -1,5 +1,5 @@
-//! The nearest of some hundreds of points, without a tree: sorted along one axis, only those between
-//! which and the point lies less than the distance of what is found are looked at.
+//! The nearest of some hundreds of points, without a tree: sorted along one axis, only those
+//! between which and the point lies less than the distance of what is found are looked at.
 
 /// Points in order of their first coordinate.
 #[doc(alias("kd-tree", "k nearest neighbours"))]

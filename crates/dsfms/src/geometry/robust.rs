@@ -1,5 +1,5 @@
-//! What one wrong measurement among many may weigh: losses ρ(s) of a squared residual norm s = ‖r‖² for the
-//! solver and for reweighted fits, Tukey's biweight, weighted medians.
+//! What one wrong measurement among many may weigh: losses ρ(s) of a squared residual norm s = ‖r‖²
+//! for the solver and for reweighted fits, Tukey's biweight, weighted medians.
 
 use super::statistics::SIGMA_OVER_MAD;
 use serde::{Deserialize, Serialize};

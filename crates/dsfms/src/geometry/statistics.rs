@@ -3,7 +3,8 @@
 use super::{Point3, Vector3};
 use nalgebra::Matrix3;
 
-/// Mean of points, and the sum of `(p − mean)(p − mean)ᵀ`, squared units of the points; not finite of none.
+/// Mean of points, and the sum of `(p − mean)(p − mean)ᵀ`, squared units of the points; not finite
+/// of none.
 pub(crate) fn scatter(points: impl Iterator<Item = Point3> + Clone) -> (Point3, Matrix3<f64>) {
     let count = points.clone().count() as f64;
     let centre = Point3::from(points.clone().map(|p| p.coords).sum::<Vector3>() / count);

@@ -18,8 +18,8 @@ struct Tiles {
 }
 
 impl Tiles {
-    /// Equal tiles that cover the image. Where one side does not divide evenly both are extended, the
-    /// even one by a whole tile row, as in OpenCV.
+    /// Equal tiles that cover the image. Where one side does not divide evenly both are extended,
+    /// the even one by a whole tile row, as in OpenCV.
     fn over(image: [usize; 2], count: usize) -> Self {
         let even = image.iter().all(|side| side.is_multiple_of(count));
         let size = image.map(|side| if even { side / count } else { side / count + 1 });
@@ -153,16 +153,17 @@ mod tests {
 
     #[test]
     fn one_tile_without_limit_maps_every_level_to_its_rank() {
-        // Of 4 pixels one is at most 10, two at most 20, four at most 30: 255/4, 255/2 (63.75, 127.5 to
-        // the even number), 255.
+        // Of 4 pixels one is at most 10, two at most 20, four at most 30: 255/4, 255/2 (63.75,
+        // 127.5 to the even number), 255.
         let image = plane([2, 2], |i| [10, 20, 30, 30][i]);
         assert_eq!(bytes(&clahe(&image, 0.0, 1)), [64, 128, 255, 255]);
     }
 
     #[test]
     fn a_flat_tile_is_limited_and_its_excess_handed_out() {
-        // 512 pixels of level 100; limit 2·512/256 = 4; of the excess of 508 every level gets 1 and 252
-        // more go to the levels 0, 1, …, 251. Up to level 100: 101·2 + 4 = 206; 206·255/512 = 102.6.
+        // 512 pixels of level 100; limit 2·512/256 = 4; of the excess of 508 every level gets 1 and
+        // 252 more go to the levels 0, 1, …, 251. Up to level 100: 101·2 + 4 = 206; 206·255/512 =
+        // 102.6.
         let image = plane([32, 16], |_| 100);
         assert!(bytes(&clahe(&image, 2.0, 1)).iter().all(|&level| level == 103));
     }

@@ -15,8 +15,8 @@ pub struct CornerGrid {
     pub most: usize,
 }
 
-/// The place with the most texture in its weakest direction (smaller eigenvalue of the structure tensor)
-/// of every cell whose whole patch is known, best first; `known` has the size of the plane.
+/// The place with the most texture in its weakest direction (smaller eigenvalue of the structure
+/// tensor) of every cell whose whole patch is known, best first; `known` has the size of the plane.
 pub fn corners(plane: &Plane, known: &Mask, grid: &CornerGrid) -> Vec<[usize; 2]> {
     let [w, h] = plane.size;
     let (cell, stride) = (grid.cell, grid.stride);

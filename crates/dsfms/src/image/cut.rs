@@ -1,8 +1,10 @@
-//! The minimum cut between two terminals (Boykov, Kolmogorov 2004): the least of an energy of two labels.
+//! The minimum cut between two terminals (Boykov, Kolmogorov 2004): the least of an energy of two
+//! labels.
 //!
-//! `E(x) = Σ_p cost_p(x_p) + Σ_(p,q) w_pq [x_p ≠ x_q]`, costs and weights whole numbers, so that the cut is exact.
-//! Two trees grow from the terminals over arcs with capacity left. Where they meet, a path carries what it
-//! can; what hung on the arcs that are full then is adopted by its own tree or set free.
+//! `E(x) = Σ_p cost_p(x_p) + Σ_(p,q) w_pq [x_p ≠ x_q]`, costs and weights whole numbers, so that
+//! the cut is exact. Two trees grow from the terminals over arcs with capacity left. Where they
+//! meet, a path carries what it can; what hung on the arcs that are full then is adopted by its own
+//! tree or set free.
 
 use std::collections::VecDeque;
 
@@ -46,8 +48,8 @@ impl Graph {
         Self { head, weight, first, arcs }
     }
 
-    /// The labels of least energy; of equal ones those with fewest `true`. `favour`: what the label `true` saves
-    /// at each node, less what `false` does.
+    /// The labels of least energy; of equal ones those with fewest `true`. `favour`: what the label
+    /// `true` saves at each node, less what `false` does.
     pub(crate) fn labels(&self, favour: Vec<i32>) -> Vec<bool> {
         let mut flow = Flow::new(self, favour);
         while let Some(arc) = flow.grow() {

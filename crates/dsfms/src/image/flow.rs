@@ -1,7 +1,7 @@
 //! Where patches of an image are in another (of the rendered template in a frame, of a frame in the
-//! next): pyramidal Lucas-Kanade alignment by translation (inverse compositional, Baker and Matthews
-//! 2004), indifferent to brightness and contrast of the patch, and normalised cross-correlation to tell
-//! whether it worked.
+//! next): pyramidal Lucas-Kanade alignment by translation (inverse compositional, Baker and
+//! Matthews 2004), indifferent to brightness and contrast of the patch, and normalised
+//! cross-correlation to tell whether it worked.
 
 use super::filter::halve;
 use super::{Mask, Plane};
@@ -47,8 +47,8 @@ pub(crate) fn settle(
     align(&render.levels[0], &frame.levels[0], at, start, SETTLED)
 }
 
-/// Position in `frame` (level 0) of the patch that `render` shows about `at`, searched from `start`;
-/// `None` where it leaves the image, has no texture in some direction or does not settle.
+/// Position in `frame` (level 0) of the patch that `render` shows about `at`, searched from
+/// `start`; `None` where it leaves the image, has no texture in some direction or does not settle.
 #[doc(alias("optical flow", "Lucas-Kanade", "KLT"))]
 pub fn follow(render: &Pyramid, frame: &Pyramid, at: Point2, start: Point2) -> Option<Point2> {
     let mut offset = start - at;
@@ -119,9 +119,9 @@ pub fn correlation(a: &Plane, at: Point2, b: &Plane, place: Point2) -> Option<f6
     Some(product / (spread_a * spread_b))
 }
 
-/// The place of `b`, a whole number of pixels and at most `reach` of them along each axis from `start`, whose
-/// patch correlates best with that of `a` about `at`: where steps alone would not get. `None` where there is
-/// no patch with any contrast.
+/// The place of `b`, a whole number of pixels and at most `reach` of them along each axis from
+/// `start`, whose patch correlates best with that of `a` about `at`: where steps alone would not
+/// get. `None` where there is no patch with any contrast.
 pub(crate) fn most_alike(
     a: &Plane,
     at: Point2,

@@ -30,8 +30,9 @@ impl Outline {
         }
     }
 
-    /// Of a mask that is not believed near the `unknown` pixels. It holds no rims: where the surface was reconstructed to is
-    /// not where colours change, and what holds it on one side only shrinks it by the noise of the outline.
+    /// Of a mask that is not believed near the `unknown` pixels. It holds no rims: where the
+    /// surface was reconstructed to is not where colours change, and what holds it on one side only
+    /// shrinks it by the noise of the outline.
     pub(crate) fn known_off(organ: &Mask, unknown: &Mask) -> Self {
         Self {
             distance: signed_distance(organ),
@@ -40,8 +41,8 @@ impl Outline {
         }
     }
 
-    /// Whether the part of the outline nearest to `p` (px) is one that was seen: not at an instrument, the image's border or
-    /// where colours do not tell.
+    /// Whether the part of the outline nearest to `p` (px) is one that was seen: not at an
+    /// instrument, the image's border or where colours do not tell.
     pub fn known_at(&self, p: &Point2) -> bool {
         let Some((distance, _)) = self.distance.sample(p) else { return false };
         let reach = distance.abs() + MARGIN;

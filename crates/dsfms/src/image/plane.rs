@@ -35,9 +35,9 @@ impl ColorImage {
         Self { size: r.size, data }
     }
 
-    /// Bilinear value of a weighted sum of the channels at a sub-pixel position and its gradient (per
-    /// px). Outside the image the edge goes on, without slope across it; `None` where `p` is not a
-    /// number.
+    /// Bilinear value of a weighted sum of the channels at a sub-pixel position and its gradient
+    /// (per px). Outside the image the edge goes on, without slope across it; `None` where `p` is
+    /// not a number.
     pub fn mixed(&self, p: &Point2, weights: &[f64; 3]) -> Option<(f64, Vector2)> {
         let (inside, four) = self.around(p)?;
         let at = |pixel: [f32; 3]| -> f64 {
@@ -51,7 +51,8 @@ impl ColorImage {
         Some((four.value(values), gradient))
     }
 
-    /// Bilinear value of every channel; outside the image and for no number as [`mixed`](Self::mixed).
+    /// Bilinear value of every channel; outside the image and for no number as
+    /// [`mixed`](Self::mixed).
     pub fn sampled(&self, p: &Point2) -> Option<[f64; 3]> {
         Some(self.around(p)?.1.colour(|i| self.data[i]))
     }

@@ -1,14 +1,15 @@
-//! The organ against its surroundings in one picture, from a rough silhouette (Rother, Kolmogorov, Blake, *GrabCut*,
-//! 2004).
+//! The organ against its surroundings in one picture, from a rough silhouette (Rother, Kolmogorov,
+//! Blake, *GrabCut*, 2004).
 //!
 //! ```text
 //! E(x) = Σ_p log p(c_p | surroundings) / p(c_p | organ) · x_p       colours, by histograms of the labels so far
 //!      + Σ_pq λ·exp(−‖c_p − c_q‖² / 2⟨‖c_p − c_q‖²⟩)·[x_p ≠ x_q]    neighbours that differ, less across an edge
 //! ```
 //!
-//! Neighbours on a diagonal cost `1/√2` of that. Colours `c` are two log ratios of the channels, which shading leaves alone, and brightness. What
-//! lies well inside the rough silhouette or far outside keeps its label. The outline counts only where the colours
-//! on its two sides differ: a mesh that ends within the organ has none there.
+//! Neighbours on a diagonal cost `1/√2` of that. Colours `c` are two log ratios of the channels,
+//! which shading leaves alone, and brightness. What lies well inside the rough silhouette or far
+//! outside keeps its label. The outline counts only where the colours on its two sides differ: a
+//! mesh that ends within the organ has none there.
 
 use super::cut::Graph;
 use super::distance::signed_distance;
@@ -16,8 +17,8 @@ use super::{ColorImage, Mask, Outline, diagonal};
 
 /// Cells along the diagonal of the image: an outline known to 2 px of 640 x 480.
 const CELLS: f64 = 400.0;
-/// Depth within the rough silhouette beyond which a cell is the organ's, and distance beyond which it is not, of the
-/// diagonal. A long pull moves an outline by a sixth.
+/// Depth within the rough silhouette beyond which a cell is the organ's, and distance beyond which
+/// it is not, of the diagonal. A long pull moves an outline by a sixth.
 const INNER: f64 = 1.0 / 16.0;
 const OUTER: f64 = 0.15;
 /// Bins of every colour, and the share of cells at either end that share the last.
@@ -25,20 +26,20 @@ const BINS: usize = 16;
 const TAIL: f64 = 0.01;
 /// Share of values that may be anything.
 const ANYTHING: f64 = 0.02;
-/// Largest log ratio of a cell, and cost λ of a border between cells of one colour (that of GrabCut), in units of log
-/// likelihood.
+/// Largest log ratio of a cell, and cost λ of a border between cells of one colour (that of
+/// GrabCut), in units of log likelihood.
 const MOST: f64 = 8.0;
 const LAMBDA: f64 = 50.0;
 /// Cuts at most, each of which learns from the last.
 const CUTS: usize = 5;
-/// Cells around a place of the border whose colours are compared, and the difference of the mean log ratio on its two
-/// sides by which it is marked.
+/// Cells around a place of the border whose colours are compared, and the difference of the mean
+/// log ratio on its two sides by which it is marked.
 const NEAR: usize = 4;
 const MARKED: f64 = 3.0;
 /// Or neighbours across it, there, are less alike than this.
 const STEP: f64 = 0.35;
-/// Share of the border that is marked, and overlap with the rough silhouette (intersection over union), at least, of an
-/// outline that is believed.
+/// Share of the border that is marked, and overlap with the rough silhouette (intersection over
+/// union), at least, of an outline that is believed.
 const ENOUGH: f64 = 0.5;
 const SAME: f64 = 0.6;
 /// Energies are counted in whole numbers of this size.
@@ -56,8 +57,9 @@ pub(crate) struct Segment {
     pub(crate) usable: Mask,
 }
 
-/// The organ in a picture, roughly at `rough` (`true` = organ); pixels that are not `usable` (instruments, beyond the
-/// viewport) say nothing. `None` where colours do not part it from its surroundings.
+/// The organ in a picture, roughly at `rough` (`true` = organ); pixels that are not `usable`
+/// (instruments, beyond the viewport) say nothing. `None` where colours do not part it from its
+/// surroundings.
 pub(crate) fn segment(picture: &ColorImage, rough: &Mask, usable: &Mask) -> Option<Segment> {
     let cells = Cells::of(picture, rough, usable);
     let (labels, favour) = cells.labels()?;
@@ -152,7 +154,8 @@ impl Cells {
             .filter(|&(p, q, _)| self.known[p] && self.known[q])
     }
 
-    /// The labels of least energy, and what the colours say for the organ; `None` where one label is left.
+    /// The labels of least energy, and what the colours say for the organ; `None` where one label
+    /// is left.
     fn labels(&self) -> Option<(Vec<bool>, Vec<f64>)> {
         let whole = |e: f64| (e / UNIT).round() as i32;
         let cost = |(p, q, near): (usize, usize, f64)| {
@@ -181,7 +184,8 @@ impl Cells {
         Some((one.data, favour))
     }
 
-    /// What the colour of every cell says for the organ, as labelled so far; `None` where a label has no cells.
+    /// What the colour of every cell says for the organ, as labelled so far; `None` where a label
+    /// has no cells.
     fn favour(&self, labels: &[bool]) -> Option<Vec<f64>> {
         let mut counts = [vec![0.0; BINS.pow(3)], vec![0.0; BINS.pow(3)]];
         for c in (0..labels.len()).filter(|&c| self.known[c]) {
@@ -249,7 +253,8 @@ impl Cells {
         sum / f64::max(count, 1.0)
     }
 
-    /// Known cells that both the labels and the rough silhouette hold for the organ, and that either does.
+    /// Known cells that both the labels and the rough silhouette hold for the organ, and that
+    /// either does.
     fn overlap(&self, labels: &[bool]) -> (usize, usize) {
         let known = (0..labels.len()).filter(|&c| self.known[c]);
         known.fold((0, 0), |(both, either), c| {
@@ -329,7 +334,8 @@ mod tests {
         Mask { size: SIZE, data: (0..320 * 240).map(inside).collect() }
     }
 
-    /// Yellow where `organ` is and red elsewhere, shaded from left to right, with a grain of a tenth.
+    /// Yellow where `organ` is and red elsewhere, shaded from left to right, with a grain of a
+    /// tenth.
     fn picture(organ: &Mask) -> ColorImage {
         let pixel = |i: usize| {
             let grain = 0.9 + 0.2 * ((i * 7919 % 1009) as f32 / 1009.0);

@@ -76,8 +76,8 @@ impl Drop for Writing {
     }
 }
 
-/// For a process that is about to end: wait until every file that is being written is whole, `limit` at most,
-/// and let no other be begun. Whether all are whole.
+/// For a process that is about to end: wait until every file that is being written is whole,
+/// `limit` at most, and let no other be begun. Whether all are whole.
 pub fn finish_writing(limit: Duration) -> bool {
     let mut state = WRITERS.lock().unwrap_or_else(PoisonError::into_inner);
     state.1 = true;
@@ -100,9 +100,10 @@ pub(super) fn old_prefix() -> String {
     format!("{OLD}{}-", std::process::id())
 }
 
-/// Remove what killed runs were in the middle of writing in a folder: partial files and folders of processes
-/// that are no more, or, where the system does not tell, older than an hour. Of a template that had stepped
-/// aside for a newer one when the run was killed, the old one gets its name back.
+/// Remove what killed runs were in the middle of writing in a folder: partial files and folders of
+/// processes that are no more, or, where the system does not tell, older than an hour. Of a
+/// template that had stepped aside for a newer one when the run was killed, the old one gets its
+/// name back.
 ///
 /// # Errors
 /// A folder that cannot be read, or a file that cannot be removed.

@@ -66,7 +66,8 @@ fn pack(truth: &ClipTruth) -> io::Result<Vec<u8>> {
 /// Read a truth.
 ///
 /// # Errors
-/// No file, no `.npz`, an array that is missing, of another shape than `vertices` says, or not finite.
+/// No file, no `.npz`, an array that is missing, of another shape than `vertices` says, or not
+/// finite.
 pub fn read_clip_truth(path: &Path) -> Result<ClipTruth, InputError> {
     let wrong = |reason: String| InputError::format(path, reason);
     let mut npz = Npz::open(path).map_err(wrong)?;

@@ -5,8 +5,8 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
-/// Check, before any work, that a folder of results can take this name: nothing is there, or one with nothing
-/// but `content`, of which the first name tells that it is one.
+/// Check, before any work, that a folder of results can take this name: nothing is there, or one
+/// with nothing but `content`, of which the first name tells that it is one.
 ///
 /// # Errors
 /// Anything else at `path`, named.
@@ -33,8 +33,9 @@ pub fn check_folder_target(path: &Path, content: &[&str]) -> Result<(), WriteErr
     }
 }
 
-/// Let `write` fill a temporary folder beside `path`, which then takes its name; an older one of the same
-/// `content` is replaced, anything else is refused. On any error nothing is left and the old one stands.
+/// Let `write` fill a temporary folder beside `path`, which then takes its name; an older one of
+/// the same `content` is replaced, anything else is refused. On any error nothing is left and the
+/// old one stands.
 ///
 /// # Errors
 /// Those of `write`, of [`check_folder_target`], and of the system.
@@ -51,7 +52,8 @@ pub fn write_folder<E: From<WriteError>>(
     let fresh = temporary(partial_prefix("")).map_err(fail)?;
     write(fresh.path())?;
     share(fresh.path()).map_err(fail)?;
-    // The old folder steps aside first, under its own name, by which it is found again after a kill.
+    // The old folder steps aside first, under its own name, by which it is found again after a
+    // kill.
     let old = temporary(old_prefix()).map_err(fail)?;
     let aside = old.path().join(path.file_name().unwrap_or_default());
     let replaces = path.exists();

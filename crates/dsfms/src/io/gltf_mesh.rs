@@ -1,10 +1,11 @@
-//! glTF 2.0 (`.glb`, `.gltf`): all triangle primitives of the default scene, node transforms applied,
-//! in metres as the standard says. A file of this program (its `asset.extras` names a unit, its vertices
-//! have `_VERTEX`) gives back what was written: vertices, their order and frame, faces, unit.
+//! glTF 2.0 (`.glb`, `.gltf`): all triangle primitives of the default scene, node transforms
+//! applied, in metres as the standard says. A file of this program (its `asset.extras` names a
+//! unit, its vertices have `_VERTEX`) gives back what was written: vertices, their order and frame,
+//! faces, unit.
 //!
-//! An own reader of the little that a surface needs (positions, indices, one set of UV, nodes), since
-//! files of others must neither run for ever nor take all memory: every number of the file is checked
-//! against the bytes that are there before it is followed.
+//! An own reader of the little that a surface needs (positions, indices, one set of UV, nodes),
+//! since files of others must neither run for ever nor take all memory: every number of the file is
+//! checked against the bytes that are there before it is followed.
 
 mod accessor;
 mod document;

@@ -141,8 +141,8 @@ pub(super) fn decode(path: &Path) -> Result<DynamicImage, InputError> {
     decode_bytes(&bytes).map_err(|reason| InputError::Image { path: path.into(), reason })
 }
 
-/// The picture in the bytes of a PNG, JPEG or TIFF file, upright as its EXIF orientation says; or what is
-/// wrong with it. At most 16384 px wide and high, and 512 MiB while it is decoded.
+/// The picture in the bytes of a PNG, JPEG or TIFF file, upright as its EXIF orientation says; or
+/// what is wrong with it. At most 16384 px wide and high, and 512 MiB while it is decoded.
 ///
 /// # Errors
 /// What is wrong with them.
@@ -184,12 +184,15 @@ fn decode_as(bytes: &[u8], format: image::ImageFormat) -> Result<DynamicImage, S
     Ok(image)
 }
 
-/// Most px that a byte of a JPEG can stand for: every block of 8 x 8 px has a code of at least one bit.
+/// Most px that a byte of a JPEG can stand for: every block of 8 x 8 px has a code of at least one
+/// bit.
 const MOST_PIXELS_A_BYTE: u64 = 512;
-/// Most scans of a JPEG, each of which may go over all of its pixels; progressive files have about ten.
+/// Most scans of a JPEG, each of which may go over all of its pixels; progressive files have about
+/// ten.
 const MOST_SCANS: usize = 64;
 
-/// Refuse what costs a decoder much more than its bytes: pixels that they cannot hold, and scans without end.
+/// Refuse what costs a decoder much more than its bytes: pixels that they cannot hold, and scans
+/// without end.
 fn jpeg_can_hold(bytes: &[u8], (width, height): (u32, u32)) -> Result<(), String> {
     let length = bytes.len() as u64;
     if u64::from(width) * u64::from(height) > MOST_PIXELS_A_BYTE * length {

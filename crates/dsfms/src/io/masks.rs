@@ -70,8 +70,8 @@ impl MaskWarning {
 /// One mask: `true` where the grey value is above 127.
 ///
 /// # Errors
-/// A file that is no readable image, one that is transparent in places, or one of many grey values: a photograph is no
-/// mask.
+/// A file that is no readable image, one that is transparent in places, or one of many grey values:
+/// a photograph is no mask.
 pub fn read_mask(path: &Path) -> Result<Mask, InputError> {
     let picture = decode(path)?;
     if picture.color().has_alpha() && picture.to_rgba8().pixels().any(|p| p.0[3] < 255) {
@@ -141,7 +141,8 @@ const SIDE_WIDTH: usize = 24;
 /// Most pixels that may be farther.
 const MOST_BETWEEN: f64 = 0.1;
 
-/// Refuse what is no mask: pixels must have one value below and one above 127, but for few at edges.
+/// Refuse what is no mask: pixels must have one value below and one above 127, but for few at
+/// edges.
 fn two_valued(grey: &[u8]) -> Result<(), String> {
     let mut counts = [0usize; 256];
     grey.iter().for_each(|&value| counts[usize::from(value)] += 1);

@@ -49,7 +49,8 @@ pub fn find_matches(source: &Path, frame: &str) -> Result<PathBuf, InputError> {
     }
 }
 
-/// All match files: `source` itself when it is a file, else the CSV files of the folder in natural order.
+/// All match files: `source` itself when it is a file, else the CSV files of the folder in natural
+/// order.
 ///
 /// # Errors
 /// A path that does not exist, a folder without CSV files.

@@ -1,4 +1,5 @@
-//! Reading a user's surface mesh: PLY, OBJ, STL, glTF, OFF, VTK. Vertex order and connectivity are kept.
+//! Reading a user's surface mesh: PLY, OBJ, STL, glTF, OFF, VTK. Vertex order and connectivity are
+//! kept.
 
 use super::raw_mesh::{FormatError, RawMesh};
 pub use super::raw_mesh::{MeshUnit, UnitMismatch};
@@ -120,13 +121,14 @@ pub enum MeshFileError {
 /// welded, oriented or rescaled. The format is chosen by the extension.
 ///
 /// # Errors
-/// A file that is missing, empty, of an unknown format or damaged; a surface that is not manifold or has flat faces.
+/// A file that is missing, empty, of an unknown format or damaged; a surface that is not manifold
+/// or has flat faces.
 pub fn read_mesh(path: &Path) -> Result<MeshFile, MeshFileError> {
     parse_mesh(&bytes_of(path)?, path)
 }
 
-/// Read a surface mesh and mend what can be mended in one way only ([`repair`]); its warnings say what
-/// was done.
+/// Read a surface mesh and mend what can be mended in one way only ([`repair`]); its warnings say
+/// what was done.
 ///
 /// # Errors
 /// As [`read_mesh`], for what cannot be mended.

@@ -1,5 +1,5 @@
-//! Arrays in NumPy's `.npz`. Shapes that are read are checked against the bytes that are there before anything of
-//! their size is made.
+//! Arrays in NumPy's `.npz`. Shapes that are read are checked against the bytes that are there
+//! before anything of their size is made.
 
 use crate::guard;
 use std::io::{self, Cursor, Read, Write};

@@ -153,9 +153,9 @@ pub struct ObjExtras<'a> {
 /// Name of the one material of a `.mtl`.
 const MATERIAL: &str = "organ";
 
-/// Write an OBJ with the mesh's vertex and face order, `# units …` in its first line. Texture coordinate
-/// `i` is that of vertex `i`, so that programs that number vertices by pairs keep their order; those that a
-/// vertex has besides, at a seam, stand behind.
+/// Write an OBJ with the mesh's vertex and face order, `# units …` in its first line. Texture
+/// coordinate `i` is that of vertex `i`, so that programs that number vertices by pairs keep their
+/// order; those that a vertex has besides, at a seam, stand behind.
 ///
 /// # Errors
 /// A file that cannot be written.

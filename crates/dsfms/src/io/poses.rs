@@ -56,7 +56,8 @@ const FARTHEST: f64 = 1e6;
 /// model.
 ///
 /// # Errors
-/// A file that is missing, of no known format, without a pose, or with a translation of more than 1e6.
+/// A file that is missing, of no known format, without a pose, or with a translation of more than
+/// 1e6.
 pub fn read_poses(path: &Path, list: PoseList) -> Result<Vec<NamedPose>, InputError> {
     if path.is_dir() {
         return read_poses(&file_in(path, "images")?, list);
@@ -190,7 +191,8 @@ fn pose_from_json(path: &Path, index: usize, entry: &Value) -> Result<NamedPose,
     Ok(NamedPose { name, camera_from_world: pose })
 }
 
-/// nerfstudio's `transform_matrix`: `world_from_camera` with OpenGL's camera axes (y up, z backwards).
+/// nerfstudio's `transform_matrix`: `world_from_camera` with OpenGL's camera axes (y up, z
+/// backwards).
 fn from_opengl(matrix: &Matrix4<f64>) -> Result<Isometry, String> {
     let axes = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
     let rotation = matrix.fixed_view::<3, 3>(0, 0) * axes;

@@ -1,4 +1,5 @@
-//! What the readers of meshes share: units, what was found before any check, how polygons are split.
+//! What the readers of meshes share: units, what was found before any check, how polygons are
+//! split.
 
 use crate::geometry::{Point2, Point3};
 use crate::template::LengthUnit;
@@ -38,8 +39,8 @@ impl MeshUnit {
         }
     }
 
-    /// What lengths in this unit are multiplied by to be in `other`; `None` where only one of the two
-    /// scales is known.
+    /// What lengths in this unit are multiplied by to be in `other`; `None` where only one of the
+    /// two scales is known.
     pub fn factor_to(self, other: Self) -> Option<f64> {
         match (self.in_millimetres(), other.in_millimetres()) {
             _ if self == other => Some(1.0),
@@ -100,7 +101,8 @@ pub(super) struct RawMesh {
 }
 
 impl RawMesh {
-    /// Take the unit that a comment names, where none is known yet; one that is not known draws a warning.
+    /// Take the unit that a comment names, where none is known yet; one that is not known draws a
+    /// warning.
     pub(super) fn state_unit(&mut self, comment: &str) {
         match MeshUnit::from_comment(comment) {
             Some(Ok(unit)) => self.unit = self.unit.or(Some(unit)),
@@ -112,7 +114,8 @@ impl RawMesh {
     }
 }
 
-/// What a reader of one format may complain about; the file's name is added by [`read_mesh`](super::mesh::read_mesh).
+/// What a reader of one format may complain about; the file's name is added by
+/// [`read_mesh`](super::mesh::read_mesh).
 #[derive(Debug)]
 pub(super) enum FormatError {
     Truncated(String),

@@ -99,8 +99,8 @@ fn check_length(bytes: &[u8]) -> Result<(), FormatError> {
     }
 }
 
-/// Write a binary STL (single precision; STL knows no shared vertices, so their order is lost), with
-/// `dsfms units …` in its header.
+/// Write a binary STL (single precision; STL knows no shared vertices, so their order is lost),
+/// with `dsfms units …` in its header.
 ///
 /// # Errors
 /// A file that cannot be written.

@@ -1,10 +1,10 @@
 //! The template on disk: a directory whose files the field's own tools open.
 //!
 //! `template.toml` (manifest), `template.ply` (surface, double precision), `albedo.npz`,
-//! `flattening.npz`, `features.npz`, `seen.npz`, `sigma.npz` (NumPy), `usual.toml` (what the exploration
-//! frames look like beside it), `template.glb` (viewers), `sparse/` (COLMAP text).
-//! Reading uses the manifest, the PLY, `usual.toml`, the npz files and the points of `sparse/`; the rest is for other
-//! programs.
+//! `flattening.npz`, `features.npz`, `seen.npz`, `sigma.npz` (NumPy), `usual.toml` (what the
+//! exploration frames look like beside it), `template.glb` (viewers), `sparse/` (COLMAP text).
+//! Reading uses the manifest, the PLY, `usual.toml`, the npz files and the points of `sparse/`; the
+//! rest is for other programs.
 
 use super::atomic::{WriteError, Writing, old_prefix, parent, partial_prefix, share, write_atomic};
 use super::mesh::read_mesh;
@@ -63,8 +63,8 @@ const CONTENT: [&str; 21] = [
     "precision.json",
 ];
 
-/// Check, before any work, that a template can take this name: nothing is there, or a template and nothing
-/// but what [`write_template`] and the pages about it leave in one.
+/// Check, before any work, that a template can take this name: nothing is there, or a template and
+/// nothing but what [`write_template`] and the pages about it leave in one.
 ///
 /// # Errors
 /// [`NotATemplate`](TemplateFileError::NotATemplate), [`Foreign`](TemplateFileError::Foreign).

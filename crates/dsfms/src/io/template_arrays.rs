@@ -102,7 +102,8 @@ pub(super) fn read_albedo(
     }
     let total: u64 = resolution.iter().map(|&r| r as u64 * r as u64).sum();
     expect(path, "texels by its resolutions", count, total as usize)?;
-    // Before anything of that size is made, whatever manifest and resolutions say: the values are there.
+    // Before anything of that size is made, whatever manifest and resolutions say: the values are
+    // there.
     let value: Vec<[f32; 3]> = npz.rows("value")?;
     expect(path, "texels", count, value.len())?;
     let mut texels = SurfaceTexels::new(resolution);

@@ -208,8 +208,8 @@ fn attributes(template: &Template, split: &Split, binary: &mut Binary) -> Value 
     attributes
 }
 
-/// Colour of every vertex for programs that know no texture: the albedo where its faces meet it, as 8-bit
-/// sRGB; `None` without albedo. Black where no face has the vertex.
+/// Colour of every vertex for programs that know no texture: the albedo where its faces meet it, as
+/// 8-bit sRGB; `None` without albedo. Black where no face has the vertex.
 pub fn vertex_colours(template: &Template) -> Option<Vec<[u8; 3]>> {
     let albedo = template.albedo.as_ref()?;
     let mut sums = vec![([0.0f32; 3], 0.0f32); template.mesh.positions.len()];

@@ -1,6 +1,6 @@
-//! Reading VTK PolyData: legacy `.vtk` (text and binary, versions 2 to 5) and XML `.vtp` (inline text and
-//! base64; appended base64 and raw; plain and zlib-compressed). Points and polygons are read, and a unit in a
-//! comment or title.
+//! Reading VTK PolyData: legacy `.vtk` (text and binary, versions 2 to 5) and XML `.vtp` (inline
+//! text and base64; appended base64 and raw; plain and zlib-compressed). Points and polygons are
+//! read, and a unit in a comment or title.
 
 mod legacy;
 mod xml;

@@ -1,5 +1,5 @@
-//! Tissue under a light: the wet film that makes it glossy, the light from all around, and what the lens
-//! takes of it.
+//! Tissue under a light: the wet film that makes it glossy, the light from all around, and what the
+//! lens takes of it.
 //!
 //! ```text
 //! I = gain · α · V(x) · T(N, x) · (s(N, x) + a)
@@ -21,8 +21,8 @@ pub(crate) const WET_TISSUE: f64 = 1.4;
 /// Bounds of a film and a lens; [`BOUNDS`] are those of the vignetting.
 pub(crate) const PLAUSIBLE: &str = "an index from 1 to below 4 and a vignetting from -2 to 0.2";
 
-/// What tissue makes of the light that reaches it, and the lens of what it sends back. The default is
-/// Lambert's surface in the dark behind a perfect lens.
+/// What tissue makes of the light that reaches it, and the lens of what it sends back. The default
+/// is Lambert's surface in the dark behind a perfect lens.
 #[doc(alias = "BRDF")]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -31,7 +31,8 @@ pub struct Coat {
     pub refractive_index: f64,
     /// Light from all around, in units of the shading.
     pub ambient: f64,
-    /// Vignetting `a` of the lens, `V = 1 + a r²` with r in focal lengths from the principal point; 0 = none.
+    /// Vignetting `a` of the lens, `V = 1 + a r²` with r in focal lengths from the principal point;
+    /// 0 = none.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub vignetting: f64,
 }

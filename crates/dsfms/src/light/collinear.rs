@@ -1,4 +1,5 @@
-//! The paper's light: distant, along the optical axis, `s = max(0, −N_z)`; it does not depend on the point.
+//! The paper's light: distant, along the optical axis, `s = max(0, −N_z)`; it does not depend on
+//! the point.
 
 use super::{LightError, LightSource, Shade};
 use crate::geometry::{Point3, Vector3};

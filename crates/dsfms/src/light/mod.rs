@@ -30,11 +30,13 @@ pub trait Light: Send + Sync {
 
 /// What a kind of light says of itself; everything else follows from it ([`LightModel`]).
 ///
-/// A new kind is a struct with this trait in a file of its own, and its line in the table of `model.rs`.
+/// A new kind is a struct with this trait in a file of its own, and its line in the table of
+/// `model.rs`.
 pub(crate) trait LightSource: Send + Sync {
     /// Diffuse shading of a point, in camera axes.
     fn shade(&self, point: &Point3, normal: &Vector3) -> Shade;
-    /// Mean of where its rays come from, camera axes; `None` for a distant light along the optical axis.
+    /// Mean of where its rays come from, camera axes; `None` for a distant light along the optical
+    /// axis.
     fn centre(&self) -> Option<Point3> {
         None
     }
@@ -42,7 +44,8 @@ pub(crate) trait LightSource: Send + Sync {
     fn sources(&self) -> Vec<Point3> {
         Vec::new()
     }
-    /// Distance at which a fronto-parallel point on the axis has `s = 1`; `None` where distance is all one.
+    /// Distance at which a fronto-parallel point on the axis has `s = 1`; `None` where distance is
+    /// all one.
     fn reference_distance(&self) -> Option<f64> {
         None
     }

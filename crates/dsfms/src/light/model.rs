@@ -56,17 +56,20 @@ impl LightModel {
         PointLight { positions, reference_distance, spot: self.spot() }.into()
     }
 
-    /// Whether brightness depends on how far away the surface is: fall-off from a place that is near.
+    /// Whether brightness depends on how far away the surface is: fall-off from a place that is
+    /// near.
     pub(crate) fn tells_distance(&self) -> bool {
         self.reference_distance().is_some()
     }
 
-    /// Distance at which a fronto-parallel point on the axis has `s = 1`, of a light that tells distance.
+    /// Distance at which a fronto-parallel point on the axis has `s = 1`, of a light that tells
+    /// distance.
     pub fn reference_distance(&self) -> Option<f64> {
         self.source().reference_distance()
     }
 
-    /// Where its rays come from, camera axes, all alike; empty for a distant light along the optical axis.
+    /// Where its rays come from, camera axes, all alike; empty for a distant light along the
+    /// optical axis.
     pub fn sources(&self) -> Vec<Point3> {
         self.source().sources()
     }

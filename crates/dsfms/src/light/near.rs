@@ -7,8 +7,8 @@
 use super::{LightError, Shade, Spot};
 use crate::geometry::{Point3, Vector3};
 
-/// Reference distance of a near light whose file gives none: 50 length units, a usual working distance of
-/// a laparoscope in mm. It scales all shading alike, and so is absorbed by the gain.
+/// Reference distance of a near light whose file gives none: 50 length units, a usual working
+/// distance of a laparoscope in mm. It scales all shading alike, and so is absorbed by the gain.
 pub const REFERENCE_DISTANCE: f64 = 50.0;
 
 /// So that files may leave it out.

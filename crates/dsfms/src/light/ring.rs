@@ -1,7 +1,8 @@
 //! A ring light: rays from a circle around the lens, square to the optical axis.
 //!
-//! The mean over the circle is taken at [`SOURCES`] places; for a ring smaller than half the distance of the
-//! surface that is exact to 1e-9, since the trapezoidal rule on a circle converges exponentially.
+//! The mean over the circle is taken at [`SOURCES`] places; for a ring smaller than half the
+//! distance of the surface that is exact to 1e-9, since the trapezoidal rule on a circle converges
+//! exponentially.
 
 use super::{LightError, LightSource, Shade, Spot, near};
 use crate::geometry::{Point3, Vector3};

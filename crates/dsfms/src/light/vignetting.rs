@@ -4,21 +4,22 @@
 //! V(x) = max(1 + a r², V₀),   r² = (x² + y²) / z²
 //! ```
 //!
-//! with `r` the distance of the undistorted pixel from the principal point over the focal length, the
-//! tangent of the angle from the optical axis. Natural vignetting, cos⁴, is near a = −2 for small
-//! angles. As a factor on what a surface point sends to the camera it is in one place for albedo,
-//! prediction and renderer, and pictures stay as they are.
+//! with `r` the distance of the undistorted pixel from the principal point over the focal length,
+//! the tangent of the angle from the optical axis. Natural vignetting, cos⁴, is near a = −2 for
+//! small angles. As a factor on what a surface point sends to the camera it is in one place for
+//! albedo, prediction and renderer, and pictures stay as they are.
 
 use crate::geometry::{Point3, Vector3};
 
-/// Least and largest `a` of a lens: none takes more (cos⁴ is −2), and none brightens its corners much.
+/// Least and largest `a` of a lens: none takes more (cos⁴ is −2), and none brightens its corners
+/// much.
 pub const BOUNDS: [f64; 2] = [-2.0, 0.2];
 
 /// V₀: a polynomial that is right near the axis must not turn the corners dark, or negative.
 const LEAST: f64 = 0.1;
 
-/// `V` at a point in camera axes before the camera, and its derivative by the point; `a` of the formula,
-/// 0 = none, below 0 = darker corners.
+/// `V` at a point in camera axes before the camera, and its derivative by the point; `a` of the
+/// formula, 0 = none, below 0 = darker corners.
 pub fn vignetting(a: f64, point: &Point3) -> (f64, Vector3) {
     let depth2 = point.z * point.z;
     let r2 = (point.x * point.x + point.y * point.y) / depth2;

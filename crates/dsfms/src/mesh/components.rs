@@ -57,8 +57,8 @@ pub fn largest_component(mesh: &super::Mesh) -> (super::Mesh, Vec<u32>) {
     mesh.subset(&keep)
 }
 
-/// Connected sets of vertices of one label, in the order of their first vertices; vertices without a label are in
-/// none.
+/// Connected sets of vertices of one label, in the order of their first vertices; vertices without
+/// a label are in none.
 pub fn vertex_parts<L: PartialEq>(
     topology: &Topology,
     label: impl Fn(usize) -> Option<L>,

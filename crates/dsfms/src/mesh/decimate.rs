@@ -168,8 +168,8 @@ impl Collapser<'_> {
 }
 
 impl Decimated {
-    /// Where a point near an original vertex lies on the coarse mesh: a face and barycentrics, which
-    /// may be a little negative; `None` for a vertex without a face.
+    /// Where a point near an original vertex lies on the coarse mesh: a face and barycentrics,
+    /// which may be a little negative; `None` for a vertex without a face.
     pub(crate) fn locate(&self, point: &Point3, near: u32) -> Option<(u32, [f64; 3])> {
         let topology = &*self.mesh.topology;
         let owner = self.owner[near as usize];

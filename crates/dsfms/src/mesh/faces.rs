@@ -1,5 +1,5 @@
-//! Edges, boundary and pieces of bare faces, which need not make a [`Topology`](super::Topology) yet: no edge has
-//! more than two of them.
+//! Edges, boundary and pieces of bare faces, which need not make a [`Topology`](super::Topology)
+//! yet: no edge has more than two of them.
 
 use crate::geometry::DisjointSets;
 use std::collections::BTreeMap;
@@ -42,8 +42,8 @@ pub(crate) fn boundary_edges(faces: &[[u32; 3]]) -> Vec<[u32; 2]> {
     alone
 }
 
-/// Boundary loops in the direction of their faces, each begun at its smallest vertex. Expects one fan a vertex;
-/// [`boundary_loops`](super::boundary::boundary_loops) takes any surface.
+/// Boundary loops in the direction of their faces, each begun at its smallest vertex. Expects one
+/// fan a vertex; [`boundary_loops`](super::boundary::boundary_loops) takes any surface.
 pub(crate) fn simple_loops(faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
     let mut next: BTreeMap<u32, u32> = boundary_edges(faces).iter().map(|e| (e[0], e[1])).collect();
     let mut loops = Vec::new();
@@ -59,8 +59,9 @@ pub(crate) fn simple_loops(faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
     loops
 }
 
-/// Pairs gathered by their first (a counting sort): where those of each begin, and the seconds. A surface
-/// has few edges at a vertex, so that looking through them is faster than a sorted list of all.
+/// Pairs gathered by their first (a counting sort): where those of each begin, and the seconds. A
+/// surface has few edges at a vertex, so that looking through them is faster than a sorted list of
+/// all.
 fn by_first<T: Copy + Default>(
     pairs: impl Iterator<Item = (u32, T)> + Clone,
 ) -> (Vec<usize>, Vec<T>) {

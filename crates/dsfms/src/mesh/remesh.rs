@@ -1,6 +1,6 @@
 //! Isotropic remeshing: split long edges, collapse short ones, even out valences, smooth within the
-//! surface, project back (Botsch and Kobbelt 2004). Boundaries stay on the input's boundary. On request
-//! edges are shorter where the surface bends ([`RemeshOptions::adaptive`]).
+//! surface, project back (Botsch and Kobbelt 2004). Boundaries stay on the input's boundary. On
+//! request edges are shorter where the surface bends ([`RemeshOptions::adaptive`]).
 
 mod diagonals;
 mod outline;
@@ -16,7 +16,8 @@ use outline::FixedEdges;
 use serde::{Deserialize, Serialize};
 use sizing::Sizing;
 
-/// How a surface is remeshed. Measured: `adaptive` (`docs/results/template.md`); other values of `corner_deg` are not.
+/// How a surface is remeshed. Measured: `adaptive` (`docs/results/template.md`); other values of
+/// `corner_deg` are not.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RemeshOptions {
@@ -25,8 +26,9 @@ pub struct RemeshOptions {
     /// Boundary vertices where the boundary turns by more than this within one edge length of the
     /// result on either side stay in place, degrees in `(0, 180]`.
     pub corner_deg: f64,
-    /// How far edge lengths follow the curvature `k` of the surface, in `[0, 1]`: 0 = all of one length,
-    /// 1 = `√(8 e / k)`, whose chords all miss the surface by the same `e`. Half to twice the mean.
+    /// How far edge lengths follow the curvature `k` of the surface, in `[0, 1]`: 0 = all of one
+    /// length, 1 = `√(8 e / k)`, whose chords all miss the surface by the same `e`. Half to twice
+    /// the mean.
     pub adaptive: f64,
 }
 
@@ -102,8 +104,8 @@ impl WorkingMesh {
 }
 
 /// A mesh of nearly equilateral faces, of one size unless [`RemeshOptions::adaptive`], with about
-/// `target_vertices` vertices (within 5 % unless the shape forbids it) on the input's surface. Unused vertices of the input are dropped; topology
-/// (components, boundaries, handles) is kept.
+/// `target_vertices` vertices (within 5 % unless the shape forbids it) on the input's surface.
+/// Unused vertices of the input are dropped; topology (components, boundaries, handles) is kept.
 ///
 /// # Errors
 /// An option out of range, or a surface of which no mesh of that many vertices can be made.

@@ -21,12 +21,12 @@ pub struct Repaired {
     pub report: Vec<String>,
 }
 
-/// Merge vertices at the same place (bit for bit), remove faces without area, faces with the corners of
-/// an earlier one, and at edges that more than two share all but the largest face and the largest that goes on
-/// from it (of parts that touch, such as those of an anatomical atlas, each goes on where it ran before); turn
-/// faces until all neighbours of a piece run the same way: that of most of its faces. A surface of one side (Möbius'
-/// band) stays as it is, and [`super::Topology::new`] refuses it. Corners beyond the vertices are left out
-/// with their face.
+/// Merge vertices at the same place (bit for bit), remove faces without area, faces with the
+/// corners of an earlier one, and at edges that more than two share all but the largest face and
+/// the largest that goes on from it (of parts that touch, such as those of an anatomical atlas,
+/// each goes on where it ran before); turn faces until all neighbours of a piece run the same way:
+/// that of most of its faces. A surface of one side (Möbius' band) stays as it is, and
+/// [`super::Topology::new`] refuses it. Corners beyond the vertices are left out with their face.
 pub fn repair(positions: &[Point3], faces: &[[u32; 3]]) -> Repaired {
     let mut out = Repaired::default();
     let merged = out.merge(positions);
@@ -126,8 +126,8 @@ impl Repaired {
         edges
     }
 
-    /// Of more than two faces at an edge, two stay: the largest, and the largest of those that run against it there,
-    /// as neighbours do, or of all where none does.
+    /// Of more than two faces at an edge, two stay: the largest, and the largest of those that run
+    /// against it there, as neighbours do, or of all where none does.
     fn remove_fins(&mut self) {
         let mut keep = vec![true; self.faces.len()];
         for (edge, users) in self.edges().into_iter().filter(|e| e.1.len() > 2) {
@@ -208,8 +208,8 @@ mod tests {
         assert!(found.report.is_empty());
     }
 
-    /// Three faces at an edge, as where parts of an atlas touch: to the largest belongs the one that goes on from it,
-    /// not the larger one that runs along the edge in the same direction.
+    /// Three faces at an edge, as where parts of an atlas touch: to the largest belongs the one
+    /// that goes on from it, not the larger one that runs along the edge in the same direction.
     #[test]
     fn at_an_edge_of_three_the_neighbour_stays() {
         let at = |x: f64, y: f64, z: f64| Point3::new(x, y, z);
@@ -229,7 +229,8 @@ mod tests {
     fn every_fault_is_mended_and_told() {
         let sphere = shapes::icosphere(1, 3.0);
         let (mut positions, mut faces) = (sphere.positions.clone(), sphere.topology.faces.clone());
-        // Vertex 0 of the first face torn off; a face turned; one repeated; one without area; a fin.
+        // Vertex 0 of the first face torn off; a face turned; one repeated; one without area; a
+        // fin.
         let n = positions.len() as u32;
         positions.push(positions[faces[0][0] as usize]);
         faces[0][0] = n;

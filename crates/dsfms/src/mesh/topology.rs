@@ -99,7 +99,8 @@ impl Topology {
         Ok(Self::assemble(vertex_count, faces, &by_edge))
     }
 
-    /// The point at barycentrics of a face, on a shape: a position for every vertex of this topology.
+    /// The point at barycentrics of a face, on a shape: a position for every vertex of this
+    /// topology.
     pub fn point(&self, face: u32, barycentric: [f64; 3], shape: &[Point3]) -> Point3 {
         point_at(self.faces[face as usize].map(|v| &shape[v as usize]), barycentric)
     }
@@ -145,8 +146,8 @@ impl Topology {
         (other != u32::MAX).then_some(other)
     }
 
-    /// The corners of an edge's two faces: the edge a→b of the first, its apex c, and the apex d of the
-    /// second; `None` on the boundary.
+    /// The corners of an edge's two faces: the edge a→b of the first, its apex c, and the apex d of
+    /// the second; `None` on the boundary.
     pub(crate) fn quad(&self, edge: usize) -> Option<[u32; 4]> {
         let ([f, g], ends) = (self.edge_faces[edge], self.edges[edge]);
         if g == u32::MAX {

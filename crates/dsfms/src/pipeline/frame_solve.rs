@@ -15,8 +15,9 @@ use crate::register::{
     Body, Match, Posed, RegisterMemory, Registered, register, register_in, register_printed,
 };
 
-/// How far from where a shape of the coarse blurs shows a feature of the template it is looked for, of the image's
-/// diagonal. Twice that is no better (two choosing scenes, `docs/results/choices.md`).
+/// How far from where a shape of the coarse blurs shows a feature of the template it is looked for,
+/// of the image's diagonal. Twice that is no better (two choosing scenes,
+/// `docs/results/choices.md`).
 const REACH: f64 = 0.03;
 
 /// The solves of one frame, on the mesh of `body`.
@@ -83,15 +84,17 @@ impl FrameSolve<'_> {
             return refine_printed(body, start, kept, photo, &options.refine);
         }
         let mut refined = refine(body, start, kept, photo, &options.refine);
-        // Eq. 3 follows the noise of its matches too: what explains no more than rest does stays at rest.
+        // Eq. 3 follows the noise of its matches too: what explains no more than rest does stays at
+        // rest.
         let comparison = options.comparison(body, kept, photo);
         let beyond_motion = comparison.kept_beyond(start, refined.vertices);
         refined.vertices = comparison.kept(&body.scene().posed, beyond_motion);
         refined.settled(body)
     }
 
-    /// Motion and shading in one problem: by the coarse blurs from the shape of eq. 3, and by the fine ones from where that
-    /// leads, with the matches that are found about it and the outline about its silhouette.
+    /// Motion and shading in one problem: by the coarse blurs from the shape of eq. 3, and by the
+    /// fine ones from where that leads, with the matches that are found about it and the outline
+    /// about its silhouette.
     fn joint(
         &self,
         coarse: &Registered,
@@ -111,8 +114,8 @@ impl FrameSolve<'_> {
         look(&second).join_from(coarse, &found, photo, result, log, true);
     }
 
-    /// The joint solve after `coarse`, from `start`, by the matches of `result` that are kept; into `result`; whether it is the
-    /// `last` of the frame.
+    /// The joint solve after `coarse`, from `start`, by the matches of `result` that are kept; into
+    /// `result`; whether it is the `last` of the frame.
     fn join_from(
         &self,
         coarse: &Registered,
@@ -142,8 +145,8 @@ impl FrameSolve<'_> {
         result.outline = found.map(|segment| segment.outline);
     }
 
-    /// The matches that descriptors find about the shape of `result`, in the place of those found before, if they are more;
-    /// the given ones stay. Kept are those that the shape explains.
+    /// The matches that descriptors find about the shape of `result`, in the place of those found
+    /// before, if they are more; the given ones stay. Kept are those that the shape explains.
     fn match_again(&self, described: &Described, result: &mut Reconstruction) {
         let Described { search, seen } = described;
         let (observation, mesh) = (self.sight.observation, &self.sight.template.mesh);
@@ -163,7 +166,8 @@ impl FrameSolve<'_> {
         result.matches = all.into_iter().zip(kept).collect();
     }
 
-    /// The organ by its colours, about the silhouette of `shape` (camera axes), if it is asked for and no mask says.
+    /// The organ by its colours, about the silhouette of `shape` (camera axes), if it is asked for
+    /// and no mask says.
     fn segmented(&self, shape: &[Point3], photo: &Photograph) -> Option<Segment> {
         if !self.options.joint.find_outline || self.sight.observation.organ.is_some() {
             return None;
@@ -174,8 +178,9 @@ impl FrameSolve<'_> {
     }
 }
 
-/// Motion and shading in one problem, from `start`, after the shape of eq. 3; `kept`: the matches that it explains, on
-/// the mesh of `body`. After the `last` solve of a frame what explains no more than rest does stays at rest.
+/// Motion and shading in one problem, from `start`, after the shape of eq. 3; `kept`: the matches
+/// that it explains, on the mesh of `body`. After the `last` solve of a frame what explains no more
+/// than rest does stays at rest.
 pub(crate) fn joined(
     body: &Body,
     coarse: &Registered,

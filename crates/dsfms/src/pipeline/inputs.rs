@@ -1,5 +1,5 @@
-//! What every front end does with what a user points at: frames of files, folders and videos, the camera
-//! file and what it says of a template, masks by name.
+//! What every front end does with what a user points at: frames of files, folders and videos, the
+//! camera file and what it says of a template, masks by name.
 
 use super::{Exploration, Observation, Progress};
 use crate::camera::CameraModel;
@@ -52,8 +52,8 @@ impl CameraInput {
         observation.light(light.as_ref()).vignetting(*vignetting)
     }
 
-    /// What the camera file of other frames says of a template: the light where the template knows none (a
-    /// bare mesh), and the frames' own lens, which need not be that of the exploration.
+    /// What the camera file of other frames says of a template: the light where the template knows
+    /// none (a bare mesh), and the frames' own lens, which need not be that of the exploration.
     pub(crate) fn tell_template(&self, template: &mut Template) {
         template.light = template.light.take().or_else(|| self.file.light.clone());
         if let Some(a) = self.file.vignetting {
@@ -62,8 +62,8 @@ impl CameraInput {
     }
 }
 
-/// Camera and tone curve of the frames to reconstruct: the given ones, else the template's own; `None`
-/// where it has no camera either.
+/// Camera and tone curve of the frames to reconstruct: the given ones, else the template's own;
+/// `None` where it has no camera either.
 pub fn frames_camera(
     template: &mut Template,
     given: Option<CameraInput>,

@@ -1,4 +1,5 @@
-//! What the stages decided and with which figures, for a log (`tracing`); nothing is measured for it alone.
+//! What the stages decided and with which figures, for a log (`tracing`); nothing is measured for
+//! it alone.
 
 use super::{Progress, Reconstruction, StageReport};
 use crate::dense::{DepthMap, PosedFrame};

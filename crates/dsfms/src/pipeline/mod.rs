@@ -85,7 +85,8 @@ pub struct Observation<'a> {
     pub tone: &'a ToneCurve,
     /// Light of the camera file, where the template knows none.
     pub light: Option<&'a LightModel>,
-    /// Fall-off of this frame's lens towards the border, where it is known; else that of the exploration.
+    /// Fall-off of this frame's lens towards the border, where it is known; else that of the
+    /// exploration.
     pub vignetting: Option<f64>,
     /// Given matches; `None` = find them by the template's descriptors.
     pub matches: Option<&'a [Match]>,
@@ -130,7 +131,8 @@ impl<'a> Observation<'a> {
         Self { light: light.into(), ..self }
     }
 
-    /// With the known fall-off of this frame's lens towards the border ([`crate::light::vignetting`]).
+    /// With the known fall-off of this frame's lens towards the border
+    /// ([`crate::light::vignetting`]).
     pub fn vignetting(self, vignetting: impl Into<Option<f64>>) -> Self {
         Self { vignetting: vignetting.into(), ..self }
     }
@@ -154,7 +156,8 @@ impl<'a> Observation<'a> {
 /// The surface of one frame.
 #[derive(Clone, Debug)]
 pub struct Reconstruction {
-    /// Whether it can be believed; [`crate::verdict::Level::Lost`] within [`ReconstructError::Refused`] alone.
+    /// Whether it can be believed; [`crate::verdict::Level::Lost`] within
+    /// [`ReconstructError::Refused`] alone.
     pub verdict: Verdict,
     /// The figures it rests on.
     pub evidence: Evidence,
@@ -181,8 +184,8 @@ pub struct Reconstruction {
     pub matches: Vec<(Match, bool)>,
     /// Vertices or samples that shading was read from, where the method reads any.
     pub shaded: Option<usize>,
-    /// The organ's outline in the frame (px) as its colours show it: method joint, where no organ mask is given and colours
-    /// tell it.
+    /// The organ's outline in the frame (px) as its colours show it: method joint, where no organ
+    /// mask is given and colours tell it.
     pub outline: Option<Outline>,
     /// Name, wall time in seconds and solver report of every stage, in order.
     pub stages: Vec<StageReport>,
@@ -205,8 +208,9 @@ impl Reconstruction {
 /// One stage of a reconstruction.
 #[derive(Clone, Debug, Serialize)]
 pub struct StageReport {
-    /// `mesh`, `prepare`, `matching`, `pose`, `register (eq. 3)`, `refine (eq. 4)`, `outline`, `joint`, `matching
-    /// again`, `sfs`, `visibility`, `expected error`, `verdict`: all that a reconstruction does. A name may come twice.
+    /// `mesh`, `prepare`, `matching`, `pose`, `register (eq. 3)`, `refine (eq. 4)`, `outline`,
+    /// `joint`, `matching again`, `sfs`, `visibility`, `expected error`, `verdict`: all that a
+    /// reconstruction does. A name may come twice.
     pub name: String,
     /// Wall time, seconds.
     pub seconds: f64,

@@ -2,8 +2,8 @@
 
 use crate::options::Moved;
 
-/// Fields of [`ReconstructOptions`](super::ReconstructOptions). Weights of means stood as weights of sums over
-/// 300 vertices (eq. 4), 334 samples and vertices, and 100 points of the contour.
+/// Fields of [`ReconstructOptions`](super::ReconstructOptions). Weights of means stood as weights
+/// of sums over 300 vertices (eq. 4), 334 samples and vertices, and 100 points of the contour.
 pub(crate) const MOVED: [Moved; 37] = [
     Moved::To("register.prior", "register.prior.kind"),
     Moved::To("register.conformal", "register.prior.conformal"),

@@ -9,8 +9,8 @@ use crate::sfs::SfsOptions;
 use crate::verdict::Thresholds;
 use serde::{Deserialize, Serialize};
 
-/// Options of a reconstruction. Lengths in pixels are those of an image of 640×480 and scale with the
-/// diagonal.
+/// Options of a reconstruction. Lengths in pixels are those of an image of 640×480 and scale with
+/// the diagonal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ReconstructOptions {
@@ -86,8 +86,8 @@ impl ReconstructOptions {
         Comparison { body, matches, sigma_px, photo, options: &self.joint }
     }
 
-    /// The same for frames of a size, px: lengths in pixels are stated for [`DIAGONAL`] and grow with
-    /// the image.
+    /// The same for frames of a size, px: lengths in pixels are stated for [`DIAGONAL`] and grow
+    /// with the image.
     pub(super) fn at_size(mut self, size: [usize; 2]) -> Self {
         let scale = diagonal(size) / DIAGONAL;
         let (register, joint) = (&mut self.register, &mut self.joint);
@@ -98,8 +98,8 @@ impl ReconstructOptions {
         self
     }
 
-    /// The same for the form of eqs. 3 and 4 that is asked for: as printed they know the given matches alone, no
-    /// camera but that of the matches, and no grazing or coloured light.
+    /// The same for the form of eqs. 3 and 4 that is asked for: as printed they know the given
+    /// matches alone, no camera but that of the matches, and no grazing or coloured light.
     pub(super) fn in_form(mut self) -> Self {
         if self.literal {
             self.find_beside_given = false;

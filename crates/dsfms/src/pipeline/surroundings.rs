@@ -8,8 +8,8 @@ use crate::register::pose::rest_point;
 use crate::register::{Match, RegisterOptions, pose_near};
 use crate::verdict::observability::pose_uncertainty;
 
-/// How far the pose may leave the organ's place open, of its distance: tissue that stretches by 3 % is read as a
-/// distance that is 3 % shorter, and this must be known better.
+/// How far the pose may leave the organ's place open, of its distance: tissue that stretches by 3 %
+/// is read as a distance that is 3 % shorter, and this must be known better.
 const OPEN: f64 = 0.01;
 
 /// Points of the organ by which that is told, at most.
@@ -28,12 +28,14 @@ pub struct CameraSight {
     pub uncertainty: f64,
 }
 
-/// A pose is another than what the surroundings show if it moves the organ by more than so many standard deviations.
+/// A pose is another than what the surroundings show if it moves the organ by more than so many
+/// standard deviations.
 const APART: f64 = 3.0;
 
 impl CameraSight {
-    /// Whether a pose of the organ is not that of the camera: the organ has moved or stretched as a whole, or its matches are
-    /// wrong. Where both agree, that of the organ has more matches and is the better one.
+    /// Whether a pose of the organ is not that of the camera: the organ has moved or stretched as a
+    /// whole, or its matches are wrong. Where both agree, that of the organ has more matches and is
+    /// the better one.
     pub(crate) fn contradicts(&self, pose: &Isometry, organ: &Mesh) -> bool {
         let points: Vec<Point3> = some_of(organ).collect();
         let moved: f64 = points.iter().map(|p| (pose * p - self.pose * p).norm()).sum();
@@ -47,8 +49,8 @@ fn some_of(organ: &Mesh) -> impl Iterator<Item = Point3> {
     organ.positions.iter().step_by(step).copied()
 }
 
-/// The camera near a pose by matches on the surroundings, and which of them agree; `None` where they leave the place of
-/// the organ (`organ`: its rest shape) open.
+/// The camera near a pose by matches on the surroundings, and which of them agree; `None` where
+/// they leave the place of the organ (`organ`: its rest shape) open.
 pub(crate) fn sighted(
     camera: &CameraModel,
     [organ, around]: [&Mesh; 2],
@@ -86,7 +88,8 @@ mod tests {
         CameraModel::pinhole([640, 480], [600.0; 2], [319.5, 239.5])
     }
 
-    /// A wall three times as large as the organ before it, and matches on the part of it that `which` names (wall's axes).
+    /// A wall three times as large as the organ before it, and matches on the part of it that
+    /// `which` names (wall's axes).
     fn seen(which: impl Fn(&Point3) -> bool) -> ([Mesh; 2], Isometry, Vec<Match>) {
         let organ = patch(1500, 3).mesh;
         let wall = organ.positions.iter().map(|p| Point3::new(3.0 * p.x, 3.0 * p.y, p.z + 15.0));

@@ -70,7 +70,8 @@ pub struct Exploration<'a> {
     pub tone: &'a ToneCurve,
     /// Light of the camera file, if it names one: the start of its estimation.
     pub light: Option<&'a LightModel>,
-    /// Fall-off of the image towards its border, where the camera file names one: it is not estimated then.
+    /// Fall-off of the image towards its border, where the camera file names one: it is not
+    /// estimated then.
     pub vignetting: Option<f64>,
     /// A surface of the organ in mm, in any place: it gives a template from frames its scale.
     pub metric: Option<&'a Mesh>,
@@ -81,8 +82,8 @@ pub struct Exploration<'a> {
 }
 
 impl<'a> Exploration<'a> {
-    /// Frames of one camera: every pixel may be used and show the organ, sRGB, nothing known of light and
-    /// scale.
+    /// Frames of one camera: every pixel may be used and show the organ, sRGB, nothing known of
+    /// light and scale.
     ///
     /// ```
     /// use dsfms::{Exploration, synth::Case};
@@ -143,8 +144,8 @@ impl<'a> Exploration<'a> {
         Self { metric: metric.into(), ..self }
     }
 
-    /// With a store for the values of finished stages: a run begins behind the last that is there for the same
-    /// frames and options. The template has the same bits either way.
+    /// With a store for the values of finished stages: a run begins behind the last that is there
+    /// for the same frames and options. The template has the same bits either way.
     pub fn keep(self, store: &'a dyn Store) -> Self {
         Self { keep: Keep::new(store), ..self }
     }
@@ -164,11 +165,11 @@ pub struct BuiltTemplate {
     pub light: Option<LightFit>,
     /// The scale that was applied; `None` without known distances, or where none could be measured.
     pub scale: Option<Scale>,
-    /// How far cameras and sparse points may be off; `None` for given poses, and where too few sightings
-    /// tell.
+    /// How far cameras and sparse points may be off; `None` for given poses, and where too few
+    /// sightings tell.
     pub precision: Option<SparsePrecision>,
-    /// The organ as the frames themselves part it from what lies behind; `None` where the user said where it is
-    /// in every frame, wants all, gave the surface, or where nothing parts.
+    /// The organ as the frames themselves part it from what lies behind; `None` where the user said
+    /// where it is in every frame, wants all, gave the surface, or where nothing parts.
     pub organ: Option<FoundOrgan>,
     /// By what the organ was told, for other strokes; `None` where the frames were not asked.
     pub organ_scene: Option<OrganScene>,
@@ -190,8 +191,8 @@ pub struct BuiltTemplate {
 /// `examples/1_template.rs` runs it on rendered frames.
 ///
 /// # Errors
-/// Options out of their bounds, too few frames that agree on a scene, no surface, an outline or click
-/// beside it.
+/// Options out of their bounds, too few frames that agree on a scene, no surface, an outline or
+/// click beside it.
 pub fn template_from_frames(
     exploration: &Exploration,
     options: &TemplateOptions,
@@ -209,9 +210,10 @@ pub fn template_from_frames(
     from_sparse(exploration, &usable, sparse, options, progress, keep)
 }
 
-/// Build a template from frames whose poses are known (`camera_from_world`, `None` for frames to leave
-/// out) but whose surface is not: neither poses nor intrinsics are changed, and the mesh is in the poses'
-/// world and unit. Its unit is called [`LengthUnit::TemplateUnit`] unless the options hold known distances.
+/// Build a template from frames whose poses are known (`camera_from_world`, `None` for frames to
+/// leave out) but whose surface is not: neither poses nor intrinsics are changed, and the mesh is
+/// in the poses' world and unit. Its unit is called [`LengthUnit::TemplateUnit`] unless the options
+/// hold known distances.
 ///
 /// ```no_run
 /// use dsfms::io::poses::{PoseList, match_poses, read_poses};
@@ -258,7 +260,8 @@ pub fn template_from_poses(
     from_sparse(exploration, &usable, sparse, options, progress, keep)
 }
 
-/// From poses and points to the template: surface, scale, albedo, descriptors. `usable`: one per frame.
+/// From poses and points to the template: surface, scale, albedo, descriptors. `usable`: one per
+/// frame.
 fn from_sparse(
     exploration: &Exploration,
     usable: &[Option<Mask>],

@@ -14,9 +14,10 @@ use crate::verdict::regions::{largest_part, regions, share};
 use crate::verdict::strain::strain;
 use crate::verdict::{Compared, Looked, Region, Says, judge, look};
 
-/// Part of the image's diagonal (8 px at 640 x 480) within which a surface agrees with a given match: on six clips nine of
-/// ten good ones are within 1.6 px, and noise of 4 px would leave nine of ten within 9 px. Given matches that are all
-/// 10 px off stay in the solve, beside found ones that are right.
+/// Part of the image's diagonal (8 px at 640 x 480) within which a surface agrees with a given
+/// match: on six clips nine of ten good ones are within 1.6 px, and noise of 4 px would leave nine
+/// of ten within 9 px. Given matches that are all 10 px off stay in the solve, beside found ones
+/// that are right.
 const AGREES: f64 = 0.01;
 
 /// A surface and what it was made from.

@@ -1,10 +1,12 @@
-//! The template's surface onto the preoperative one: a similarity, by the distance to the surface itself.
+//! The template's surface onto the preoperative one: a similarity, by the distance to the surface
+//! itself.
 //!
-//! `Σᵢ ρ(d(T pᵢ)² / s²) / σ² + Σⱼ ρ(‖T lⱼ − mⱼ‖² / s²) / σₗ²`, `d` the distance to the nearest place that faces
-//! alike, `s` the scale of `T = ct_from_template`, `ρ` Geman and McClure's. Its derivative is that of the
-//! distance to the tangent plane (Chen and Medioni 1992); since places are sought anew for every trial
-//! step, the cost is the true one and never rises (Fitzgibbon 2003). Lengths are counted in template units:
-//! shrinking the template to a point gains nothing. What has no place counts as far as the loss can.
+//! `Σᵢ ρ(d(T pᵢ)² / s²) / σ² + Σⱼ ρ(‖T lⱼ − mⱼ‖² / s²) / σₗ²`, `d` the distance to the nearest
+//! place that faces alike, `s` the scale of `T = ct_from_template`, `ρ` Geman and McClure's. Its
+//! derivative is that of the distance to the tangent plane (Chen and Medioni 1992); since places
+//! are sought anew for every trial step, the cost is the true one and never rises (Fitzgibbon
+//! 2003). Lengths are counted in template units: shrinking the template to a point gains nothing.
+//! What has no place counts as far as the loss can.
 
 use super::landmarks::LandmarkPair;
 use super::options::ScaleRule;
@@ -77,8 +79,8 @@ impl Residual {
     }
 }
 
-/// Refine `start` until neither the pose nor what is taken for noise changes. `noise`: of the template's
-/// surface, in its unit.
+/// Refine `start` until neither the pose nor what is taken for noise changes. `noise`: of the
+/// template's surface, in its unit.
 #[doc(alias = "ICP")]
 pub fn align(
     target: &Target,
@@ -254,8 +256,8 @@ impl<'a> AlignmentProblem<'a> {
     }
 }
 
-/// Derivative of `u·(T p) / (s ℓ)` by turn, shift and growth; `own`: the residual in sizes, which a growth of
-/// `s` makes smaller.
+/// Derivative of `u·(T p) / (s ℓ)` by turn, shift and growth; `own`: the residual in sizes, which a
+/// growth of `s` makes smaller.
 fn along(y: &Vector3, u: &Vector3, own: f64) -> Seven {
     let turn = y.cross(u);
     Seven::from([turn.x, turn.y, turn.z, u.x, u.y, u.z, u.dot(y) - own])

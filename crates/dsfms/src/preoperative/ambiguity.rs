@@ -10,14 +10,14 @@ use crate::geometry::{Point3, Similarity};
 
 /// Farther than this share of the template's size is elsewhere.
 const FAR: f64 = 0.2;
-/// As good: a misfit at most this much larger, in proportion and in all. Fifty independent places tell no
-/// smaller difference.
+/// As good: a misfit at most this much larger, in proportion and in all. Fifty independent places
+/// tell no smaller difference.
 const AS_GOOD: [f64; 2] = [1.3, 0.02];
 /// Landmarks allow a pose within so many standard deviations.
 const ALLOWED: f64 = 3.0;
 
-/// Of `others` those that are elsewhere, as good as `best`, and allowed by the landmarks (standard deviation
-/// `sigma`, mm).
+/// Of `others` those that are elsewhere, as good as `best`, and allowed by the landmarks (standard
+/// deviation `sigma`, mm).
 pub(super) fn alternatives(
     best: &Aligned,
     others: &[Aligned],

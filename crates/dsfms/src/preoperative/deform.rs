@@ -1,9 +1,9 @@
 //! The preoperative surface bends until it meets the template.
 //!
-//! On a control mesh of it (about 800 vertices, the full mesh follows): its distance to the template's points,
-//! which stays within a bound by the loss, against as-rigid-as-possible bending and a pull to the place of
-//! the similarity that grows with the bound. What the template does not show is carried along by the volume
-//! inside ([`Volume`]).
+//! On a control mesh of it (about 800 vertices, the full mesh follows): its distance to the
+//! template's points, which stays within a bound by the loss, against as-rigid-as-possible bending
+//! and a pull to the place of the similarity that grows with the bound. What the template does not
+//! show is carried along by the volume inside ([`Volume`]).
 
 use super::options::PreoperativeOptions;
 use super::target::{SurfaceSample, Target, extent};
@@ -35,8 +35,8 @@ pub struct Deformed {
     pub strain: f64,
 }
 
-/// Bend `placed` (the preoperative mesh where the similarity puts it, template frame) onto the samples.
-/// `noise` of the samples and `bound` of the displacement in template units.
+/// Bend `placed` (the preoperative mesh where the similarity puts it, template frame) onto the
+/// samples. `noise` of the samples and `bound` of the displacement in template units.
 #[doc(alias("non-rigid ICP", "deformable registration"))]
 pub fn deform(
     placed: &Mesh,
@@ -116,8 +116,8 @@ impl<'a> Bending<'a> {
         Self { placed, control, rest, samples, arap, anchor, noise, stiffness }
     }
 
-    /// New correspondences of all samples, and the shape that they ask for; second the standard deviation
-    /// that they show.
+    /// New correspondences of all samples, and the shape that they ask for; second the standard
+    /// deviation that they show.
     fn round(&mut self, shape: &[Point3], cut: f64) -> (Vec<Point3>, f64) {
         let contact = self.contact(shape);
         if contact.faces.is_empty() {
@@ -134,8 +134,8 @@ impl<'a> Bending<'a> {
         (found.vertices, shown)
     }
 
-    /// Where the samples lie on the full mesh, as a matter of the control mesh: what the one has beyond the
-    /// other moves along.
+    /// Where the samples lie on the full mesh, as a matter of the control mesh: what the one has
+    /// beyond the other moves along.
     fn contact(&self, shape: &[Point3]) -> Contact {
         let full = self.placed.with_positions(carried(self.placed, self.control, shape));
         let target = Target::new(&full);
@@ -187,7 +187,8 @@ impl<'a> Bending<'a> {
     }
 }
 
-/// Points of the template on faces of the bent surface: `n·(Σ bₖ xₖ − p) / σ`, normals and places of the round.
+/// Points of the template on faces of the bent surface: `n·(Σ bₖ xₖ − p) / σ`, normals and places
+/// of the round.
 #[derive(Default)]
 struct Contact {
     faces: Vec<[u32; 3]>,

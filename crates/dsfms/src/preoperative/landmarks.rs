@@ -1,4 +1,5 @@
-//! Landmarks picked on both surfaces: a similarity in closed form (Umeyama 1991) that survives wrong pairs.
+//! Landmarks picked on both surfaces: a similarity in closed form (Umeyama 1991) that survives
+//! wrong pairs.
 
 use super::options::ScaleRule;
 use super::verdict::PreoperativeError;
@@ -26,7 +27,8 @@ pub struct LandmarkFit {
     pub agree: Vec<bool>,
     /// Distance of every pair under it, mm.
     pub residuals: Vec<f64>,
-    /// Distance of every agreeing pair under the similarity of the others, mm; `None` of fewer than four.
+    /// Distance of every agreeing pair under the similarity of the others, mm; `None` of fewer than
+    /// four.
     pub left_out: Vec<Option<f64>>,
 }
 
@@ -39,8 +41,8 @@ const COLLINEAR: f64 = 0.05;
 /// Share of the pairs that must agree.
 const MAJORITY: f64 = 0.5;
 
-/// The similarity that most pairs agree with, at the scale that `rule` allows. `sigma`: standard deviation of
-/// a pair, mm.
+/// The similarity that most pairs agree with, at the scale that `rule` allows. `sigma`: standard
+/// deviation of a pair, mm.
 ///
 /// # Errors
 /// Fewer than three pairs, collinear ones, or pairs that disagree.

@@ -1,10 +1,11 @@
 //! A preoperative surface (of CT or MRI) is brought onto the template of the exploration.
 //!
-//! Four steps, each a function: [`fit_landmarks`] (pairs picked by hand: a closed-form similarity that
-//! survives wrong pairs), [`align`] (the template's surface, a part of the organ, onto the preoperative
-//! one, with scale), [`Uncertainty`] (what that leaves open, and at a target inside), [`deform`] (the
-//! preoperative surface bends, within bounds, until it meets the template). [`register_preoperative`] strings
-//! them together, refuses what is ambiguous and says why it doubts the rest.
+//! Four steps, each a function: [`fit_landmarks`] (pairs picked by hand: a closed-form similarity
+//! that survives wrong pairs), [`align`] (the template's surface, a part of the organ, onto the
+//! preoperative one, with scale), [`Uncertainty`] (what that leaves open, and at a target inside),
+//! [`deform`] (the preoperative surface bends, within bounds, until it meets the template).
+//! [`register_preoperative`] strings them together, refuses what is ambiguous and says why it
+//! doubts the rest.
 //!
 //! The similarity is `ct_from_template`: template units or mm to mm of the preoperative surface.
 

@@ -31,17 +31,18 @@ impl ScaleRule {
     }
 }
 
-/// How a preoperative surface is registered. What the defaults reach is in `docs/results/register_ct.md`; other values
-/// are not measured.
+/// How a preoperative surface is registered. What the defaults reach is in
+/// `docs/results/register_ct.md`; other values are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PreoperativeOptions {
     /// Scale between the two surfaces.
     pub scale: ScaleRule,
-    /// Standard deviation of a picked landmark, mm of the preoperative surface, both picks together.
+    /// Standard deviation of a picked landmark, mm of the preoperative surface, both picks
+    /// together.
     pub landmark_sigma: f64,
-    /// Standard deviation of the template's surface, of its size (root mean square distance from the
-    /// middle); what the template says of itself counts more.
+    /// Standard deviation of the template's surface, of its size (root mean square distance from
+    /// the middle); what the template says of itself counts more.
     pub noise: f64,
     /// Whether the preoperative surface bends after the similarity.
     pub deform: bool,

@@ -21,8 +21,8 @@ const SAMPLES: usize = 1500;
 const CONDITION: f64 = 2e-3;
 /// Share of the template on the preoperative surface below which the result is doubted.
 const GOOD_OVERLAP: f64 = 0.75;
-/// Residual, of the noise, up to which the surfaces alone tell the pose: above, cases without landmarks were
-/// off by ten times what they showed (`docs/results/register_ct.md`).
+/// Residual, of the noise, up to which the surfaces alone tell the pose: above, cases without
+/// landmarks were off by ten times what they showed (`docs/results/register_ct.md`).
 const UNBENT: f64 = 2.0;
 
 /// A preoperative surface on the template.
@@ -56,8 +56,9 @@ pub struct Preoperative {
     placed: Mesh,
 }
 
-/// Lay a preoperative surface (mm) on a template. `sigma`: standard deviation of the template's vertices in its
-/// unit, empty where it is not known. `step` is told of the work: a stage, what is done, of how much.
+/// Lay a preoperative surface (mm) on a template. `sigma`: standard deviation of the template's
+/// vertices in its unit, empty where it is not known. `step` is told of the work: a stage, what is
+/// done, of how much.
 ///
 /// # Errors
 /// [`PreoperativeError`] where the data do not tell one pose.
@@ -223,7 +224,8 @@ impl Work<'_> {
         Ok(told)
     }
 
-    /// Residuals of the similarity: all that a deformation within the bound would explain is overlap.
+    /// Residuals of the similarity: all that a deformation within the bound would explain is
+    /// overlap.
     fn rigid(&self, aligned: &Aligned) -> Residual {
         let limit = (aligned.cut * aligned.similarity.scaling()).max(self.options.max_deformation);
         Residual::of(&aligned.distances, limit)
@@ -283,8 +285,8 @@ impl Work<'_> {
 }
 
 impl Preoperative {
-    /// Where points of the preoperative frame (mm) come to lie in the template frame and unit: by the
-    /// similarity, and by the deformation of the surface continued into space.
+    /// Where points of the preoperative frame (mm) come to lie in the template frame and unit: by
+    /// the similarity, and by the deformation of the surface continued into space.
     ///
     /// # Errors
     /// A surface that carries nothing.

@@ -1,5 +1,5 @@
-//! The scale of a reconstruction from a metric surface of the same organ, of which it may be a part: that of the
-//! similarity which lays it there.
+//! The scale of a reconstruction from a metric surface of the same organ, of which it may be a
+//! part: that of the similarity which lays it there.
 
 use super::align::{Residual, Schedule};
 use super::ambiguity::alternatives;
@@ -51,8 +51,8 @@ pub(crate) fn scale_on_surface(found: &Mesh, metric: &Mesh) -> Result<Scale, Sca
     }
 }
 
-/// Without the faces at its boundary, where a reconstruction bends towards what lies behind; as it is where those are
-/// most of it.
+/// Without the faces at its boundary, where a reconstruction bends towards what lies behind; as it
+/// is where those are most of it.
 fn within_rim(mesh: &Mesh) -> Mesh {
     let Topology { faces, boundary, .. } = &*mesh.topology;
     let inner = |f: &usize| !faces[*f].iter().any(|&v| boundary[v as usize]);

@@ -1,7 +1,8 @@
 //! Poses from which an alignment without landmarks starts, and those that come of them.
 //!
-//! The seen side of the template is turned to every direction and spun about it, and put over places all
-//! over the preoperative surface; a few steps each on a coarse surface, the best ones refined.
+//! The seen side of the template is turned to every direction and spun about it, and put over
+//! places all over the preoperative surface; a few steps each on a coarse surface, the best ones
+//! refined.
 
 use super::align::{Aligned, Schedule, refine};
 use super::landmarks::LandmarkPair;

@@ -54,8 +54,8 @@ impl<'a> Target<'a> {
         Self { mesh, closest: ClosestPoints::new(mesh) }
     }
 
-    /// The nearest place, unless it lies on an edge of the surface (the point is beyond it) or faces
-    /// another way.
+    /// The nearest place, unless it lies on an edge of the surface (the point is beyond it) or
+    /// faces another way.
     pub(super) fn hit(&self, point: &Point3, facing: &Vector3) -> Option<Hit> {
         let place = self.closest.closest(point)?;
         let [a, b, c] = self.mesh.corners(place.face as usize);

@@ -1,9 +1,9 @@
 //! What the data leave open of the similarity, and of a target inside.
 //!
-//! Errors of neighbouring samples go together (the organ has bent, the template is smooth), so samples are no
-//! independent witnesses: the template falls into patches, each one witness, and the covariance is the
-//! sandwich `H⁻¹ (Σ g gᵀ) H⁻¹` over the scores of the patches (Liang and Zeger 1986). Where those happen to
-//! agree by chance, the plain `H⁻¹` counts.
+//! Errors of neighbouring samples go together (the organ has bent, the template is smooth), so
+//! samples are no independent witnesses: the template falls into patches, each one witness, and the
+//! covariance is the sandwich `H⁻¹ (Σ g gᵀ) H⁻¹` over the scores of the patches (Liang and Zeger
+//! 1986). Where those happen to agree by chance, the plain `H⁻¹` counts.
 
 use super::align::{Aligned, AlignmentProblem, NormalMatrix, Schedule, Seven};
 use super::options::PreoperativeOptions;
@@ -14,8 +14,9 @@ use crate::structures::{expected_error, patches};
 
 /// Independent places where it is the organ that has bent: its motion is smooth.
 const BENT_PLACES: f64 = 8.0;
-/// How much of its bending an organ hides from the residual of the best similarity, of what it shows: turn,
-/// shift and growth take up the smoothest part. Fitted on synthetic bending (`docs/results/register_ct.md`).
+/// How much of its bending an organ hides from the residual of the best similarity, of what it
+/// shows: turn, shift and growth take up the smoothest part. Fitted on synthetic bending
+/// (`docs/results/register_ct.md`).
 const TAKEN_UP: f64 = 2.0;
 /// Patches of the template.
 const PATCHES: usize = 24;
@@ -23,12 +24,13 @@ const PATCHES: usize = 24;
 /// What is known of a registration's error.
 #[derive(Clone, Debug)]
 pub struct Uncertainty {
-    /// Covariance of turn (rad), shift and growth (of the template's size) about the middle of the placed
-    /// template, as the data show it: [turn x, y, z, shift x, y, z, growth], axes of the preoperative
-    /// surface.
+    /// Covariance of turn (rad), shift and growth (of the template's size) about the middle of the
+    /// placed template, as the data show it: [turn x, y, z, shift x, y, z, growth], axes of the
+    /// preoperative surface.
     pub covariance: [[f64; 7]; 7],
-    /// Smallest eigenvalue of the surface's own system, of its mean: 0 where the surface can slide along
-    /// itself (a sphere about its centre, a plane), about 0.05 for an organ seen from one side.
+    /// Smallest eigenvalue of the surface's own system, of its mean: 0 where the surface can slide
+    /// along itself (a sphere about its centre, a plane), about 0.05 for an organ seen from one
+    /// side.
     pub condition: f64,
     /// The motion of that eigenvalue.
     weakest: Seven,
@@ -77,7 +79,8 @@ impl Uncertainty {
         }
     }
 
-    /// Expected distance by which the similarity puts a point wrong, mm; `point`: preoperative frame.
+    /// Expected distance by which the similarity puts a point wrong, mm; `point`: preoperative
+    /// frame.
     #[doc(alias = "target registration error")]
     pub fn at(&self, point: &Point3) -> f64 {
         let y = (point - self.middle) / self.size;
@@ -187,10 +190,10 @@ impl Sums {
     }
 }
 
-/// Expected error of a target, mm: what the similarity leaves open, what it has taken up of the bending, and
-/// what the bending does to what lies under the surface ([`expected_error`]). `surface`: residual of the
-/// surface, `depth` under it, `half_extent` of the template, `deformation`: residual of the similarity alone
-/// beyond noise; all mm.
+/// Expected error of a target, mm: what the similarity leaves open, what it has taken up of the
+/// bending, and what the bending does to what lies under the surface ([`expected_error`]).
+/// `surface`: residual of the surface, `depth` under it, `half_extent` of the template,
+/// `deformation`: residual of the similarity alone beyond noise; all mm.
 pub fn expected_target_error(
     similarity: f64,
     surface: f64,

@@ -17,8 +17,8 @@ use rayon::prelude::*;
 /// Rows rendered by one task; fixed, so that the result never depends on the number of threads.
 const BAND_ROWS: usize = 32;
 
-/// A point counts as seen within this of the z-buffer, relative to its depth: more than a z-buffer is off by on
-/// the slope of a face, less than the next fold of an organ lies behind.
+/// A point counts as seen within this of the z-buffer, relative to its depth: more than a z-buffer
+/// is off by on the slope of a face, less than the next fold of an organ lies behind.
 pub(crate) const OCCLUSION_TOLERANCE: f64 = 0.01;
 
 /// What the camera sees of a surface, per pixel, row major.
@@ -136,8 +136,8 @@ impl Raster {
             .collect()
     }
 
-    /// Barycentrics of the middles of a pixel's four quarters, on the face of its centre and as far as
-    /// its neighbours tell; the pixel by its index, where there is surface.
+    /// Barycentrics of the middles of a pixel's four quarters, on the face of its centre and as far
+    /// as its neighbours tell; the pixel by its index, where there is surface.
     pub fn quarters(&self, i: usize) -> [[f64; 3]; 4] {
         let (width, b) = (self.size[0], self.barycentric[i]);
         let column = i % width;

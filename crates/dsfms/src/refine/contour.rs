@@ -13,8 +13,8 @@ use crate::register::Body;
 const AT_CONTOUR: f64 = 2.0;
 
 /// Vertices of the contour of `shape` (camera axes) against its surroundings: where faces turned to
-/// the camera meet others, and the rim of an open surface, held on one side only, if at all; with `true` for the
-/// rim.
+/// the camera meet others, and the rim of an open surface, held on one side only, if at all; with
+/// `true` for the rim.
 fn contour(
     camera: &CameraModel,
     topology: &Topology,
@@ -54,8 +54,8 @@ fn contour(
 /// Fewest vertices of a contour that tell how far it is from the outline.
 const TELLING: usize = 12;
 
-/// Distance of the contour of `shape` (camera axes) from the organ's outline, px, that nine tenths of its vertices do not
-/// exceed; `None` where the outline is known at too few of them.
+/// Distance of the contour of `shape` (camera axes) from the organ's outline, px, that nine tenths
+/// of its vertices do not exceed; `None` where the outline is known at too few of them.
 pub(crate) fn outline_distance(
     camera: &CameraModel,
     topology: &Topology,
@@ -141,7 +141,8 @@ mod tests {
         let off =
             |x: f64, outline: &Outline| outline_distance(&camera, &mesh.topology, &at(x), outline);
         let outline = Outline::new(&organ, None);
-        // Seldom more than a px of rounding, then 2 mm at a focal length of 300 px and a depth of 60 mm.
+        // Seldom more than a px of rounding, then 2 mm at a focal length of 300 px and a depth of
+        // 60 mm.
         assert!(off(0.0, &outline).unwrap() < 1.5);
         assert!((off(2.0, &outline).unwrap() - 10.0).abs() < 1.5);
         let unknown = Outline::known_off(&organ, &Mask::filled(organ.size, true));

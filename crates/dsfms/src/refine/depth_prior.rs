@@ -1,8 +1,8 @@
 //! What holds depth in the joint solve: the pose that the matches give.
 //!
-//! Motion and conformality leave the distance of a surface to its stretch, and a near light tells it
-//! only as well as albedo, exposure and fall-off are known. Tissue that the rigid pose explains is where
-//! the pose puts it.
+//! Motion and conformality leave the distance of a surface to its stretch, and a near light tells
+//! it only as well as albedo, exposure and fall-off are known. Tissue that the rigid pose explains
+//! is where the pose puts it.
 
 use super::joint_options::JointOptions;
 use crate::camera::Camera;
@@ -17,9 +17,9 @@ use rayon::prelude::*;
 /// (`docs/results/choices.md`, what fixes the distance).
 const NEIGHBOURS: usize = 4;
 
-/// The depth of the matches held to the rest shape where they pose it (camera axes); `depth_sigma` is
-/// eq. 3's tolerance. `slack`: how much looser than where nothing is known of the exposure, since
-/// brightness tells the distance from a near light as well as the exposure is known.
+/// The depth of the matches held to the rest shape where they pose it (camera axes); `depth_sigma`
+/// is eq. 3's tolerance. `slack`: how much looser than where nothing is known of the exposure,
+/// since brightness tells the distance from a near light as well as the exposure is known.
 pub(super) fn depth_prior(
     scene: &Scene,
     matches: &[Match],
@@ -39,8 +39,8 @@ pub(super) fn depth_prior(
     scene.depth_of(matches, posed, sigmas)
 }
 
-/// Motion of every match that its neighbours share and the pose does not explain, length units: root
-/// mean product of their offsets. Noise and wrong matches share nothing with their neighbours.
+/// Motion of every match that its neighbours share and the pose does not explain, length units:
+/// root mean product of their offsets. Noise and wrong matches share nothing with their neighbours.
 pub(super) fn shared_motions(scene: &Scene, matches: &[Match], posed: &[Point3]) -> Vec<f64> {
     let [fx, fy] = scene.camera.focal;
     let offset = |m: &Match| {

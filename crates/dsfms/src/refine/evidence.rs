@@ -50,8 +50,8 @@ pub fn gather(
     gather_by(photo, rest, shape, options, look_options(photo, options))
 }
 
-/// As [`gather`], with shading as it is at the vertices, not blurred as the image is: the weights of the expected error
-/// are fitted to such residuals.
+/// As [`gather`], with shading as it is at the vertices, not blurred as the image is: the weights
+/// of the expected error are fitted to such residuals.
 pub fn gather_pointwise(
     photo: &Photograph,
     rest: &Mesh,
@@ -101,7 +101,8 @@ fn gather_by(
     }
 }
 
-/// [`gather`] at the full mesh, on the mesh of `body` that is solved on and that carries it at `shape`.
+/// [`gather`] at the full mesh, on the mesh of `body` that is solved on and that carries it at
+/// `shape`.
 pub(super) fn gather_on(
     body: &Body,
     shape: &[Point3],

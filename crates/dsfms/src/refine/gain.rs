@@ -1,10 +1,10 @@
 //! What is expected of the exposure gain and the ambient light of a frame.
 //!
-//! A near light tells the distance of a surface as well as the exposure is known: a log gain that is
-//! wrong by `g` moves everything by `g/2` of its distance. The exploration shows how constant the
-//! exposure is. It has changed, and nothing is known of it, where the tissue that the matches hold shows
-//! another ([`AtMatches`]), or where holding it makes the surface larger or smaller than tissue gets that
-//! moves as little as the matches do ([`scaled`]).
+//! A near light tells the distance of a surface as well as the exposure is known: a log gain that
+//! is wrong by `g` moves everything by `g/2` of its distance. The exploration shows how constant
+//! the exposure is. It has changed, and nothing is known of it, where the tissue that the matches
+//! hold shows another ([`AtMatches`]), or where holding it makes the surface larger or smaller than
+//! tissue gets that moves as little as the matches do ([`scaled`]).
 
 use super::PhotometricModel;
 use super::depth_prior::shared_motions;
@@ -17,38 +17,43 @@ use crate::mesh::normals::vertex_normals;
 use crate::register::{Match, Scene};
 use crate::template::Exposure;
 
-/// Spreads of the exploration's log gains that a frame may be off: a new shape throws light in a new
-/// way. On three generated scenes the gain at the true shape is within 0.8 %, of a spread of 0.3 %.
+/// Spreads of the exploration's log gains that a frame may be off: a new shape throws light in a
+/// new way. On three generated scenes the gain at the true shape is within 0.8 %, of a spread of
+/// 0.3 %.
 const SPREADS: f64 = 2.0;
 
 /// Least spread of the log gain: what the few frames of an exploration can tell.
 const LEAST: f64 = 0.004;
 
-/// What the log gain at many matches on tissue that did not move may be off from that of the exploration: on
-/// seven generated scenes up to 0.02.
+/// What the log gain at many matches on tissue that did not move may be off from that of the
+/// exploration: on seven generated scenes up to 0.02.
 const CALM: f64 = 0.03;
 
-/// And of one match, for it falls with the root of their number; of 13 on these scenes up to 0.037 off.
+/// And of one match, for it falls with the root of their number; of 13 on these scenes up to 0.037
+/// off.
 const ALONE: f64 = 0.1;
 
-/// And for every visible radius that they moved as no rigid pose explains: surfaces that bend turn and come
-/// nearer. With these three none of 128 frames is off by more, with given matches or with found ones.
+/// And for every visible radius that they moved as no rigid pose explains: surfaces that bend turn
+/// and come nearer. With these three none of 128 frames is off by more, with given matches or with
+/// found ones.
 const BEND: f64 = 20.0;
 
-/// What it may be off at most: a shape whose distance alone were off would be a quarter nearer or farther.
-/// An organ that bends as a whole shows up to 0.33.
+/// What it may be off at most: a shape whose distance alone were off would be a quarter nearer or
+/// farther. An organ that bends as a whole shows up to 0.33.
 const CHANGED: f64 = 0.5;
 
-/// Median log stretch, at least, of a surface that a wrong exposure has scaled: of less is 0.15 mm of 75, and not worth
-/// a second solve. Chosen with what follows on eight generated scenes and six clips (`docs/results/exposure.md`).
+/// Median log stretch, at least, of a surface that a wrong exposure has scaled: of less is 0.15 mm
+/// of 75, and not worth a second solve. Chosen with what follows on eight generated scenes and six
+/// clips (`docs/results/exposure.md`).
 const REST_STRETCH: f64 = 2e-3;
 
-/// And for every visible radius that the calmest half of the matches moved: on 68 frames of deformed tissue under the
-/// exploration's exposure it is at most 6.6, and of 7, 7.5 and 9 the clips ask for 7.5 (`docs/results/exposure.md`).
+/// And for every visible radius that the calmest half of the matches moved: on 68 frames of
+/// deformed tissue under the exploration's exposure it is at most 6.6, and of 7, 7.5 and 9 the
+/// clips ask for 7.5 (`docs/results/exposure.md`).
 const STRETCHED: f64 = 7.5;
 
-/// Tissue that moved by no more than this part of the visible radius tells the exposure to 0.02: on the
-/// same scenes, with found matches, -0.02 to 0.00.
+/// Tissue that moved by no more than this part of the visible radius tells the exposure to 0.02: on
+/// the same scenes, with found matches, -0.02 to 0.00.
 const STILL: f64 = 1e-3;
 
 /// Spread of the ambient light where the exposure is the exploration's, which had it in the albedo:
@@ -137,8 +142,8 @@ impl AtMatches {
         (self.log_gain - expected).abs() > tolerance.min(CHANGED)
     }
 
-    /// Of the half of the matches that moved least; `shape` is that of the mesh they lie on, and `posed`
-    /// its rest shape where they pose it. `None` where too few of them are seen.
+    /// Of the half of the matches that moved least; `shape` is that of the mesh they lie on, and
+    /// `posed` its rest shape where they pose it. `None` where too few of them are seen.
     pub(super) fn of(
         look: &FrameLook,
         scene: &Scene,
@@ -168,14 +173,16 @@ impl AtMatches {
     }
 }
 
-/// Whether what a scene shows is larger or smaller at `shape` (camera axes) than tissue gets that moved as the matches
-/// did: a wrong exposure under a near light scales everything, and leaves the matches where they are.
+/// Whether what a scene shows is larger or smaller at `shape` (camera axes) than tissue gets that
+/// moved as the matches did: a wrong exposure under a near light scales everything, and leaves the
+/// matches where they are.
 pub(super) fn scaled(scene: &Scene, shape: &[Point3], at_matches: Option<AtMatches>) -> bool {
     let Some(at) = at_matches else { return false };
     median_stretch(scene, shape).abs() > REST_STRETCH + STRETCHED * at.moved
 }
 
-/// Half the log of the area of a face over that at rest: its median by area over the faces that are seen; NaN for none.
+/// Half the log of the area of a face over that at rest: its median by area over the faces that are
+/// seen; NaN for none.
 fn median_stretch(scene: &Scene, shape: &[Point3]) -> f64 {
     let rest = &scene.rest.positions;
     let one = |face: &[u32; 3]| {
@@ -223,7 +230,8 @@ mod tests {
         assert_eq!(unknown, GainPrior::free(0.7, 0.1, 0.02));
     }
 
-    /// The log gain at the matches, at the true shape, in a picture of the size of a camera at the same place.
+    /// The log gain at the matches, at the true shape, in a picture of the size of a camera at the
+    /// same place.
     fn gain_in(case: &Case, camera: &CameraModel) -> AtMatches {
         let (frame, usable) = resampled(&case.frame, &case.camera, camera);
         let photo = &Photograph {

@@ -1,9 +1,9 @@
 //! Brightness without glare: which weighted sum of the channels shows shading, and with what noise.
 //!
 //! Light mirrored by wet tissue is white while tissue is not (dichromatic reflection), so the
-//! channels tell how much glare there is without knowing the shape. Where there is some, the sum that
-//! cancels white is as good as ever; on pale tissue nothing can be told and what may be glare is
-//! left out.
+//! channels tell how much glare there is without knowing the shape. Where there is some, the sum
+//! that cancels white is as good as ever; on pale tissue nothing can be told and what may be glare
+//! is left out.
 
 use crate::energy::Brightness;
 use crate::geometry::{SIGMA_OVER_MAD, centre_and_spread, median};
@@ -23,7 +23,8 @@ pub(super) struct Channels {
 }
 
 impl Channels {
-    /// Log ratio of image and prediction, of all channels together; not finite where either is dark.
+    /// Log ratio of image and prediction, of all channels together; not finite where either is
+    /// dark.
     pub(super) fn log_ratio(&self) -> f64 {
         let (image, albedo): (f64, f64) = (self.image.iter().sum(), self.albedo.iter().sum());
         (image / (albedo * (self.shade + self.added_shade))).ln()
@@ -48,7 +49,8 @@ pub(super) struct Weighed {
     pub(super) log_gain: f64,
 }
 
-/// Of all constants here: `docs/results/choices.md`, glare. Tissue paler than this does not tell glare from itself.
+/// Of all constants here: `docs/results/choices.md`, glare. Tissue paler than this does not tell
+/// glare from itself.
 const PALE: f64 = 0.1;
 
 /// Where glare of this part of the brightness could hide, colours do not tell.
@@ -114,8 +116,8 @@ impl Glare {
 
     /// Relative noise of every channel by itself (light that came by way of other tissue is full of
     /// red, and blue is where pixels are dark): from the spread of the log ratios of two channels,
-    /// image over albedo, so that shading cancels, `σ₀² = (V₀₁ + V₀₂ − V₁₂)/2`, and no channel better
-    /// than half their mean.
+    /// image over albedo, so that shading cancels, `σ₀² = (V₀₁ + V₀₂ − V₁₂)/2`, and no channel
+    /// better than half their mean.
     fn channel_noise(&self, points: &[Channels]) -> [f64; 3] {
         let clean = |p: &&Channels| !p.maybe_glare && self.seen(p).is_some_and(|g| g < CLEAN);
         let clean: Vec<&Channels> = points.iter().filter(clean).collect();

@@ -1,8 +1,8 @@
 //! Beyond the paper: motion, prior and shading in one problem.
 //!
-//! Eq. 4 starts from V′ and can only bend what motion left straight. Here the matches, the conformal
-//! prior and the brightness of samples inside faces decide together, from coarse blur to fine, so
-//! that texture carries the surface along while shading turns its normals.
+//! Eq. 4 starts from V′ and can only bend what motion left straight. Here the matches, the
+//! conformal prior and the brightness of samples inside faces decide together, from coarse blur to
+//! fine, so that texture carries the surface along while shading turns its normals.
 
 use super::Photograph;
 use super::cues::Cues;
@@ -65,11 +65,11 @@ impl Joined {
     }
 }
 
-/// Solve motion, prior and shading together, from `start`, on the mesh of `body` that is solved on, as the matches;
-/// `coarse` (V′ of eq. 3): what moved since is also tried the other way.
+/// Solve motion, prior and shading together, from `start`, on the mesh of `body` that is solved on,
+/// as the matches; `coarse` (V′ of eq. 3): what moved since is also tried the other way.
 ///
-/// `depth_sigma` is eq. 3's tolerance for the depth of the matches under a distant light. An exposure
-/// that is held and scales the surface is taken for unknown.
+/// `depth_sigma` is eq. 3's tolerance for the depth of the matches under a distant light. An
+/// exposure that is held and scales the surface is taken for unknown.
 #[doc(alias("joint optimisation", "photometric refinement"))]
 pub fn join(
     body: &Body,
@@ -84,8 +84,8 @@ pub fn join(
     with_exposure(&frame, |frame| join_told(frame, [coarse, start], options))
 }
 
-/// Solve with the exposure as the photograph tells it, and again as unknown where it was held and scaled the
-/// surface. `solve` says whether brightness told distance.
+/// Solve with the exposure as the photograph tells it, and again as unknown where it was held and
+/// scaled the surface. `solve` says whether brightness told distance.
 pub(super) fn with_exposure(
     frame: &NearFrame,
     mut solve: impl FnMut(&NearFrame) -> (Joined, bool),
@@ -156,7 +156,8 @@ impl<'a> JointSolve<'a> {
         }
     }
 
-    /// One blur, from so many other starts too; the solver's report, the number of samples, and what they leave.
+    /// One blur, from so many other starts too; the solver's report, the number of samples, and
+    /// what they leave.
     fn at_blur(&mut self, blur: f64, mirrors: usize, finest: bool) -> (Summary, usize, f64) {
         let NearFrame { body, matches, photo, .. } = *self.frame;
         let (first, state) = (body.scene(), &mut self.state);

@@ -16,20 +16,22 @@
 //!      + Σₖ γₖ² / σ_γ²                            smooth gain        nodes k of the field γ: `field.rs`
 //! ```
 //!
-//! `x₀` is the rest shape posed by the matches, and again by the shape found under a near light; `A`, `R`, `A_f`,
-//! `Aᵥ`, `C` and `Lap` are those of eq. 3 ([`register`](crate::register)). `I` is the linear image and `α` the albedo,
-//! both smoothed by the blur of the stage, `s₀` what the blur adds to the shading in the fine stages, `w` weights of the
-//! channels in which glare cancels. Losses: ρ
-//! Geman-McClure of the scales `match_px`, `strain`, 2, and `robust`; H Huber's from 2 (silhouette) and 1.
+//! `x₀` is the rest shape posed by the matches, and again by the shape found under a near light;
+//! `A`, `R`, `A_f`, `Aᵥ`, `C` and `Lap` are those of eq. 3 ([`register`](crate::register)). `I` is
+//! the linear image and `α` the albedo, both smoothed by the blur of the stage, `s₀` what the blur
+//! adds to the shading in the fine stages, `w` weights of the channels in which glare cancels.
+//! Losses: ρ Geman-McClure of the scales `match_px`, `strain`, 2, and `robust`; H Huber's from 2
+//! (silhouette) and 1.
 //!
-//! A match that is off by 1 px costs 1 (at 640 × 480 px), and so does a strain `1/√λ₁` of all that is seen, a
-//! depth off by its tolerance, a gain off by its spread. λ_p, λ_c and λ_h count samples, contour points and
-//! vertices of an image as one, whatever the mesh: samples that are all off by their noise σ cost like λ_p
-//! matches that are off by 1 px.
+//! A match that is off by 1 px costs 1 (at 640 × 480 px), and so does a strain `1/√λ₁` of all that
+//! is seen, a depth off by its tolerance, a gain off by its spread. λ_p, λ_c and λ_h count samples,
+//! contour points and vertices of an image as one, whatever the mesh: samples that are all off by
+//! their noise σ cost like λ_p matches that are off by 1 px.
 //!
-//! λ₁ = `prior.conformal`, λₛ = `prior.stretch`, λ₃ = `prior.smoothing`, λₕ = `prior.hidden`, λ_c = `outline`,
-//! λ_h = `highlights`, λ_p = `shading`.
-//! The isometric and as-rigid-as-possible priors take the place of shearing, anisotropy and stretch.
+//! λ₁ = `prior.conformal`, λₛ = `prior.stretch`, λ₃ = `prior.smoothing`, λₕ = `prior.hidden`, λ_c =
+//! `outline`, λ_h = `highlights`, λ_p = `shading`.
+//! The isometric and as-rigid-as-possible priors take the place of shearing, anisotropy and
+//! stretch.
 
 use super::cues::Cues;
 use super::gain::GainPrior;
@@ -44,12 +46,12 @@ use crate::light::Coated;
 use crate::register::{Match, Prior, Scene};
 use crate::solver::Loss::{GemanMcClure, Huber, Squared};
 
-/// Scale of Huber's loss of the silhouette, in standard deviations of the outline: what lies further is a mask
-/// drawn elsewhere.
+/// Scale of Huber's loss of the silhouette, in standard deviations of the outline: what lies
+/// further is a mask drawn elsewhere.
 const OUTLINE_SCALE: f64 = 2.0;
 
-/// Scale of the loss of highlights, in widths of the lobe: a saturated vertex further from the mirror
-/// direction shines for another reason.
+/// Scale of the loss of highlights, in widths of the lobe: a saturated vertex further from the
+/// mirror direction shines for another reason.
 const HIGHLIGHT_SCALE: f64 = 2.0;
 
 /// What one stage of the joint solve knows.
@@ -73,8 +75,8 @@ pub(super) struct JointProblem<'a, 'p> {
 }
 
 impl<'a> JointProblem<'a, '_> {
-    /// All rows of the joint cost; the globals are the log gain, the ambient light, and the nodes of the
-    /// smooth gain.
+    /// All rows of the joint cost; the globals are the log gain, the ambient light, and the nodes
+    /// of the smooth gain.
     pub(super) fn objective(&self) -> Objective<'a> {
         let Self { scene, matches, match_px, gain, options, .. } = *self;
         let (rest, posed) = (&scene.faces, &scene.posed);

@@ -5,29 +5,33 @@ use crate::options::{OptionError, blurs, check, from_zero, positive};
 use crate::register::PriorWeights;
 use serde::{Deserialize, Serialize};
 
-/// Options of the joint solve, whose cost stands in `refine/joint_objective.rs`. Lengths are relative to the
-/// visible radius, so they hold in any unit. `shading`, `outline` and `highlights` weigh a mean, in units of
-/// one match that is off by 1 px, so they hold for any number of samples, contour points and vertices.
+/// Options of the joint solve, whose cost stands in `refine/joint_objective.rs`. Lengths are
+/// relative to the visible radius, so they hold in any unit. `shading`, `outline` and `highlights`
+/// weigh a mean, in units of one match that is off by 1 px, so they hold for any number of samples,
+/// contour points and vertices.
 ///
-/// Measured on choosing scenes and clips (`docs/results/choices.md`): `shading` (half), `outline`, `find_outline`,
-/// `highlights` (none), `robust` (6, 12), `strain`, `near_depth_hold`, `near_depth_motion`, `smooth_gain`, `blurs`,
-/// `look_again`, `mirrors`; smoothing and blurs also in `docs/results/scenes.md`. Other values of `match_px`,
-/// `silhouette_px`, `smooth_length` and `max_samples` are not measured.
+/// Measured on choosing scenes and clips (`docs/results/choices.md`): `shading` (half), `outline`,
+/// `find_outline`, `highlights` (none), `robust` (6, 12), `strain`, `near_depth_hold`,
+/// `near_depth_motion`, `smooth_gain`, `blurs`, `look_again`, `mirrors`; smoothing and blurs also
+/// in `docs/results/scenes.md`. Other values of `match_px`, `silhouette_px`, `smooth_length` and
+/// `max_samples` are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointOptions {
     /// What the surface keeps.
     pub prior: PriorWeights,
-    /// Weight of the mean over the photometric samples: where all are off by their noise they cost like this
-    /// many matches that are off by 1 px. Fewer than there are samples, since neighbours are off together.
+    /// Weight of the mean over the photometric samples: where all are off by their noise they cost
+    /// like this many matches that are off by 1 px. Fewer than there are samples, since neighbours
+    /// are off together.
     pub shading: f64,
-    /// Weight of the mean over the points of the occluding contour, where an organ mask tells its outline, or colour
-    /// does.
+    /// Weight of the mean over the points of the occluding contour, where an organ mask tells its
+    /// outline, or colour does.
     pub outline: f64,
-    /// Whether the outline is found by colour where no organ mask is given (one frame alone; not in tracking).
+    /// Whether the outline is found by colour where no organ mask is given (one frame alone; not in
+    /// tracking).
     pub find_outline: bool,
-    /// Weight of saturated vertices under a near light, over all that are seen. Under a distant light, where only
-    /// the matches tell distance, highlights are no cue.
+    /// Weight of saturated vertices under a near light, over all that are seen. Under a distant
+    /// light, where only the matches tell distance, highlights are no cue.
     pub highlights: f64,
     /// What brightness tells.
     pub image: PhotometricModel,
@@ -40,14 +44,15 @@ pub struct JointOptions {
     pub strain: f64,
     /// Noise of the outline, px.
     pub silhouette_px: f64,
-    /// Depth of the matches under a near light, which tells depth too, is held to the rigid pose within
-    /// this fraction of the visible radius where the pose explains them; under a distant light the
-    /// tolerance of eq. 3 holds.
+    /// Depth of the matches under a near light, which tells depth too, is held to the rigid pose
+    /// within this fraction of the visible radius where the pose explains them; under a distant
+    /// light the tolerance of eq. 3 holds.
     pub near_depth_hold: f64,
     /// Expected motion in depth under a near light, for the motion that a match shares with its
     /// neighbours and the pose does not explain.
     pub near_depth_motion: f64,
-    /// What is other where brightness does not tell distance: under a near light of unknown exposure.
+    /// What is other where brightness does not tell distance: under a near light of unknown
+    /// exposure.
     pub exposure_unknown: ExposureUnknown,
     /// Spread of the smooth log gain over the surface; 0 leaves it out.
     pub smooth_gain: f64,
@@ -55,20 +60,22 @@ pub struct JointOptions {
     pub smooth_length: f64,
     /// Blurs of image and albedo, coarse to fine, as fractions of the image diagonal; at least one.
     pub blurs: Vec<f64>,
-    /// Coarsest blurs by which one frame alone is solved first, to find matches and outline again about that shape, before
-    /// it is solved by the last of them and the finer ones; 0 leaves it out.
+    /// Coarsest blurs by which one frame alone is solved first, to find matches and outline again
+    /// about that shape, before it is solved by the last of them and the finer ones; 0 leaves it
+    /// out.
     pub look_again: usize,
     /// Three samples a face as long as they are no more than this, else one.
     pub max_samples: usize,
-    /// Regions whose movement along the viewing rays is tried the other way, in the last stage but one: coarser ones hide the
-    /// texture that tells them apart.
+    /// Regions whose movement along the viewing rays is tried the other way, in the last stage but
+    /// one: coarser ones hide the texture that tells them apart.
     pub mirrors: usize,
 }
 
-/// What of [`JointOptions`] is other where the light is near and the exposure is not known, and under a
-/// distant light where a frame is followed: a stronger prior holds what brightness cannot tell, and smooth
-/// errors of brightness are a field. Measured where the exposure is known, as what the defaults of
-/// [`JointOptions`] replaced (`docs/results/scenes.md`); other values where it is unknown are not measured.
+/// What of [`JointOptions`] is other where the light is near and the exposure is not known, and
+/// under a distant light where a frame is followed: a stronger prior holds what brightness cannot
+/// tell, and smooth errors of brightness are a field. Measured where the exposure is known, as what
+/// the defaults of [`JointOptions`] replaced (`docs/results/scenes.md`); other values where it is
+/// unknown are not measured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExposureUnknown {
@@ -93,8 +100,8 @@ impl JointOptions {
         Self { prior: PriorWeights { stretch, ..self.prior }, strain, smooth_gain, ..self.clone() }
     }
 
-    /// Those of the look before matches and outline are found again, and of the one after, which begins by the last blur of the
-    /// first; `None` where there is one look.
+    /// Those of the look before matches and outline are found again, and of the one after, which
+    /// begins by the last blur of the first; `None` where there is one look.
     pub(crate) fn looks(&self) -> Option<[Self; 2]> {
         let first = self.look_again.min(self.blurs.len());
         let by = |blurs: &[f64]| Self { blurs: blurs.to_vec(), ..self.clone() };

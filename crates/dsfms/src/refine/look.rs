@@ -43,7 +43,8 @@ pub(super) struct FrameLook<'a> {
     /// Blurred over the pixels that count, each channel over its own.
     pub(super) image: ColorImage,
     albedo: ColorImage,
-    /// Mean albedo times the shading of the shape, blurred likewise; `None` where that is not asked for.
+    /// Mean albedo times the shading of the shape, blurred likewise; `None` where that is not asked
+    /// for.
     diffuse: Option<Plane>,
     support: Plane,
     /// `true` too near to a predicted contour.
@@ -178,8 +179,8 @@ impl<'a> FrameLook<'a> {
         Some(self.photo.camera.project(point)?.pixel)
     }
 
-    /// A pixel of the frame, which `camera` took, in the picture that shading is read from: of a video it is a
-    /// smaller one.
+    /// A pixel of the frame, which `camera` took, in the picture that shading is read from: of a
+    /// video it is a smaller one.
     pub(super) fn of_frame(&self, camera: &CameraModel, pixel: Point2) -> Option<Point2> {
         let own = self.photo.camera;
         if own == camera { Some(pixel) } else { moved(&pixel, own, camera) }

@@ -8,14 +8,15 @@ use crate::geometry::Point3;
 use crate::mesh::Topology;
 use crate::mesh::components::vertex_parts;
 
-/// Of all constants here: `docs/results/choices.md`, both signs. Vertices that moved less than this part of the largest movement belong to no region.
+/// Of all constants here: `docs/results/choices.md`, both signs. Vertices that moved less than this
+/// part of the largest movement belong to no region.
 const CALM: f64 = 0.1;
 
 /// Regions whose largest movement is less than this part of the largest of all are left alone.
 const FAINT: f64 = 0.3;
 
-/// What the movement of a region is multiplied by: its mirror image, and a deeper one, since a solve
-/// that went the wrong way stopped early.
+/// What the movement of a region is multiplied by: its mirror image, and a deeper one, since a
+/// solve that went the wrong way stopped early.
 const FACTORS: [f64; 2] = [-1.0, -3.0];
 
 /// `shape` with the movement along the viewing rays since `start` turned round, one region at a

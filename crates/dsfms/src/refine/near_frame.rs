@@ -9,8 +9,8 @@ use crate::geometry::Point3;
 use crate::register::{Body, Match};
 use crate::template::Exposure;
 
-/// A frame whose shape matches and shading tell together; matches and shapes are those of the mesh of `body` that is
-/// solved on.
+/// A frame whose shape matches and shading tell together; matches and shapes are those of the mesh
+/// of `body` that is solved on.
 pub struct NearFrame<'a> {
     /// The rest shape posed where bending is counted from, and what of it is seen.
     pub body: &'a Body<'a>,
@@ -34,8 +34,8 @@ pub(super) struct Told {
 }
 
 impl Told {
-    /// `exposure`: what is expected of it; `log_gain`: what all samples show; `distant`: the light tells no distance,
-    /// and nothing need take the place of that.
+    /// `exposure`: what is expected of it; `log_gain`: what all samples show; `distant`: the light
+    /// tells no distance, and nothing need take the place of that.
     pub(super) fn of(
         frame: &NearFrame,
         exposure: Option<Exposure>,

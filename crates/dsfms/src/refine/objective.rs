@@ -10,10 +10,11 @@
 //!      + (ln g − ln g₀)² / σ_g² + a² / σ_a²       gain and ambient light of the frame
 //! ```
 //!
-//! `A`, `R`, `Aᵥ` and `Lap` as in eq. 3 ([`register`](crate::register)). `I` is the linear image smoothed, `α` the
-//! albedo of the template smoothed alike, `w` weights of the channels in which glare cancels, `g` the gain
-//! and `a` the ambient light; σ is measured on V′. A depth that is off by its tolerance σ_z costs 1; λ₄, λ₅
-//! and λ₆ weigh a mean over what is seen, whatever the mesh; λₕ = `hidden`.
+//! `A`, `R`, `Aᵥ` and `Lap` as in eq. 3 ([`register`](crate::register)). `I` is the linear image
+//! smoothed, `α` the albedo of the template smoothed alike, `w` weights of the channels in which
+//! glare cancels, `g` the gain and `a` the ambient light; σ is measured on V′. A depth that is off
+//! by its tolerance σ_z costs 1; λ₄, λ₅ and λ₆ weigh a mean over what is seen, whatever the mesh;
+//! λₕ = `hidden`.
 
 use super::RefineOptions;
 use super::evidence::ShadingEvidence;

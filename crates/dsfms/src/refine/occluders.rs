@@ -1,16 +1,17 @@
 //! What lies in front of the organ, told from it by colour: instruments without a mask, gauze, deep
 //! shadow.
 //!
-//! Of the brightness of tissue under white glare, `a·α + g`, the part `a` in the tissue's own colour
-//! is exposure times shading. Metal has little of it beside much white. Tissue has as much as its
-//! shading says, which a shape yet to be found foretells poorly: only what is next to nothing is shadow.
+//! Of the brightness of tissue under white glare, `a·α + g`, the part `a` in the tissue's own
+//! colour is exposure times shading. Metal has little of it beside much white. Tissue has as much
+//! as its shading says, which a shape yet to be found foretells poorly: only what is next to
+//! nothing is shadow.
 
 use crate::geometry::centre_and_spread;
 use crate::image::{ColorImage, Mask, diagonal};
 use rayon::prelude::*;
 
-/// Of all constants here: `docs/results/choices.md`, instruments. Less than this fraction of the coloured part that the shape predicts, beside more white than colour, is
-/// something else.
+/// Of all constants here: `docs/results/choices.md`, instruments. Less than this fraction of the
+/// coloured part that the shape predicts, beside more white than colour, is something else.
 const LITTLE: f64 = 0.5;
 
 /// Less than this fraction of it is nothing of the surface, whatever is beside it.
@@ -33,8 +34,8 @@ const MARGIN: f64 = 0.004;
 
 /// `true` where the image does not show the surface, of tissue that has some colour.
 ///
-/// `albedo` and `shade` as the surface is expected at a pixel; `known`: `true` where they and the image
-/// count.
+/// `albedo` and `shade` as the surface is expected at a pixel; `known`: `true` where they and the
+/// image count.
 pub(super) fn occluders(
     image: &ColorImage,
     albedo: &ColorImage,

@@ -4,11 +4,13 @@ use super::PhotometricModel;
 use crate::options::{OptionError, blurs, check, from_zero, positive};
 use serde::{Deserialize, Serialize};
 
-/// Options of eq. 4, its weights named as the paper names them. λ₄, λ₅ and λ₆ weigh the mean over the vertices
-/// that are seen, in units of one match whose depth is off by its tolerance, so they hold at any mesh resolution.
+/// Options of eq. 4, its weights named as the paper names them. λ₄, λ₅ and λ₆ weigh the mean over
+/// the vertices that are seen, in units of one match whose depth is off by its tolerance, so they
+/// hold at any mesh resolution.
 ///
-/// Measured (`docs/results/ablation`): `lambda_4` a hundred times as large, no `lambda_6`, no `huber`, one of
-/// `rounds`. Other values of these, and of `lambda_5`, `lambda_7`, `hidden`, `depth_hold` and `blur`, are not measured.
+/// Measured (`docs/results/ablation`): `lambda_4` a hundred times as large, no `lambda_6`, no
+/// `huber`, one of `rounds`. Other values of these, and of `lambda_5`, `lambda_7`, `hidden`,
+/// `depth_hold` and `blur`, are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RefineOptions {
@@ -20,8 +22,8 @@ pub struct RefineOptions {
     pub lambda_6: f64,
     /// Smoothing: the Laplacian of the displacement from V′.
     pub lambda_7: f64,
-    /// Weight that holds vertices that are not seen to V′, per visible area, within a twenty-fifth of the
-    /// visible radius.
+    /// Weight that holds vertices that are not seen to V′, per visible area, within a twenty-fifth
+    /// of the visible radius.
     pub hidden: f64,
     /// Tolerance of the matches' depth as a fraction of the visible radius.
     pub depth_hold: f64,
@@ -59,7 +61,8 @@ impl Default for RefineOptions {
 }
 
 impl RefineOptions {
-    /// The same as eq. 4 is printed: grey, and only saturated vertices are left out of the diffuse ones.
+    /// The same as eq. 4 is printed: grey, and only saturated vertices are left out of the diffuse
+    /// ones.
     pub fn as_printed(&self) -> Self {
         let image = PhotometricModel {
             grazing: f64::NEG_INFINITY,

@@ -12,7 +12,8 @@ pub struct Photograph<'a> {
     pub camera: &'a CameraModel,
     /// Linear light.
     pub picture: &'a Picture,
-    /// `true` where the organ may be seen (no instrument, inside the organ's mask or outline if there is one).
+    /// `true` where the organ may be seen (no instrument, inside the organ's mask or outline if
+    /// there is one).
     pub usable: &'a Mask,
     /// Where the organ ends, if a mask or its colours say.
     pub outline: Option<&'a Outline>,

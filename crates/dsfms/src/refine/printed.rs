@@ -8,9 +8,9 @@
 //!      + λ₇ ‖Δ V″‖²                                  (smoothing)
 //! ```
 //!
-//! The paper leaves open the units, which weights of any organ need: depth in tolerances of the visible
-//! radius, brightness in noise of the image, λ₄ to λ₆ shared by the vertices that are seen. It has no exposure:
-//! gain 1 and no ambient light.
+//! The paper leaves open the units, which weights of any organ need: depth in tolerances of the
+//! visible radius, brightness in noise of the image, λ₄ to λ₆ shared by the vertices that are seen.
+//! It has no exposure: gain 1 and no ambient light.
 
 use super::RefineOptions;
 use super::evidence::{ShadingEvidence, gather_on};
@@ -55,8 +55,8 @@ fn objective<'a>(
         .plus("ambient light = 0", 1.0, Squared, GlobalsPrior::of(1, 0.0, FIXED))
 }
 
-/// Solve eq. 4 as printed, from the coarse shape V′; nothing but saturated vertices is left out of the diffuse
-/// ones.
+/// Solve eq. 4 as printed, from the coarse shape V′; nothing but saturated vertices is left out of
+/// the diffuse ones.
 #[doc(alias("eq. 4", "literal"))]
 pub fn refine_printed(
     body: &Body,

@@ -51,8 +51,8 @@ impl Refined {
     }
 }
 
-/// Solve eq. 4 from the coarse shape V′, holding the depth of the matches it was built on; shape and
-/// matches are on the mesh of `body` that is solved on.
+/// Solve eq. 4 from the coarse shape V′, holding the depth of the matches it was built on; shape
+/// and matches are on the mesh of `body` that is solved on.
 #[doc(alias("eq. 4", "photometric refinement"))]
 pub fn refine(
     body: &Body,

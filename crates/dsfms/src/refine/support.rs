@@ -1,11 +1,13 @@
 //! Nothing moves without evidence: how much of a deformation the frame asks for.
 //!
 //! No image model is exact, and thousands of samples bend a surface at rest until the bend explains
-//! what the model leaves out. It explains little. A deformation is kept as far as it brings image and
-//! prediction, or the matches, closer together than the rest shape does: with `E` the mean square of
-//! the log ratio of image and prediction about its median, and `r` the reprojection of the matches,
+//! what the model leaves out. It explains little. A deformation is kept as far as it brings image
+//! and prediction, or the matches, closer together than the rest shape does: with `E` the mean
+//! square of the log ratio of image and prediction about its median, and `r` the reprojection of
+//! the matches,
 //!
-//! `qₛ² = E(rest) / E(moved)`, `qₘ² = (r²(rest) + σ²) / (r²(moved) + σ²)`, share kept = max(rampₛ(qₛ), rampₘ(qₘ)).
+//! `qₛ² = E(rest) / E(moved)`, `qₘ² = (r²(rest) + σ²) / (r²(moved) + σ²)`, share kept =
+//! max(rampₛ(qₛ), rampₘ(qₘ)).
 
 use super::Photograph;
 use super::joint_options::JointOptions;
@@ -25,14 +27,15 @@ struct Ramps {
     matched: [f64; 2],
 }
 
-/// Against rest. On the eight choosing scenes and eleven drawn ones `qₛ` is at most 1.05 at rest, and 1.80 or more in the first
-/// three frames that deform; of the held scenes 15-held-sac has 2.3 at rest (`docs/results/scenes.md`). Matches are more
-/// exact: on 19 scenes at rest `qₘ` is at most 1.081, and in four frames of clips where a push moves 1.1 to 1.6 mm of a sheet
-/// that lies still, and all that is seen fits 1.03 to 1.37 times better, it is 1.13 to 1.41.
+/// Against rest. On the eight choosing scenes and eleven drawn ones `qₛ` is at most 1.05 at rest,
+/// and 1.80 or more in the first three frames that deform; of the held scenes 15-held-sac has 2.3
+/// at rest (`docs/results/scenes.md`). Matches are more exact: on 19 scenes at rest `qₘ` is at most
+/// 1.081, and in four frames of clips where a push moves 1.1 to 1.6 mm of a sheet that lies still,
+/// and all that is seen fits 1.03 to 1.37 times better, it is 1.13 to 1.41.
 const AT_REST: Ramps = Ramps { seen: [1.3, 1.6], matched: [1.08, 1.2] };
 
-/// The same of eq. 4 against eq. 3, which have the motion in common. With the limits of rest eq. 4 is 1.50 mm off in the
-/// zone in place of 1.44 (choosing half, `docs/results/scenes.md`).
+/// The same of eq. 4 against eq. 3, which have the motion in common. With the limits of rest eq. 4
+/// is 1.50 mm off in the zone in place of 1.44 (choosing half, `docs/results/scenes.md`).
 const BEYOND_MOTION: Ramps = Ramps { seen: [1.02, 1.15], matched: [1.02, 1.15] };
 
 /// What shapes are compared by; they and the matches lie on the mesh of `body` that is solved on.
@@ -77,8 +80,8 @@ impl Comparison<'_> {
         }
     }
 
-    /// Mean square of the log ratio of image and prediction about its median; `None` where nothing is
-    /// seen.
+    /// Mean square of the log ratio of image and prediction about its median; `None` where nothing
+    /// is seen.
     fn mean_square(&self, shape: &[Point3]) -> Option<f64> {
         let full = self.body.carried(shape);
         let blur = *self.options.blurs.last()?;

@@ -1,7 +1,7 @@
 //! The joint solve of a frame whose surface is nearly known: that of the previous frame.
 //!
-//! A shape that is right but for what happens in a twenty-fifth of a second needs no coarse blur, no
-//! annealing and no other starts: a few steps at the finest blur, from the last shape, with the
+//! A shape that is right but for what happens in a twenty-fifth of a second needs no coarse blur,
+//! no annealing and no other starts: a few steps at the finest blur, from the last shape, with the
 //! memory of the last solve.
 
 use super::Photograph;
@@ -21,23 +21,24 @@ use serde::{Deserialize, Serialize};
 
 /// Options of the solve from the last shape.
 ///
-/// Measured on clips 21 to 23: `steps`, `max_samples` and `least_blur_px`, together, as the defaults have them and as
-/// [`realtime`](Self::realtime) does (`docs/results/choices.md`); `tolerance` and `reduction` (`docs/performance.md`).
-/// Other values, and those of `blur`, `blurs_after_gap` and `match_px`, are not measured.
+/// Measured on clips 21 to 23: `steps`, `max_samples` and `least_blur_px`, together, as the
+/// defaults have them and as [`realtime`](Self::realtime) does (`docs/results/choices.md`);
+/// `tolerance` and `reduction` (`docs/performance.md`). Other values, and those of `blur`,
+/// `blurs_after_gap` and `match_px`, are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VideoOptions {
     /// Blur of image and albedo, as a fraction of the image diagonal.
     pub blur: f64,
-    /// Blurs before it, coarse to fine, where the last shape is that of many frames ago or the matches moved
-    /// on from it by more than the blur.
+    /// Blurs before it, coarse to fine, where the last shape is that of many frames ago or the
+    /// matches moved on from it by more than the blur.
     pub blurs_after_gap: Vec<f64>,
     /// Steps of the solver at each.
     pub steps: usize,
     /// A step that lowers the cost by less than this part of it is the last.
     pub tolerance: f64,
-    /// The linear systems' residual is reduced by this factor: few good steps, since each costs a new
-    /// linearisation.
+    /// The linear systems' residual is reduced by this factor: few good steps, since each costs a
+    /// new linearisation.
     pub reduction: f64,
     /// Three samples a face as long as they are no more than this, else one.
     pub max_samples: usize,
@@ -139,8 +140,8 @@ pub struct Near<'a> {
     pub gap: bool,
 }
 
-/// Solve motion, prior and shading together, from a shape near the solution. An exposure that is held
-/// and scales the surface is taken for unknown.
+/// Solve motion, prior and shading together, from a shape near the solution. An exposure that is
+/// held and scales the surface is taken for unknown.
 pub fn join_near(
     memory: &mut VideoMemory,
     frame: &NearFrame,
@@ -179,7 +180,8 @@ fn near_told(
     for (blur, match_px) in before.chain([(video.blur, video.match_px)]) {
         let full = body.carried(&state.vertices);
         let look = look(photo, body.full().rest, &full, blur, joint);
-        // Where only the pose puts the matches: a shape that a wrong exposure has moved agrees with it.
+        // Where only the pose puts the matches: a shape that a wrong exposure has moved agrees with
+        // it.
         let at = || AtMatches::of(&look, scene, matches, [posed; 2]);
         let at_matches = told.is_none().then(at).flatten();
         let seen = ImageSamples::of(look, body, &state.vertices, joint);

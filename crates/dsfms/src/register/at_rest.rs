@@ -1,7 +1,9 @@
-//! A camera whose pose is known: it stands where it stood in a view of the exploration, or what lies around the organ shows it.
+//! A camera whose pose is known: it stands where it stood in a view of the exploration, or what
+//! lies around the organ shows it.
 //!
-//! Seen alone, a surface that stretches by 3 % is one that lies 3 % nearer: the rigid pose of its matches is off by
-//! that much of the distance. Where the camera's pose is known, all that the matches share is motion of the tissue.
+//! Seen alone, a surface that stretches by 3 % is one that lies 3 % nearer: the rigid pose of its
+//! matches is off by that much of the distance. Where the camera's pose is known, all that the
+//! matches share is motion of the tissue.
 
 use super::pose::{count_within, median_of, residuals, rest_point};
 use super::{CameraMotion, Match, Posed, RegisterError, RegisterOptions};
@@ -10,11 +12,12 @@ use crate::geometry::{Isometry, Point2, Point3};
 use crate::mesh::Mesh;
 use crate::template::TemplateView;
 
-/// Share of the matches that do not move in the image, from which on the camera is taken to stand: a camera that
-/// moves moves all of them, and nearly always by more than their noise.
+/// Share of the matches that do not move in the image, from which on the camera is taken to stand:
+/// a camera that moves moves all of them, and nearly always by more than their noise.
 const STILL: f64 = 0.25;
-/// Share of those that do not move which lie within half the distance, at least. About the point that a moving
-/// camera leaves in place motion grows with distance, and a quarter would; of matches of 0.7 px noise 0.75 do.
+/// Share of those that do not move which lie within half the distance, at least. About the point
+/// that a moving camera leaves in place motion grows with distance, and a quarter would; of matches
+/// of 0.7 px noise 0.75 do.
 const STILL_WITHIN_HALF: f64 = 0.5;
 
 /// Where the camera may be, whatever the matches on the organ say.
@@ -26,11 +29,12 @@ pub struct KnownPoses<'a> {
     pub around: Option<Isometry>,
 }
 
-/// The rigid pose that matches gave, or a known one that a part of them agrees with while others move, as
-/// [`RegisterOptions::camera_motion`] says. Not in the paper.
+/// The rigid pose that matches gave, or a known one that a part of them agrees with while others
+/// move, as [`RegisterOptions::camera_motion`] says. Not in the paper.
 ///
 /// # Errors
-/// [`RegisterError::NoView`]: the camera is said to be at rest, and a third of the matches agree with no view.
+/// [`RegisterError::NoView`]: the camera is said to be at rest, and a third of the matches agree
+/// with no view.
 pub fn posed_from(
     known: &KnownPoses,
     camera: &CameraModel,

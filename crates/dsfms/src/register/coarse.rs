@@ -22,8 +22,8 @@ pub(super) struct Coarse {
     memory: Box<RegisterMemory>,
 }
 
-/// Meshes of more vertices are first solved on a coarse one: below, making it takes as long as it saves
-/// (`docs/results/solver.md`, as all constants here).
+/// Meshes of more vertices are first solved on a coarse one: below, making it takes as long as it
+/// saves (`docs/results/solver.md`, as all constants here).
 const COARSE_ABOVE: usize = 900;
 
 /// Vertices of the coarsest mesh.
@@ -32,8 +32,8 @@ const COARSE: usize = 300;
 /// Vertices of one mesh for each of the next coarser.
 const RATIO: usize = 16;
 
-/// The next coarser mesh of a scene's template and what is kept of its solves, made where there is none. `None` for
-/// a mesh that is coarse already, or that cannot be made coarser.
+/// The next coarser mesh of a scene's template and what is kept of its solves, made where there is
+/// none. `None` for a mesh that is coarse already, or that cannot be made coarser.
 pub(super) fn coarser<'m>(
     memory: &'m mut Option<Coarse>,
     scene: &Scene,

@@ -17,8 +17,8 @@ use std::borrow::Cow;
 /// Meshes of more vertices are carried by a control mesh: below, it would be hardly coarser.
 pub const CONTROL_ABOVE: usize = 1500;
 
-/// Vertices of a control mesh: on `rendered_scene` the deformed zone is 0.69 mm off, 0.60 mm solved on
-/// all 7,200 vertices, in a ninth of the time (`docs/results/scenes.md`).
+/// Vertices of a control mesh: on `rendered_scene` the deformed zone is 0.69 mm off, 0.60 mm solved
+/// on all 7,200 vertices, in a ninth of the time (`docs/results/scenes.md`).
 const CONTROL: usize = 1000;
 
 /// A control mesh and where the vertices of the full mesh lie on it.
@@ -54,7 +54,8 @@ impl Control {
     }
 }
 
-/// What deforms in one frame: the full mesh as the user has it, and the control mesh that carries it.
+/// What deforms in one frame: the full mesh as the user has it, and the control mesh that carries
+/// it.
 pub struct Body<'a> {
     full: &'a Scene<'a>,
     control: Option<(&'a Control, Scene<'a>)>,
@@ -86,8 +87,8 @@ impl<'a> Body<'a> {
         Self { full, control: None, volume: None, anchor: 0.0 }
     }
 
-    /// The full mesh of the rest shape that `deformable` was made of; `anchor`: how firmly its hidden side
-    /// hangs on its surroundings ([`Volume::extrapolated`]).
+    /// The full mesh of the rest shape that `deformable` was made of; `anchor`: how firmly its
+    /// hidden side hangs on its surroundings ([`Volume::extrapolated`]).
     pub fn new(full: &'a Scene<'a>, deformable: &'a Deformable, anchor: f64) -> Self {
         let on = |control: &'a Control| {
             let Decimated { mesh, kept, .. } = &control.decimated;
@@ -165,8 +166,8 @@ impl<'a> Body<'a> {
         self.control.is_some()
     }
 
-    /// Face and barycentrics, on the mesh that is solved on, of a vertex of the full mesh; `None` of
-    /// one without a face.
+    /// Face and barycentrics, on the mesh that is solved on, of a vertex of the full mesh; `None`
+    /// of one without a face.
     pub fn place(&self, vertex: usize) -> Option<(u32, [f64; 3])> {
         if let Some((control, _)) = &self.control {
             return Some(control.places[vertex]);

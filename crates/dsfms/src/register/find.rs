@@ -15,8 +15,8 @@ use rayon::prelude::*;
 /// with some pose are likely.
 pub const NEEDED: usize = 12;
 
-/// Descriptors within this part of the largest side of the template are of one place, which repeated tissue
-/// must not compete with.
+/// Descriptors within this part of the largest side of the template are of one place, which
+/// repeated tissue must not compete with.
 const ONE_PLACE: f64 = 0.02;
 
 /// Matches kept at most; more only repeat one another.
@@ -44,9 +44,9 @@ impl<'a> Search<'a> {
 
     /// Matches with the features of a frame.
     ///
-    /// A rigid pose with a tolerance of `options.robust_px[0] / 2` finds the part of the frame that is this organ; after
-    /// it, a match is kept when its displacement from the pose agrees with that of its neighbours, so that tissue that
-    /// moved together is kept and a stray match is not.
+    /// A rigid pose with a tolerance of `options.robust_px[0] / 2` finds the part of the frame that
+    /// is this organ; after it, a match is kept when its displacement from the pose agrees with
+    /// that of its neighbours, so that tissue that moved together is kept and a stray match is not.
     ///
     /// # Errors
     /// Fewer than [`NEEDED`] descriptor matches, or fewer than that in agreement with a pose.
@@ -88,8 +88,8 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Largest ratio of the distances to the nearest and second nearest place near where it is expected, and
-/// largest distance: fewer look-alikes compete there than in the whole template.
+/// Largest ratio of the distances to the nearest and second nearest place near where it is
+/// expected, and largest distance: fewer look-alikes compete there than in the whole template.
 const GUIDED: (f32, f32) = (0.9, 0.7);
 
 impl Search<'_> {
@@ -110,8 +110,9 @@ impl Search<'_> {
         Match { face, barycentric, pixel }
     }
 
-    /// Features of the template (indices of [`places`](Self::places)) that `shape` shows, with their pixels: those on faces
-    /// all of whose corners are `visible`. `shape` holds the vertices of `rest` in camera axes.
+    /// Features of the template (indices of [`places`](Self::places)) that `shape` shows, with
+    /// their pixels: those on faces all of whose corners are `visible`. `shape` holds the vertices
+    /// of `rest` in camera axes.
     pub fn expected(
         &self,
         camera: &CameraModel,
@@ -129,9 +130,9 @@ impl Search<'_> {
         all.enumerate().filter_map(one).collect()
     }
 
-    /// Matches with the features of a frame near where the template's are expected: `expected` holds some of
-    /// them (indices of [`places`](Self::places)) with their pixels, `reach` is in px. A match differs from
-    /// where it is expected as its neighbours do.
+    /// Matches with the features of a frame near where the template's are expected: `expected`
+    /// holds some of them (indices of [`places`](Self::places)) with their pixels, `reach` is in
+    /// px. A match differs from where it is expected as its neighbours do.
     pub fn near(&self, seen: &Features2d, expected: &[(u32, Point2)], reach: f64) -> Vec<Match> {
         let (ratio, most) = GUIDED;
         let a = UnitDescriptors::new(&seen.descriptors);
@@ -177,7 +178,8 @@ fn extent(points: &[Point3]) -> f64 {
 const SLACK_PX: f64 = 4.0;
 
 /// Indices whose offset is below `limit` and within a tolerance of the median offset of the eight
-/// nearest others; the tolerance, `slack` px plus a third of that median's length, allows for strain.
+/// nearest others; the tolerance, `slack` px plus a third of that median's length, allows for
+/// strain.
 pub fn agreeing(
     pixels: &[Point2],
     offsets: &[Option<Vector2>],

@@ -1,4 +1,5 @@
-//! DSfM: from one image of the deformed organ and a few matches to a coarse shape (paper §6, eq. 3).
+//! DSfM: from one image of the deformed organ and a few matches to a coarse shape (paper §6, eq.
+//! 3).
 //!
 //! [`pose()`] places the rest shape rigidly, [`register`] deforms it. Every energy is normalised by
 //! noise and by the **visible** area, so one set of weights serves any organ, mesh resolution and

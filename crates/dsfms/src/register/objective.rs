@@ -10,13 +10,14 @@
 //!      + λₕ Σᵥ Aᵥ/A ‖xᵥ − x₀ᵥ‖² / σₕ²          hidden side   vertices that are not seen of x₀
 //! ```
 //!
-//! `x₀` is the rest shape posed by the matches, `A` its visible area, `R = √(A/π)`, `A_f` and `Aᵥ` the areas of
-//! a face and of a vertex, `C = FᵀF` the metric of a face against rest, `d` the displacement that matches
-//! share and the pose does not explain (length; 0 before a camera at rest). ρ is the Geman-McClure loss, annealed; H Huber's.
+//! `x₀` is the rest shape posed by the matches, `A` its visible area, `R = √(A/π)`, `A_f` and `Aᵥ`
+//! the areas of a face and of a vertex, `C = FᵀF` the metric of a face against rest, `d` the
+//! displacement that matches share and the pose does not explain (length; 0 before a camera at
+//! rest). ρ is the Geman-McClure loss, annealed; H Huber's.
 //!
-//! A match that is off by its noise σ costs 1, so `λ = 1/s²` says that a strain `s` of all that is seen costs
-//! as much. λ₁ = λ₂ = `prior.conformal`, λₛ = `prior.stretch`, λ₃ = `prior.smoothing`, λₕ = `prior.hidden`,
-//! h = `depth_hold`. The
+//! A match that is off by its noise σ costs 1, so `λ = 1/s²` says that a strain `s` of all that is
+//! seen costs as much. λ₁ = λ₂ = `prior.conformal`, λₛ = `prior.stretch`, λ₃ = `prior.smoothing`,
+//! λₕ = `prior.hidden`, h = `depth_hold`. The
 //! isometric and as-rigid-as-possible priors take the place of shearing, anisotropy and stretch.
 
 use super::{Match, Prior, RegisterOptions, Scene};
@@ -68,7 +69,8 @@ impl MotionProblem<'_> {
             )
     }
 
-    /// What a shape leaves of matches and strain, by which shapes from different starts are compared.
+    /// What a shape leaves of matches and strain, by which shapes from different starts are
+    /// compared.
     pub(super) fn left(&self, shape: &[Point3]) -> f64 {
         let loss = GemanMcClure(self.options.robust_px[1] / self.options.match_sigma_px);
         let state = Unknowns { vertices: shape.to_vec(), globals: Vec::new() };
@@ -76,8 +78,8 @@ impl MotionProblem<'_> {
         costs.map_or(f64::INFINITY, |costs| costs.iter().sum())
     }
 
-    /// λ₃′: a disc of radius 1 that bulges by `d` has a Laplacian of `8 d` (up to its profile), whose
-    /// expectation the weight should not contradict.
+    /// λ₃′: a disc of radius 1 that bulges by `d` has a Laplacian of `8 d` (up to its profile),
+    /// whose expectation the weight should not contradict.
     fn smoothing_weight(&self) -> f64 {
         let Self { scene, displacement, options, .. } = self;
         let contradiction = (8.0 * (displacement / scene.radius())).powi(2);

@@ -22,21 +22,24 @@ pub enum Prior {
 pub enum CameraMotion {
     /// Its pose is that of the matches.
     Moving,
-    /// Where a quarter of the matches does not move from a view of the exploration, or from where what lies around the organ
-    /// shows the camera, while others do, the camera is there; else its pose is that of the matches.
+    /// Where a quarter of the matches does not move from a view of the exploration, or from where
+    /// what lies around the organ shows the camera, while others do, the camera is there; else its
+    /// pose is that of the matches.
     #[default]
     Auto,
     /// It stands where it stood in one of the views of the exploration.
     AtRest,
 }
 
-/// What the surface keeps of its rest shape, and how firmly. A weight is `1/s²`: a strain `s` of all that is
-/// seen costs as much as one match that is off by its noise. Chosen on the synthetic series and the `choose`
-/// scenes (`docs/results/ablation`, `docs/results/scenes.md`); other values of `hidden` are not measured.
+/// What the surface keeps of its rest shape, and how firmly. A weight is `1/s²`: a strain `s` of
+/// all that is seen costs as much as one match that is off by its noise. Chosen on the synthetic
+/// series and the `choose` scenes (`docs/results/ablation`, `docs/results/scenes.md`); other values
+/// of `hidden` are not measured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PriorWeights {
-    /// What is kept: conformal (angles, the paper), isometric (lengths), or arap (as rigid as possible).
+    /// What is kept: conformal (angles, the paper), isometric (lengths), or arap (as rigid as
+    /// possible).
     pub kind: Prior,
     /// λ₁ and λ₂ of eq. 3: weight of shearing and anisotropy per visible area. The isometric and
     /// as-rigid-as-possible priors take it for all their strain: at small strain they are the
@@ -45,8 +48,8 @@ pub struct PriorWeights {
     /// Weight of the log area ratio per visible area; fixes the scale, which conformality does not.
     /// Unused by the other priors, which fix it themselves.
     pub stretch: f64,
-    /// λ₃ of eq. 3: weight of the Laplacian of the displacement from the posed template; in eq. 3 less where
-    /// matches tell that the surface bends as a whole.
+    /// λ₃ of eq. 3: weight of the Laplacian of the displacement from the posed template; in eq. 3
+    /// less where matches tell that the surface bends as a whole.
     pub smoothing: f64,
     /// Weight that holds vertices that are not seen to the rigid pose, per visible area, within a
     /// twenty-fifth of the visible radius.
@@ -79,9 +82,9 @@ impl PriorWeights {
 
 /// Options of the rigid pose and of eq. 3. Lengths are relative, so they hold in any unit.
 ///
-/// Measured: no annealing of `robust_px` and no `depth_hold` at all (`docs/results/ablation`), `anchor`
-/// (`docs/results/choices.md`). Other values of `match_sigma_px`, `robust_px`, `depth_hold` and
-/// `depth_hold_motion` are not measured.
+/// Measured: no annealing of `robust_px` and no `depth_hold` at all (`docs/results/ablation`),
+/// `anchor` (`docs/results/choices.md`). Other values of `match_sigma_px`, `robust_px`,
+/// `depth_hold` and `depth_hold_motion` are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RegisterOptions {
@@ -100,8 +103,8 @@ pub struct RegisterOptions {
     /// pose does not explain: bending is seen foreshortened.
     pub depth_hold_motion: f64,
     /// How firmly the hidden side hangs on its surroundings, of the stiffness of
-    /// tissue as thick as the organ; what is seen carries it along. Bends ask for less, pushes for more; 0.03 lies
-    /// between (figures: `docs/results/choices.md`).
+    /// tissue as thick as the organ; what is seen carries it along. Bends ask for less, pushes for
+    /// more; 0.03 lies between (figures: `docs/results/choices.md`).
     pub anchor: f64,
 }
 

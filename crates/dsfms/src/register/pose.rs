@@ -91,7 +91,8 @@ pub fn pose(
 /// The rigid pose near a known one (a frame before), which nine in ten matches are not far from.
 ///
 /// # Errors
-/// An option out of its bounds, fewer than four matches, or no pose there that a third of them agree with.
+/// An option out of its bounds, fewer than four matches, or no pose there that a third of them
+/// agree with.
 pub fn pose_near(
     camera: &CameraModel,
     points: &[Point3],

@@ -7,9 +7,10 @@
 //!      + λ₃ ‖Δ V′‖²                        (smoothing)
 //! ```
 //!
-//! The paper leaves open: what `S` and `A` are ([`Shearing`], [`Anisotropy`]), with `S⁰ = A⁰ = 0` for the
-//! rest shape; that λ₁ = λ₂ (`prior.conformal`); and the units, which weights of any organ need: motion in
-//! standard deviations of a match, faces and vertices by their share of the visible area.
+//! The paper leaves open: what `S` and `A` are ([`Shearing`], [`Anisotropy`]), with `S⁰ = A⁰ = 0`
+//! for the rest shape; that λ₁ = λ₂ (`prior.conformal`); and the units, which weights of any organ
+//! need: motion in standard deviations of a match, faces and vertices by their share of the visible
+//! area.
 
 use super::objective::hold;
 use super::solve::{STEPS, TOLERANCE, expected_displacement};

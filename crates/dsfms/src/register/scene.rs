@@ -33,8 +33,8 @@ impl<'a> Scene<'a> {
         Self::seen(camera, rest, posed, visible, Laplacian::new(rest))
     }
 
-    /// The posed rest shape where it is known which vertices the camera sees; `laplacian` is that of
-    /// the rest shape.
+    /// The posed rest shape where it is known which vertices the camera sees; `laplacian` is that
+    /// of the rest shape.
     pub fn seen(
         camera: &'a CameraModel,
         rest: &'a Mesh,

@@ -1,4 +1,5 @@
-//! The solve of eq. 3: rounds where the surface bends as a whole, the annealing of the loss, the coarse start.
+//! The solve of eq. 3: rounds where the surface bends as a whole, the annealing of the loss, the
+//! coarse start.
 
 use super::coarse::{RegisterMemory, coarser, on_coarser};
 use super::objective::{MotionProblem, hold};
@@ -31,8 +32,8 @@ pub fn kept_matches(matches: &[Match], kept: &[bool]) -> Vec<Match> {
 /// Solves at most where matches tell that the surface bends as a whole.
 const ROUNDS: usize = 4;
 
-/// Another round is worth its time where the displacement found is larger than the expected one by this
-/// factor.
+/// Another round is worth its time where the displacement found is larger than the expected one by
+/// this factor.
 const GROWTH: f64 = 1.1;
 
 /// A step that lowers the cost by less than this part of it is the last.
@@ -44,9 +45,9 @@ const COARSE_TOLERANCE: f64 = 1e-4;
 /// Steps under one loss at most: a bound on time.
 pub(super) const STEPS: usize = 15;
 
-/// Solve eq. 3 from the one rigid pose, with what an earlier frame of the same template has left; a memory of another template is
-/// made again. The start of eq. 4 and of the joint solve, whose images judge depth better than the strain between matches
-/// does (`docs/results/scenes.md`).
+/// Solve eq. 3 from the one rigid pose, with what an earlier frame of the same template has left; a
+/// memory of another template is made again. The start of eq. 4 and of the joint solve, whose
+/// images judge depth better than the strain between matches does (`docs/results/scenes.md`).
 pub fn register_in(
     memory: &mut RegisterMemory,
     scene: &Scene,
@@ -85,8 +86,8 @@ pub(super) fn in_rounds(
     Registered::of(scene, matches, state, hold.hypot(displacement), summary, options)
 }
 
-/// Tolerance for the depth of the matches in a frame whose shape is nearly known, length units: that
-/// of [`super::register`], whose rounds the known shape replaces.
+/// Tolerance for the depth of the matches in a frame whose shape is nearly known, length units:
+/// that of [`super::register`], whose rounds the known shape replaces.
 pub fn depth_tolerance(
     scene: &Scene,
     matches: &[Match],
@@ -111,8 +112,8 @@ fn displacement_near(
     displacement.max(displacement_of(scene, matches, near, options))
 }
 
-/// Solve eq. 3 from a shape near the solution (that of the previous frame): the last loss alone, and
-/// no rounds.
+/// Solve eq. 3 from a shape near the solution (that of the previous frame): the last loss alone,
+/// and no rounds.
 pub fn register_near(
     memory: &mut RegisterMemory,
     scene: &Scene,
@@ -180,8 +181,9 @@ impl MotionProblem<'_> {
         self.anneal(&mut memory.workspace, start, losses, tolerance)
     }
 
-    /// The annealing on a mesh of some of the vertices, carried to all of them: it finds the matches
-    /// that count and all but the finest part of the shape. `None` where there is no coarser mesh.
+    /// The annealing on a mesh of some of the vertices, carried to all of them: it finds the
+    /// matches that count and all but the finest part of the shape. `None` where there is no
+    /// coarser mesh.
     fn coarse_start(&self, memory: &mut RegisterMemory, losses: &[Loss]) -> Option<Vec<Point3>> {
         let Self { scene, displacement, options, .. } = *self;
         let (decimated, memory) = coarser(&mut memory.coarse, scene)?;
@@ -234,8 +236,8 @@ fn displacement_of(
     (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
 }
 
-/// A match further from a shape than this many of the last Geman-McClure scales is not explained by it:
-/// nine tenths of the loss are spent there.
+/// A match further from a shape than this many of the last Geman-McClure scales is not explained by
+/// it: nine tenths of the loss are spent there.
 pub(crate) const EXPLAINED: f64 = 3.0;
 
 /// The largest distance in the image at which a match is explained, px.
@@ -261,14 +263,15 @@ pub(super) fn losses_from(coarse: f64, options: &RegisterOptions) -> Vec<Loss> {
     scales.into_iter().map(Loss::GemanMcClure).collect()
 }
 
-/// `d` from what neighbouring matches share in the image and the rigid pose cannot explain, carried to
-/// length units at the depth of the surface.
+/// `d` from what neighbouring matches share in the image and the rigid pose cannot explain, carried
+/// to length units at the depth of the surface.
 pub(super) fn expected_displacement(
     scene: &Scene,
     posed: &Posed,
     options: &RegisterOptions,
 ) -> f64 {
-    // Before a camera at rest it is what tissue moves across the line of sight, and says nothing of depth.
+    // Before a camera at rest it is what tissue moves across the line of sight, and says nothing of
+    // depth.
     if posed.at_rest {
         return 0.0;
     }

@@ -1,9 +1,10 @@
 //! Starts of eq. 3 where the surface bends as a whole and no part of it gives the pose.
 //!
-//! The robust pose settles on the part that most matches agree with: of a sheet that is folded in two on one half, from
-//! which the solve ends beside the answer. Other starts are the pose that all matches agree with best and those of either half
-//! along the two longest axes. Shapes are compared by matches and strain, which tell depth only where matches lie like a net
-//! over what is seen; with few matches there is one start.
+//! The robust pose settles on the part that most matches agree with: of a sheet that is folded in
+//! two on one half, from which the solve ends beside the answer. Other starts are the pose that all
+//! matches agree with best and those of either half along the two longest axes. Shapes are compared
+//! by matches and strain, which tell depth only where matches lie like a net over what is seen;
+//! with few matches there is one start.
 
 use super::coarse::RegisterMemory;
 use super::objective::{MotionProblem, hold};
@@ -15,17 +16,20 @@ use crate::sfm::resection::refine_pose;
 use crate::solver::Loss;
 
 /// Displacement expected at another start, over what its matches share: a pose of all matches hides
-/// most of the bend from them. Conformal error of kinectPaper with 1, 2 and 3: 12.9, 8.8 and 6.7 mm (`docs/results/totem.md`).
+/// most of the bend from them. Conformal error of kinectPaper with 1, 2 and 3: 12.9, 8.8 and 6.7 mm
+/// (`docs/results/totem.md`).
 const HIDDEN_BEND: f64 = 3.0;
 
-/// A place is covered by a match within this part of the radius of what is seen: sixty matches, evenly spread, cover it.
+/// A place is covered by a match within this part of the radius of what is seen: sixty matches,
+/// evenly spread, cover it.
 const NEAR: f64 = 0.15;
 
-/// Share of what is seen that is to be covered: tracks without those of a quarter of the surface cover 0.7 or more, 25 matches
-/// on what hardly moves (choosing scenes) less than this.
+/// Share of what is seen that is to be covered: tracks without those of a quarter of the surface
+/// cover 0.7 or more, 25 matches on what hardly moves (choosing scenes) less than this.
 const COVERED: f64 = 0.6;
 
-/// Coarsest scale of the loss, in residuals that one match in ten exceeds: at the start no match is wrong.
+/// Coarsest scale of the loss, in residuals that one match in ten exceeds: at the start no match is
+/// wrong.
 const ALL_COUNT: f64 = 2.0;
 
 /// Whether matches lie like a net over what is seen, so that the strain between them tells depth.
@@ -46,10 +50,10 @@ fn covered(scene: &Scene, matches: &[Match]) -> bool {
 /// Solve eq. 3 from the rigid pose.
 ///
 /// Where neighbouring matches share a motion that the pose does not explain and that the depth hold
-/// would not allow, the surface bends as a whole and no part of it gives the pose: the solve is then
-/// repeated from the rest shape posed again, with smoothing and depth hold loosened to the motion
-/// found, until that no longer grows; and from other rigid starts, of which the one that leaves least of matches and
-/// strain is taken.
+/// would not allow, the surface bends as a whole and no part of it gives the pose: the solve is
+/// then repeated from the rest shape posed again, with smoothing and depth hold loosened to the
+/// motion found, until that no longer grows; and from other rigid starts, of which the one that
+/// leaves least of matches and strain is taken.
 ///
 /// ```
 /// use dsfms::register::{RegisterOptions, Scene, pose, register};
@@ -94,7 +98,8 @@ struct Sighted<'a> {
     pixels: Vec<Point2>,
 }
 
-/// Of eq. 3 solved from `found` and from every other start the one that leaves least of matches and strain.
+/// Of eq. 3 solved from `found` and from every other start the one that leaves least of matches and
+/// strain.
 fn best_of_starts(
     memory: &mut RegisterMemory,
     scene: &Scene,

@@ -5,8 +5,8 @@ use crate::camera::CameraModel;
 use crate::energy::{AnchorPrior, Arap, Boundary, Motion};
 use crate::geometry::Point3;
 
-/// Expected distance of what is not seen from its reference, of the visible radius: as `depth_hold`, the
-/// tolerance of what is held to the rigid pose.
+/// Expected distance of what is not seen from its reference, of the visible radius: as
+/// `depth_hold`, the tolerance of what is held to the rigid pose.
 const HIDDEN_SPREAD: f64 = 0.04;
 
 impl<'a> Scene<'a> {

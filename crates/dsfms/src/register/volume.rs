@@ -1,21 +1,23 @@
 //! The hidden side moves like tissue: a volumetric prior.
 //!
 //! What a frame shows of an organ carries the rest along: inside a closed surface lies tissue that
-//! resists strain and keeps its volume. The surface and points inside it form a graph whose edges turn as rigidly
-//! as they can (as-rigid-as-possible over a volume, Sorkine and Alexa 2007) while the neighbourhood of every point
-//! changes its volume as little as it can, with what is seen held where it was found, and what is not held weakly to the
-//! rigid pose, since organs hang on their surroundings:
+//! resists strain and keeps its volume. The surface and points inside it form a graph whose edges
+//! turn as rigidly as they can (as-rigid-as-possible over a volume, Sorkine and Alexa 2007) while
+//! the neighbourhood of every point changes its volume as little as it can, with what is seen held
+//! where it was found, and what is not held weakly to the rigid pose, since organs hang on their
+//! surroundings:
 //!
 //! ```text
 //! Σᵢ Σⱼ (‖(xⱼ − xᵢ) − R̄ᵢⱼ(pⱼ − pᵢ)‖² + κ ‖(xⱼ − xᵢ) − Ūᵢⱼ(pⱼ − pᵢ)‖²) / (1 + κ)
 //!     + SEEN Σ_seen ‖xᵢ − sᵢ‖² + α Σ_hidden ‖xᵢ − pᵢ‖²
 //! ```
 //!
-//! `R` is the rotation and `U` the matrix of determinant 1 that is nearest to the map of a point's edges, a bar the mean of an
-//! edge's ends. Maps and points are found in turns (projective dynamics, Bouaziz et al. 2014).
-//! Inside is what the surface winds about by more than half (the generalised winding number, Jacobson et al. 2013), so that
-//! an open surface has an inside too, as deep as it is hollow. A sheet has none, and its stretch and bending carry what is
-//! not seen of it.
+//! `R` is the rotation and `U` the matrix of determinant 1 that is nearest to the map of a point's
+//! edges, a bar the mean of an edge's ends. Maps and points are found in turns (projective
+//! dynamics, Bouaziz et al. 2014). Inside is what the surface winds about by more than half (the
+//! generalised winding number, Jacobson et al. 2013), so that an open surface has an inside too, as
+//! deep as it is hollow. A sheet has none, and its stretch and bending carry what is not seen of
+//! it.
 
 use crate::geometry::{Neighbours, Point3, Vector3, align_rigid, bounding_box, scatter};
 use crate::mesh::Mesh;
@@ -26,41 +28,45 @@ use rayon::prelude::*;
 /// Edges of every point to its nearest: on a body-centred grid 8 and 6.
 const EDGES: usize = 14;
 
-/// Points along the shortest side of the bounding box, at most: the hidden side is as smooth as what
-/// carries it.
+/// Points along the shortest side of the bounding box, at most: the hidden side is as smooth as
+/// what carries it.
 const ACROSS: f64 = 10.0;
 
-/// Cells of the grid over the bounding box, at most: a bound on the work, since a thin shell is long and wide. A box of
-/// 3 to 3 to 1 has 9,000.
+/// Cells of the grid over the bounding box, at most: a bound on the work, since a thin shell is
+/// long and wide. A box of 3 to 3 to 1 has 9,000.
 const CELLS: f64 = 2e4;
 
-/// Fewer points inside are no volume but a sheet that is a little bent; organs have several hundred.
+/// Fewer points inside are no volume but a sheet that is a little bent; organs have several
+/// hundred.
 const LEAST: usize = 50;
 
 /// Weight of a seen vertex, of one edge.
 const SEEN: f64 = 100.0;
 
-/// `κ`: how much more tissue resists a change of volume than one of shape. With the seen side of nine drawn scenes at the
-/// truth 1.10 mm of the hidden zone are left without, 0.86 with 4, 0.83 with 10, which takes more rounds.
+/// `κ`: how much more tissue resists a change of volume than one of shape. With the seen side of
+/// nine drawn scenes at the truth 1.10 mm of the hidden zone are left without, 0.86 with 4, 0.83
+/// with 10, which takes more rounds.
 const VOLUME: f64 = 4.0;
 
 /// Rounds of finding maps and points at most; 9 to 18 were needed (`docs/results/choices.md`).
 const ROUNDS: usize = 60;
 
-/// A round that moves no point by more than this part of the spacing inside is the last. Stopped at 0.01, or after 60
-/// rounds without acceleration, the hidden zone is 0.95 mm off in place of 0.86.
+/// A round that moves no point by more than this part of the spacing inside is the last. Stopped at
+/// 0.01, or after 60 rounds without acceleration, the hidden zone is 0.95 mm off in place of 0.86.
 const SETTLED: f64 = 2e-3;
 
 /// Newton's steps towards determinant 1: two take a scale of 1.1 to one of 1.0001.
 const NEWTON_STEPS: usize = 2;
 
-/// The longest step along the gradient of the determinant: a map that is nearly flat has hardly any gradient.
+/// The longest step along the gradient of the determinant: a map that is nearly flat has hardly any
+/// gradient.
 const LONGEST_STEP: f64 = 0.5;
 
 /// Newton's steps towards a rotation at most: a map that stretches one way tenfold takes six.
 const POLAR_STEPS: usize = 12;
 
-/// Less determinant, of a matrix whose entries have a sum of squares of 1, is nearly flat: a rotation has 0.19.
+/// Less determinant, of a matrix whose entries have a sum of squares of 1, is nearly flat: a
+/// rotation has 0.19.
 const FLAT: f64 = 1e-3;
 
 /// A rest surface and what lies inside.
@@ -76,8 +82,8 @@ pub struct Volume {
 }
 
 impl Volume {
-    /// The volume behind a rest surface (template frame, any unit): what lies in a closed one, or in the hollow of an open
-    /// one. `None` where there is hardly any.
+    /// The volume behind a rest surface (template frame, any unit): what lies in a closed one, or
+    /// in the hollow of an open one. `None` where there is hardly any.
     pub fn of(mesh: &Mesh) -> Option<Self> {
         let axes = own_axes(&mesh.positions);
         let own: Vec<Point3> =
@@ -106,10 +112,10 @@ impl Volume {
         Some(Self { points, edges, surface: mesh.positions.len(), spacing })
     }
 
-    /// `shape` with what is not `seen` carried along by what is. `posed`: the rest surface where the
-    /// rigid pose puts it (all camera axes). `anchor`: how firmly the hidden side hangs on its
-    /// surroundings, of the stiffness of tissue as thick as the organ. `None` where nothing holds the
-    /// volume.
+    /// `shape` with what is not `seen` carried along by what is. `posed`: the rest surface where
+    /// the rigid pose puts it (all camera axes). `anchor`: how firmly the hidden side hangs on its
+    /// surroundings, of the stiffness of tissue as thick as the organ. `None` where nothing holds
+    /// the volume.
     pub fn extrapolated(
         &self,
         posed: &[Point3],
@@ -168,8 +174,8 @@ impl Volume {
         ScalarCholesky::new(self.points.len(), &diagonal.chain(edges).collect::<Vec<_>>())
     }
 
-    /// One round: the maps of every point, then the coordinates of the points for these maps, one point after the other.
-    /// `held`: what holds a surface point, times its weight.
+    /// One round: the maps of every point, then the coordinates of the points for these maps, one
+    /// point after the other. `held`: what holds a surface point, times its weight.
     fn relaxed(
         &self,
         rest: &[Point3],
@@ -193,7 +199,8 @@ impl Volume {
         Some((0..now.len()).flat_map(|i| [x[i], y[i], z[i]]).collect())
     }
 
-    /// What every point's edges should have become: between the nearest rotation and the nearest map that keeps the volume.
+    /// What every point's edges should have become: between the nearest rotation and the nearest
+    /// map that keeps the volume.
     fn maps(&self, rest: &[Point3], now: &[Point3], spread: &[Matrix3<f64>]) -> Vec<Matrix3<f64>> {
         let sums = self.sums(rest, now).into_par_iter().zip(spread);
         let map = |(sum, spread): (Matrix3<f64>, &Matrix3<f64>)| {
@@ -229,7 +236,8 @@ fn flat(points: &[Point3]) -> Vec<f64> {
     points.iter().flat_map(|p| [p.x, p.y, p.z]).collect()
 }
 
-/// The matrix of determinant 1 nearest to one, by Newton's steps along the gradient of the determinant.
+/// The matrix of determinant 1 nearest to one, by Newton's steps along the gradient of the
+/// determinant.
 fn unimodular(mut m: Matrix3<f64>) -> Matrix3<f64> {
     for _ in 0..NEWTON_STEPS {
         let gradient = cofactors(&m);
@@ -253,8 +261,8 @@ fn rotation(m: Matrix3<f64>) -> Matrix3<f64> {
     })
 }
 
-/// The same by Newton's iteration, its determinant scaled to 1 (Higham 1986): less work than an SVD. `None` of a matrix that
-/// turns inside out or is nearly flat.
+/// The same by Newton's iteration, its determinant scaled to 1 (Higham 1986): less work than an
+/// SVD. `None` of a matrix that turns inside out or is nearly flat.
 fn polar(m: Matrix3<f64>) -> Option<Matrix3<f64>> {
     let mut r = m / m.norm();
     for _ in 0..POLAR_STEPS {
@@ -281,13 +289,15 @@ fn cofactors(m: &Matrix3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&[b.cross(&c), c.cross(&a), a.cross(&b)])
 }
 
-/// Directions in which points are spread (columns, in no order): what is made along them turns with the points.
+/// Directions in which points are spread (columns, in no order): what is made along them turns with
+/// the points.
 fn own_axes(points: &[Point3]) -> Matrix3<f64> {
     scatter(points.iter().copied()).1.symmetric_eigen().eigenvectors
 }
 
-/// Points of a body-centred cubic grid inside a surface, one in `spacing³` and none nearer to a vertex than half a spacing. It
-/// looks the same from both ends of every axis, and each of its points has 14 neighbours nearer than the others.
+/// Points of a body-centred cubic grid inside a surface, one in `spacing³` and none nearer to a
+/// vertex than half a spacing. It looks the same from both ends of every axis, and each of its
+/// points has 14 neighbours nearer than the others.
 fn inside(mesh: &Mesh, low: Point3, high: Point3, spacing: f64) -> Vec<Point3> {
     let (side, middle) = (2.0_f64.cbrt() * spacing, nalgebra::center(&low, &high));
     let reach = [0, 1, 2].map(|c| (0.5 * (high[c] - low[c]) / side).ceil() as i64);
@@ -303,7 +313,8 @@ fn inside(mesh: &Mesh, low: Point3, high: Point3, spacing: f64) -> Vec<Point3> {
     all.filter(|p| winding(mesh, p).abs() > 0.5 && free(p)).collect()
 }
 
-/// Winding number of a surface about a point (van Oosterom and Strackee 1983): of a closed one 0 outside.
+/// Winding number of a surface about a point (van Oosterom and Strackee 1983): of a closed one 0
+/// outside.
 fn winding(mesh: &Mesh, point: &Point3) -> f64 {
     let solid_angle = |face: usize| {
         let [a, b, c] = mesh.corners(face).map(|p| p - point);

@@ -7,9 +7,9 @@
 //!
 //! Levenberg–Marquardt; points or poses, whichever leaves the smaller system, are eliminated (Schur
 //! complement) and the reduced system is dense, which suits up to about 200 views or 400 points.
-//! Gauge: fixed views hold the frame; the scale, when fewer than two are fixed, is held by the damping
-//! alone. All sums run over a fixed partition in a fixed order, so the result has the same bits at any
-//! number of threads.
+//! Gauge: fixed views hold the frame; the scale, when fewer than two are fixed, is held by the
+//! damping alone. All sums run over a fixed partition in a fixed order, so the result has the same
+//! bits at any number of threads.
 
 mod covariance;
 mod problem;
@@ -29,7 +29,8 @@ use rayon::prelude::*;
 /// Minimise the bundle's cost in place; never returns a state that costs more than the start.
 ///
 /// # Errors
-/// An option out of its bounds, a bundle without observations, with indices that do not exist, or with points behind their cameras.
+/// An option out of its bounds, a bundle without observations, with indices that do not exist, or
+/// with points behind their cameras.
 #[doc(alias("bundle adjustment", "BA"))]
 pub fn adjust(bundle: &mut Bundle, options: &BundleOptions) -> Result<Summary, BundleError> {
     options.validate()?;

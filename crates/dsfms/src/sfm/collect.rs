@@ -7,7 +7,8 @@ use crate::image::Frame;
 
 /// World axes of the first registered camera, median depth 50.
 pub(super) fn normalise(map: &mut Map, first: usize) {
-    /// About the mm at which a laparoscope looks, so that lengths read alike with and without a scale.
+    /// About the mm at which a laparoscope looks, so that lengths read alike with and without a
+    /// scale.
     const MEDIAN_DEPTH: f64 = 50.0;
     if let Some(pose) = map.poses[first] {
         map.poses.iter_mut().flatten().for_each(|p| *p *= pose.inverse());

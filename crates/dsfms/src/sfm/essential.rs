@@ -159,8 +159,8 @@ fn decompose(e: &Matrix3<f64>, a: &[Vector3], b: &[Vector3], threshold: f64) -> 
     best.map(|(_, pose)| pose)
 }
 
-/// Least squares of the weighted epipolar angles over rotation (3) and direction of translation (2).
-/// The denominator of the residual is held during a step (a dropped derivative of second order
+/// Least squares of the weighted epipolar angles over rotation (3) and direction of translation
+/// (2). The denominator of the residual is held during a step (a dropped derivative of second order
 /// in the residual).
 fn refine(pose: &Isometry, a: &[Vector3], b: &[Vector3], loss: &Magsac) -> Isometry {
     let options =
@@ -257,8 +257,8 @@ mod tests {
 
     #[test]
     fn among_many_outliers_a_generous_threshold_does_less_harm_than_under_a_truncated_quadratic() {
-        // The angle deviates by 0.9e-4 rad, as one of the two sightlines has noise; 2.6 of these are the
-        // right threshold.
+        // The angle deviates by 0.9e-4 rad, as one of the two sightlines has noise; 2.6 of these
+        // are the right threshold.
         let error = |loss: fn(f64) -> Magsac, factor: f64| {
             let of_seed = |seed: u64| {
                 let (truth, a, b) = scene(seed, 3, 5);

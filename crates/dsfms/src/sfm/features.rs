@@ -7,8 +7,8 @@ use crate::image::exposure::saturation;
 use crate::image::filter::blur;
 use crate::image::{Frame, Mask, Plane, clahe};
 
-/// Keypoints of one frame; all vectors have the same length, but for the descriptors where corners were
-/// followed.
+/// Keypoints of one frame; all vectors have the same length, but for the descriptors where corners
+/// were followed.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Features2d {
     /// Positions, px.

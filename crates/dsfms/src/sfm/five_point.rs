@@ -1,11 +1,11 @@
-//! Essential matrices of five pairs of sightlines: the minimal samples of the paper's §4. The cubics of
-//! Nistér 2004, solved by the eigenvectors of an action matrix (Stewénius, Engels, Nistér 2006), which
-//! keeps digits at narrow baselines that the roots of a polynomial of degree 10 lose.
+//! Essential matrices of five pairs of sightlines: the minimal samples of the paper's §4. The
+//! cubics of Nistér 2004, solved by the eigenvectors of an action matrix (Stewénius, Engels, Nistér
+//! 2006), which keeps digits at narrow baselines that the roots of a polynomial of degree 10 lose.
 //!
 //! Five pairs leave `E = xX + yY + zZ + W`. A matrix is essential where `det E = 0` and
-//! `E Eᵀ E = ½ tr(E Eᵀ) E`: ten cubics in `(x, y, z)`. They tell the ten monomials of degree 3 by the
-//! ten of less; what multiplication by `z` makes of the latter is a matrix whose eigenvectors hold the
-//! solutions.
+//! `E Eᵀ E = ½ tr(E Eᵀ) E`: ten cubics in `(x, y, z)`. They tell the ten monomials of degree 3 by
+//! the ten of less; what multiplication by `z` makes of the latter is a matrix whose eigenvectors
+//! hold the solutions.
 
 use crate::geometry::Vector3;
 use nalgebra::{Matrix3, SMatrix, SVector, Schur};
@@ -90,8 +90,8 @@ fn cubic(p: &Linear) -> Cubic {
     sum
 }
 
-/// Essential matrices `E` of norm 1 with `bᵢᵀ E aᵢ = 0` for five pairs of sightlines of any length but
-/// 0: at most ten, none where the pairs leave more than a finite number.
+/// Essential matrices `E` of norm 1 with `bᵢᵀ E aᵢ = 0` for five pairs of sightlines of any length
+/// but 0: at most ten, none where the pairs leave more than a finite number.
 pub(super) fn five_point(a: &[Vector3; 5], b: &[Vector3; 5]) -> Vec<Matrix3<f64>> {
     let basis = null_space(a, b);
     let constraints = constraints(&basis);
@@ -111,8 +111,8 @@ fn null_space(a: &[Vector3; 5], b: &[Vector3; 5]) -> [Matrix3<f64>; 4] {
         let row = b.normalize() * a.normalize().transpose();
         rows.column_mut(i).copy_from_slice(row.as_slice());
     }
-    // The last four columns are zero: of an orthonormal basis whose first five columns span the rows
-    // they hold the complement.
+    // The last four columns are zero: of an orthonormal basis whose first five columns span the
+    // rows they hold the complement.
     let q = rows.qr().q();
     std::array::from_fn(|k| Matrix3::from_column_slice(q.column(5 + k).as_slice()))
 }
@@ -151,8 +151,8 @@ fn constraints(basis: &[Matrix3<f64>; 4]) -> SMatrix<f64, 10, 20> {
     rows
 }
 
-/// Multiplication by `z` of the ten monomials of degree 2 at most, where the ten cubics hold. `None` where
-/// the cubics are dependent.
+/// Multiplication by `z` of the ten monomials of degree 2 at most, where the ten cubics hold.
+/// `None` where the cubics are dependent.
 fn action_of_z(constraints: &SMatrix<f64, 10, 20>) -> Option<SMatrix<f64, 10, 10>> {
     let highest = constraints.fixed_columns::<10>(0).into_owned();
     let rest = highest.lu().solve(&constraints.fixed_columns::<10>(10).into_owned())?;
@@ -168,8 +168,8 @@ fn action_of_z(constraints: &SMatrix<f64, 10, 20>) -> Option<SMatrix<f64, 10, 10
 
 /// Real eigenvalues, and the real parts of pairs that rounding has pushed off the axis.
 fn real_eigenvalues(action: &SMatrix<f64, 10, 10>) -> Vec<f64> {
-    /// Largest imaginary part of a real eigenvalue, relative: neighbouring roots are off by the square
-    /// root of the rounding. What is none does not pass as essential after polishing.
+    /// Largest imaginary part of a real eigenvalue, relative: neighbouring roots are off by the
+    /// square root of the rounding. What is none does not pass as essential after polishing.
     const IMAGINARY: f64 = 1e-4;
     const MAX_STEPS: usize = 500;
     let Some(schur) = Schur::try_new(*action, f64::EPSILON, MAX_STEPS) else { return Vec::new() };
@@ -318,7 +318,8 @@ mod tests {
     #[test]
     fn degenerate_pairs_do_no_harm() {
         let ray = Vector3::new(0.1, 0.2, 1.0);
-        // One pair five times over: infinitely many matrices fit, and any that comes is one of them.
+        // One pair five times over: infinitely many matrices fit, and any that comes is one of
+        // them.
         for e in five_point(&[ray; 5], &[ray; 5]) {
             assert!(ray.dot(&(e * ray)).abs() < 1e-9);
         }

@@ -1,5 +1,6 @@
 //! Corners followed by optical flow from frame to frame, where features are few: on smooth tissue
-//! descriptors say little, but a patch of it is where its neighbour frame shows the same faint pattern.
+//! descriptors say little, but a patch of it is where its neighbour frame shows the same faint
+//! pattern.
 
 use super::SfmOptions;
 use super::features::{Features2d, highlights, local_contrast};
@@ -30,12 +31,12 @@ const REACH: f64 = 0.125;
 /// Followed forth and back a corner must return to within this, px.
 const MAX_RETURN_PX: f64 = 0.5;
 
-/// Least normalised cross-correlation of the two patches; noise and quantisation leave little of it where
-/// texture is faint, and the epipolar geometry has the last word.
+/// Least normalised cross-correlation of the two patches; noise and quantisation leave little of it
+/// where texture is faint, and the epipolar geometry has the last word.
 const LEAST_ALIKE: f64 = 0.6;
 
-/// Standard deviation of a Gaussian as wide as a patch (17 px / √12), px: a followed corner counts as
-/// much as a feature of that scale.
+/// Standard deviation of a Gaussian as wide as a patch (17 px / √12), px: a followed corner counts
+/// as much as a feature of that scale.
 const SCALE: f32 = 4.9;
 
 /// A corner in one frame after another.
@@ -47,8 +48,8 @@ pub(super) struct Followed {
     pub pixels: Vec<Point2>,
 }
 
-/// Follow corners through every run of neighbouring frames with fewer than `options.flow_below` verified
-/// matches; nothing where there are enough.
+/// Follow corners through every run of neighbouring frames with fewer than `options.flow_below`
+/// verified matches; nothing where there are enough.
 pub(super) fn follow_where_few(
     frames: &[Frame],
     areas: &ValidAreas,
@@ -112,7 +113,8 @@ fn step(tracks: &mut Vec<Followed>, a: usize, from: &FollowedFrame, to: &Followe
     });
 }
 
-/// Where the patch about a place of one frame is in the next; `None` where it is not the same patch.
+/// Where the patch about a place of one frame is in the next; `None` where it is not the same
+/// patch.
 fn next(from: &FollowedFrame, to: &FollowedFrame, at: Point2) -> Option<Point2> {
     let found = sought(&from.pyramid, &to.pyramid, at)?;
     whole(&to.usable, found).then_some(())?;
@@ -132,8 +134,9 @@ fn sought(from: &Pyramid, to: &Pyramid, at: Point2) -> Option<Point2> {
     follow(from, to, at, at + (found - centre) * scale)
 }
 
-/// Give the tracks to the features of their frames, and verify every pair within the window that shares
-/// enough of them again, with its descriptors' matches. Returns the tracks' verified matches.
+/// Give the tracks to the features of their frames, and verify every pair within the window that
+/// shares enough of them again, with its descriptors' matches. Returns the tracks' verified
+/// matches.
 pub(super) fn join(
     tracks: &[Followed],
     camera: &CameraModel,
@@ -208,7 +211,8 @@ mod tests {
     /// From frame to frame, px.
     const MOTION: [f64; 2] = [4.3, -2.6];
 
-    /// Smooth noise of lattice values, -0.5 to 0.5, as fine over the width as the texture of tissue is.
+    /// Smooth noise of lattice values, -0.5 to 0.5, as fine over the width as the texture of tissue
+    /// is.
     fn noise(x: f64, y: f64) -> f64 {
         let value = |i: f64, j: f64| {
             let seed = (i as i64 + 1000) as u64 * 5000 + (j as i64 + 1000) as u64;

@@ -44,7 +44,8 @@ pub(super) fn check_input(
     check_sizes(frames, masks, camera)
 }
 
-/// Check the camera, that frames and masks are of its size, and that there is a mask for each frame or none at all.
+/// Check the camera, that frames and masks are of its size, and that there is a mask for each frame
+/// or none at all.
 pub(crate) fn check_sizes(
     frames: &[Frame],
     masks: &[Option<Mask>],

@@ -18,12 +18,12 @@ const STARTS: usize = 4;
 /// Pairs that are tried for it.
 const TRIED: usize = 40;
 
-/// Grow models from the best pairs among the `allowed` views, and keep the one in which most sightings
-/// agree; `None` when no pair starts one.
+/// Grow models from the best pairs among the `allowed` views, and keep the one in which most
+/// sightings agree; `None` when no pair starts one.
 ///
-/// Frames of narrow parallax leave two answers that differ little in error, one nearly the other with near
-/// and far exchanged. Which of them a single pair starts is chance; over all frames the right one explains
-/// more.
+/// Frames of narrow parallax leave two answers that differ little in error, one nearly the other
+/// with near and far exchanged. Which of them a single pair starts is chance; over all frames the
+/// right one explains more.
 pub(super) fn grow<'a>(
     camera: &CameraModel,
     features: &'a [Features2d],
@@ -202,8 +202,8 @@ mod tests {
         (0..POINTS).map(|_| Point3::new(24.0 * unit(), 24.0 * unit(), 10.0 * unit())).collect()
     }
 
-    /// The motion that exchanges near and far: of a scene of little depth it explains two views nearly
-    /// as well as the true one.
+    /// The motion that exchanges near and far: of a scene of little depth it explains two views
+    /// nearly as well as the true one.
     fn reversed(motion: &Isometry) -> Isometry {
         let flip = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0));
         let turned = flip * motion.rotation.to_rotation_matrix().matrix() * flip;

@@ -1,4 +1,5 @@
-//! Whether values that were kept are such as the stages make: every index is of something that is there.
+//! Whether values that were kept are such as the stages make: every index is of something that is
+//! there.
 
 use super::features::Features2d;
 use super::followed::Followed;

@@ -23,7 +23,8 @@ use crate::solver::Loss;
 /// `poses`: `camera_from_world` per frame, `None` for frames to leave out.
 ///
 /// # Errors
-/// Input that cannot belong together (counts, sizes, camera), options out of range, or too few frames with features.
+/// Input that cannot belong together (counts, sizes, camera), options out of range, or too few
+/// frames with features.
 pub(crate) fn triangulate_known(
     frames: &[Frame],
     masks: &[Option<Mask>],

@@ -2,16 +2,18 @@
 //! and Matas, CVPR 2020).
 //!
 //! The deviation σ of the noise may be anything up to `σ_max`, all equally likely. At a given σ the
-//! residual of an inlier is χ-distributed with `n` degrees of freedom, cut at its 0.99 quantile `kσ`.
-//! Marginalised over σ, with `a = (n−1)/2`, `x = r²/(2σ_max²)` and `K = k²/2`, up to a factor:
+//! residual of an inlier is χ-distributed with `n` degrees of freedom, cut at its 0.99 quantile
+//! `kσ`. Marginalised over σ, with `a = (n−1)/2`, `x = r²/(2σ_max²)` and `K = k²/2`, up to a
+//! factor:
 //!
 //! ```text
 //! w(r) = Γ(a, x) − Γ(a, K)                     weight of iteratively reweighted least squares
 //! ρ(r) = ∫₀ʳ t·w(t) dt ∝ γ(a+1, x) + x·w(r)    loss;  from r = kσ_max on: w = 0, ρ = γ(a+1, K)
 //! ```
 //!
-//! The threshold of the caller is `kσ_max`, the largest residual of an inlier. Small residuals count
-//! for more than under a truncated quadratic, so a threshold that is too generous does little harm.
+//! The threshold of the caller is `kσ_max`, the largest residual of an inlier. Small residuals
+//! count for more than under a truncated quadratic, so a threshold that is too generous does little
+//! harm.
 
 use std::sync::LazyLock;
 
@@ -72,8 +74,8 @@ impl Magsac {
     }
 }
 
-/// Loss and weight (per cell) at the rims of the cells; in between the weight is linear and the loss
-/// its integral, so that one is exactly the derivative of the other.
+/// Loss and weight (per cell) at the rims of the cells; in between the weight is linear and the
+/// loss its integral, so that one is exactly the derivative of the other.
 #[derive(Debug)]
 struct LossTable(Vec<[f64; 2]>);
 
@@ -145,8 +147,8 @@ mod tests {
         [(Magsac::epipolar(3.0), 1, 6.634_896_6), (Magsac::reprojection(3.0), 2, 9.210_340_4)]
     }
 
-    /// `w(r)` before its factor: the density of a residual of noise σ, `∝ σ⁻ⁿ rⁿ⁻¹ exp(−r²/2σ²)`, over
-    /// `r ∝ rⁿ⁻¹`, averaged over the σ for which `r` is within its quantile (midpoint rule).
+    /// `w(r)` before its factor: the density of a residual of noise σ, `∝ σ⁻ⁿ rⁿ⁻¹ exp(−r²/2σ²)`,
+    /// over `r ∝ rⁿ⁻¹`, averaged over the σ for which `r` is within its quantile (midpoint rule).
     fn marginal(r: f64, n: i32, k_squared: f64) -> f64 {
         let (low, high) = (r / k_squared.sqrt(), 3.0 / k_squared.sqrt());
         let steps = 4000;

@@ -74,7 +74,8 @@ pub(crate) fn product(a: &[f32], b: &[f32]) -> f32 {
     sums.iter().sum()
 }
 
-/// Largest and second largest product so far, and where the largest is, of [`LANES`] rows or columns.
+/// Largest and second largest product so far, and where the largest is, of [`LANES`] rows or
+/// columns.
 #[derive(Clone, Copy)]
 struct TwoBest {
     index: [u32; LANES],
@@ -107,8 +108,8 @@ impl TwoBest {
     }
 }
 
-/// Nearest and second nearest column of one row: `(index, product)` and the second's product. Of equal
-/// products the first is the nearest.
+/// Nearest and second nearest column of one row: `(index, product)` and the second's product. Of
+/// equal products the first is the nearest.
 fn two_best(row: &[f32]) -> (usize, f32, f32) {
     let (mut index, mut best, mut second) = (usize::MAX, f32::MIN, f32::MIN);
     for (block, values) in row.chunks(LANES).enumerate() {

@@ -13,8 +13,9 @@ pub(super) const LAST_LOSS: Loss = Loss::GemanMcClure(1.0);
 /// triangulation with known poses. The defaults suit laparoscopic frames of
 /// 480 to 1080 rows.
 ///
-/// Measured: `local_contrast` and `flow_below` (`docs/results/template.md`, faint texture), and thresholds of the
-/// scores by themselves (`docs/results/choices.md`, template). Other values of the rest are not measured.
+/// Measured: `local_contrast` and `flow_below` (`docs/results/template.md`, faint texture), and
+/// thresholds of the scores by themselves (`docs/results/choices.md`, template). Other values of
+/// the rest are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SfmOptions {
@@ -65,8 +66,9 @@ pub struct SfmOptions {
     pub min_parallax_deg: f64,
     /// Match again along epipolar lines once the poses are known.
     pub guided: bool,
-    /// Between neighbouring frames with fewer verified matches than this, corners are followed by optical
-    /// flow too; 0 = never. Four times `min_matches` by default: fewer are lost on the way to a pose.
+    /// Between neighbouring frames with fewer verified matches than this, corners are followed by
+    /// optical flow too; 0 = never. Four times `min_matches` by default: fewer are lost on the way
+    /// to a pose.
     pub flow_below: usize,
 }
 
@@ -74,7 +76,8 @@ pub struct SfmOptions {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LocalContrast {
-    /// In a second attempt, where the first leaves out frames; the attempt that registers more stays.
+    /// In a second attempt, where the first leaves out frames; the attempt that registers more
+    /// stays.
     #[default]
     WhereNeeded,
     /// From the start.
@@ -145,8 +148,9 @@ impl SfmOptions {
         ])
     }
 
-    /// By which features of a single frame are found and compared with those of a template: always the defaults, since
-    /// a template does not say by which its own were found, and other frames of it must give the same matches.
+    /// By which features of a single frame are found and compared with those of a template: always
+    /// the defaults, since a template does not say by which its own were found, and other frames of
+    /// it must give the same matches.
     pub(crate) fn of_frames() -> Self {
         Self::default()
     }

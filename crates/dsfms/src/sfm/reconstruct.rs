@@ -29,8 +29,8 @@ use crate::solver::Loss;
 /// be reconstructed.
 ///
 /// # Errors
-/// Input that cannot belong together (counts, sizes, camera), options out of range, too few usable frames, or no
-/// two that see the same from different places.
+/// Input that cannot belong together (counts, sizes, camera), options out of range, too few usable
+/// frames, or no two that see the same from different places.
 #[doc(alias("SfM", "structure from motion"))]
 pub fn reconstruct(
     frames: &[Frame],

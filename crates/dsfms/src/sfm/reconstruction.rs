@@ -117,7 +117,8 @@ impl SparseReconstruction {
     }
 
     /// Covariance of the poses of the registered frames, in their order, and of the points, as
-    /// [`bundle::covariance`](super::bundle::covariance) defines them; lengths in the units of the poses.
+    /// [`bundle::covariance`](super::bundle::covariance) defines them; lengths in the units of the
+    /// poses.
     ///
     /// `refined`: the intrinsics that were refined.
     ///

@@ -11,8 +11,8 @@ use super::two_view::{chosen_pairs, mean_focal};
 use crate::camera::Camera;
 use rayon::prelude::*;
 
-/// Match all registered pairs again along epipolar lines; new tracks, new points. `followed`: verified
-/// matches of features beyond the described ones, which join as they are.
+/// Match all registered pairs again along epipolar lines; new tracks, new points. `followed`:
+/// verified matches of features beyond the described ones, which join as they are.
 pub(super) fn rematch(
     map: &mut Map,
     descriptors: &[UnitDescriptors],

@@ -126,8 +126,8 @@ fn inliers_of(
 type Robust<'a> = &'a dyn Fn(f64) -> (f64, f64);
 
 /// Levenberg–Marquardt on the six parameters of a pose over reprojection errors (px) under a
-/// robust loss; never worse than the start. A step that brings a point behind the camera fails, unless
-/// the loss is bounded.
+/// robust loss; never worse than the start. A step that brings a point behind the camera fails,
+/// unless the loss is bounded.
 pub fn refine_pose(
     camera: &dyn Camera,
     start: &Isometry,

@@ -42,7 +42,8 @@ pub(super) fn solve(
     }
 }
 
-/// Zero for fixed poses; intrinsics camera by camera, each in the order of [`BundleLayout::intrinsics`].
+/// Zero for fixed poses; intrinsics camera by camera, each in the order of
+/// [`BundleLayout::intrinsics`].
 fn step(
     poses: &[SVector<f64, 6>],
     points: &[SVector<f64, 3>],
@@ -56,8 +57,8 @@ fn step(
     Step { delta, predicted }
 }
 
-/// The undamped reduced matrix (lower triangle) of a [`BundleLayout::whole`]; `None` where the sightings of
-/// a point do not determine it.
+/// The undamped reduced matrix (lower triangle) of a [`BundleLayout::whole`]; `None` where the
+/// sightings of a point do not determine it.
 pub(super) fn reduced(
     rows: &[BundleRow],
     layout: &BundleLayout,
@@ -72,8 +73,8 @@ pub(super) fn reduced(
     Some(total.matrix)
 }
 
-/// Kept blocks of `K` unknowns, eliminated ones of `E`; `kept` and `gone` tell the block of a row and
-/// its derivative.
+/// Kept blocks of `K` unknowns, eliminated ones of `E`; `kept` and `gone` tell the block of a row
+/// and its derivative.
 struct Elimination<'a, const K: usize, const E: usize, Kept, Gone> {
     /// First row of each kept block in the reduced system; `None` for what does not change.
     at: Vec<Option<usize>>,

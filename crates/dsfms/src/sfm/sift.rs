@@ -1,9 +1,9 @@
-//! SIFT (Lowe 2004): extrema of differences of Gaussians of the doubled image, one keypoint for every
-//! dominant gradient direction, and histograms of gradients around.
+//! SIFT (Lowe 2004): extrema of differences of Gaussians of the doubled image, one keypoint for
+//! every dominant gradient direction, and histograms of gradients around.
 //!
-//! Written for processors with wide registers: every pass over the image goes along rows, blurs and the
-//! search for extrema in strips, and only what a mask lets through is described. The same bits at any
-//! number of threads.
+//! Written for processors with wide registers: every pass over the image goes along rows, blurs and
+//! the search for extrema in strips, and only what a mask lets through is described. The same bits
+//! at any number of threads.
 
 mod descriptor;
 mod extrema;
@@ -35,8 +35,8 @@ pub(super) struct Keypoint {
     pub descriptor: [f32; 128],
 }
 
-/// The strongest `most` keypoints of a grey image in `[0, 1]` at which `usable` holds, strongest first;
-/// none for an image that is too small.
+/// The strongest `most` keypoints of a grey image in `[0, 1]` at which `usable` holds, strongest
+/// first; none for an image that is too small.
 pub(super) fn sift(
     grey: &Plane,
     contrast: f64,
@@ -73,8 +73,8 @@ pub(super) fn sift(
     found.par_iter().with_min_len(64).map(describe).collect()
 }
 
-/// From pixels of an octave to those of the image: pixels of the doubled image lie at the quarters, and
-/// every octave keeps every second pixel of the one before.
+/// From pixels of an octave to those of the image: pixels of the doubled image lie at the quarters,
+/// and every octave keeps every second pixel of the one before.
 fn place(octave: usize, e: &Extremum) -> Point2 {
     let of = |v: f32| 0.5 * f64::from(v) * f64::from(1u32 << octave) - 0.25;
     Point2::new(of(e.x), of(e.y))
@@ -116,7 +116,8 @@ mod tests {
         let found = sift(&blobs(&FEW, 0.0), 0.01, 1000, &|_| true);
         let k = near(&found, 30.3, 21.6);
         assert!((k.point - Point2::new(30.3, 21.6)).norm() < 0.05, "{:?}", k.point);
-        // The difference of Gaussians is largest at the blob's own deviation, less the assumed blur's.
+        // The difference of Gaussians is largest at the blob's own deviation, less the assumed
+        // blur's.
         assert!((k.scale / 3.0 - 1.0).abs() < 0.2, "{}", k.scale);
         // Whatever is left out makes room for nothing else.
         let left = sift(&blobs(&FEW, 0.0), 0.01, 1000, &|p| p.x > 40.0);

@@ -134,7 +134,8 @@ impl LogDepths<'_> {
     }
 
     fn shading_row(&self, cell: &PixelCell, u: &[f64]) -> ShadingRow {
-        /// Half the step of the central difference, of the logarithm of depth: between rounding and curvature.
+        /// Half the step of the central difference, of the logarithm of depth: between rounding and
+        /// curvature.
         const H: f64 = 1e-6;
         let at = Self::gathered(cell, u);
         let moved = |k: usize, h: f64| {

@@ -147,7 +147,8 @@ pub enum SfsError {
 /// Depth from the shading of one frame; deterministic.
 ///
 /// # Errors
-/// An option out of its bounds, images of another size than the camera, or no usable pixel that shows the mesh.
+/// An option out of its bounds, images of another size than the camera, or no usable pixel that
+/// shows the mesh.
 #[doc(alias = "SfS")]
 pub fn shape_from_shading(input: &SfsInput, options: &SfsOptions) -> Result<SfsResult, SfsError> {
     options.validate()?;

@@ -14,8 +14,8 @@ pub(super) struct ShadingRow {
 /// Conjugate-gradient iterations of one step: enough for the smooth part of a depth map.
 const MAX_ITERATIONS: usize = 150;
 
-/// The step that minimises `Σ weight·(residual + slope·step)² + damping·‖step‖²_D`, `D` the diagonal
-/// of the normal matrix, nearly.
+/// The step that minimises `Σ weight·(residual + slope·step)² + damping·‖step‖²_D`, `D` the
+/// diagonal of the normal matrix, nearly.
 pub(super) fn step(rows: &[ShadingRow], unknowns: usize, damping: f64) -> Option<Step> {
     let (mut diagonal, mut descent) = (vec![1e-9; unknowns], vec![0.0; unknowns]);
     for row in rows {

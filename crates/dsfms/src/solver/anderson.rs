@@ -4,18 +4,19 @@ use super::cholesky::dot;
 use nalgebra::{DMatrix, DVector};
 use std::collections::VecDeque;
 
-/// Rounds that are remembered: with them the volumes of `register/volume.rs` take a fifth to a half of the rounds
-/// (`docs/results/choices.md`). Other depths were not tried.
+/// Rounds that are remembered: with them the volumes of `register/volume.rs` take a fifth to a half
+/// of the rounds (`docs/results/choices.md`). Other depths were not tried.
 const DEPTH: usize = 5;
 
-/// Where a residual has grown by more than this, the steps remembered no longer tell where the iteration goes.
+/// Where a residual has grown by more than this, the steps remembered no longer tell where the
+/// iteration goes.
 const GROWN: f64 = 2.0;
 
 /// Part of the trace that keeps the few normal equations solvable.
 const RIDGE: f64 = 1e-10;
 
-/// Anderson acceleration of a fixed-point iteration `x ← g(x)` (Walker and Ni 2011, type II): of the last rounds the
-/// combination whose residuals `g(x) − x` cancel best.
+/// Anderson acceleration of a fixed-point iteration `x ← g(x)` (Walker and Ni 2011, type II): of
+/// the last rounds the combination whose residuals `g(x) − x` cancel best.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Anderson {
     /// `g(x)` of the last rounds, oldest first.
@@ -46,7 +47,8 @@ impl Anderson {
         next
     }
 
-    /// How much of the way from every remembered round to this one is taken back; `None` where there is none.
+    /// How much of the way from every remembered round to this one is taken back; `None` where
+    /// there is none.
     fn shares(&self, residual: &[f64]) -> Option<DVector<f64>> {
         let change =
             |old: &Vec<f64>| residual.iter().zip(old).map(|(new, old)| new - old).collect();
@@ -68,7 +70,8 @@ fn square(a: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// `g(x) = A x + b` of three unknowns, whose error falls by a tenth a round without acceleration.
+    /// `g(x) = A x + b` of three unknowns, whose error falls by a tenth a round without
+    /// acceleration.
     fn image(x: &[f64]) -> Vec<f64> {
         vec![
             0.9 * x[0] + 0.05 * x[1] + 1.0,

@@ -73,8 +73,8 @@ pub(crate) fn conjugate_gradients<T: Number>(
     if energy <= goal { Ending::Reached } else { Ending::Limit { goal } }
 }
 
-/// Of double precision, one after the other; or of single precision for large grids, in parallel over a fixed
-/// partition: the same bits at any number of threads.
+/// Of double precision, one after the other; or of single precision for large grids, in parallel
+/// over a fixed partition: the same bits at any number of threads.
 pub(crate) trait Number:
     Copy
     + Default

@@ -9,8 +9,8 @@ const FLOOR: f64 = 1e-12;
 
 /// Minimise `Σ ρ(‖r‖²)` from `start`; never worse than it.
 ///
-/// `cost`: of a state, infinite where it is infeasible; once it has reached the bound it need not be summed
-/// up. `normal`: `Σ ρ′ JᵀJ` and `Σ ρ′ Jᵀr`. `retract`: the state after a step.
+/// `cost`: of a state, infinite where it is infeasible; once it has reached the bound it need not
+/// be summed up. `normal`: `Σ ρ′ JᵀJ` and `Σ ρ′ Jᵀr`. `retract`: the state after a step.
 pub(crate) fn minimize_few<S: Clone, const N: usize>(
     start: &S,
     options: &Options,

@@ -2,9 +2,9 @@
 //!
 //! In axes along and across the surface, `A` couples the three components of a displacement weakly:
 //! the part of `Qᵀ A Q` within each component, with `Q` the local axes, is a scalar matrix over the
-//! vertices whose factor costs a 27th of that of `A`. The two components along the surface are alike
-//! enough to share theirs. The factors are made at the first step of a solve: what later steps change
-//! in the matrix costs fewer iterations than new factors would.
+//! vertices whose factor costs a 27th of that of `A`. The two components along the surface are
+//! alike enough to share theirs. The factors are made at the first step of a solve: what later
+//! steps change in the matrix costs fewer iterations than new factors would.
 
 use super::cholesky::{Cholesky, CholeskyError, Factor, dot};
 use super::conjugate_gradients::{Ending, Goal, System, conjugate_gradients};
@@ -257,8 +257,8 @@ fn multiply_globals(matrix: &Matrix, diagonal: &[f64], x: &[f64], y: &mut [f64])
     }
 }
 
-/// Axes of a vertex from the sum of `ddᵀ` over its edges `d`: two along the surface, then the normal
-/// (of either sign), as the columns.
+/// Axes of a vertex from the sum of `ddᵀ` over its edges `d`: two along the surface, then the
+/// normal (of either sign), as the columns.
 fn local_axes(spread: &Matrix3<f64>) -> Matrix3<f64> {
     // The largest column of the adjugate is along the direction of least spread.
     let [a, b, c] = [0, 1, 2].map(|k| spread.column(k).into_owned());
@@ -297,8 +297,8 @@ mod tests {
         right.chain(down).collect()
     }
 
-    /// Springs that are a hundred times stiffer along a direction than across it: what the preconditioner is exact for
-    /// where that is the normal.
+    /// Springs that are a hundred times stiffer along a direction than across it: what the
+    /// preconditioner is exact for where that is the normal.
     fn springs(near: &Pattern, stiff: &Vector3<f64>) -> Accumulator {
         let mut sums = Accumulator::new(near, 1);
         let block = |weak: f64, strong: f64| {

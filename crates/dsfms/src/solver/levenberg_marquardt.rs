@@ -18,7 +18,8 @@ pub trait Problem {
     type State: Clone;
     /// Weighted cost of every term, or `None` where the state is infeasible.
     fn costs(&self, state: &Self::State) -> Option<Vec<f64>>;
-    /// The same where [`linearise`](Self::linearise) is likely to follow: what both need may be kept.
+    /// The same where [`linearise`](Self::linearise) is likely to follow: what both need may be
+    /// kept.
     fn trial(&mut self, state: &Self::State) -> Option<Vec<f64>> {
         self.costs(state)
     }
@@ -45,10 +46,11 @@ pub struct Options {
     pub gradient_tolerance: f64,
     /// Initial damping, relative to the diagonal of the normal matrix.
     pub initial_damping: f64,
-    /// Damping never falls below this: what nothing but damping holds, such as the scale of a bundle, wants more.
+    /// Damping never falls below this: what nothing but damping holds, such as the scale of a
+    /// bundle, wants more.
     pub least_damping: f64,
-    /// Convergence is not believed to be faster than this ratio of two decreases, in (0, 1]; 1: the last
-    /// decrease itself has to be below the tolerance.
+    /// Convergence is not believed to be faster than this ratio of two decreases, in (0, 1]; 1: the
+    /// last decrease itself has to be below the tolerance.
     pub fastest: f64,
     /// An iterative solver of the linear systems reduces their residual by this factor.
     pub reduction: f64,

@@ -1,10 +1,11 @@
 //! Sparse Levenberg–Marquardt with a kept symbolic factorisation.
 //!
-//! [`minimize`] is the only loop and knows nothing of what it minimises (meshes, bundles, cameras, lights);
-//! `minimize_few` takes a small problem as functions, `conjugate_gradients` is the iterative solver of large
-//! linear systems, `Anderson` shortens a fixed-point iteration. [`NormalEquations`] holds the block-sparse
-//! Gauss–Newton system of per-vertex unknowns bordered by a few global ones (gain, ambient, …), and
-//! [`cholesky`], `scalar` and `ordering` are the only places of it that see the crate of sparse linear algebra.
+//! [`minimize`] is the only loop and knows nothing of what it minimises (meshes, bundles, cameras,
+//! lights); `minimize_few` takes a small problem as functions, `conjugate_gradients` is the
+//! iterative solver of large linear systems, `Anderson` shortens a fixed-point iteration.
+//! [`NormalEquations`] holds the block-sparse Gauss–Newton system of per-vertex unknowns bordered
+//! by a few global ones (gain, ambient, …), and [`cholesky`], `scalar` and `ordering` are the only
+//! places of it that see the crate of sparse linear algebra.
 
 mod anderson;
 pub mod cholesky;

@@ -69,8 +69,8 @@ impl NormalEquations {
         &mut self.isotropic
     }
 
-    /// Take a shape near the solution, from which the iterative solver takes its local axes. Without
-    /// it, or with few vertices, the system is solved directly.
+    /// Take a shape near the solution, from which the iterative solver takes its local axes.
+    /// Without it, or with few vertices, the system is solved directly.
     ///
     /// # Errors
     /// A system too large for its index type or for the memory.

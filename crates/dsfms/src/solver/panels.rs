@@ -167,8 +167,8 @@ mod tests {
 
     #[test]
     fn a_solve_is_that_of_the_factor_to_single_precision() {
-        // Every entry within `BAND` of the diagonal: panels with and without rows below, and of widths
-        // that are no multiple of anything.
+        // Every entry within `BAND` of the diagonal: panels with and without rows below, and of
+        // widths that are no multiple of anything.
         const BAND: usize = 11;
         let n = 47;
         let (mut col_ptr, mut row_idx, mut values) = (vec![0], Vec::new(), Vec::new());

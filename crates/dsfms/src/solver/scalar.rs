@@ -1,4 +1,5 @@
-//! Sparse Cholesky of a symmetric positive definite matrix, on one thread (faer without its `rayon` feature): same bits every time.
+//! Sparse Cholesky of a symmetric positive definite matrix, on one thread (faer without its `rayon`
+//! feature): same bits every time.
 
 use faer::linalg::solvers::SolveCore;
 use faer::sparse::linalg::solvers::Llt;

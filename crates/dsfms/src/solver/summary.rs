@@ -47,7 +47,8 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Total cost before and after; infinite where the start was infeasible, so that it is never the best of several.
+    /// Total cost before and after; infinite where the start was infeasible, so that it is never
+    /// the best of several.
     pub fn cost(&self) -> (f64, f64) {
         if self.stop == Stop::Infeasible {
             return (f64::INFINITY, f64::INFINITY);

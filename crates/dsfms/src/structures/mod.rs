@@ -2,12 +2,13 @@
 //!
 //! The surface's rigid motion is taken away, and what is left of its deformation is continued into
 //! space by radial functions (Turk and O'Brien, *Modelling with implicit surfaces that
-//! interpolate*): `f(x) = T x + b + Σ wⱼ |x − cⱼ|^1.5`, `Σ wⱼ = 0`, where `T` is rigid. The centres `cⱼ`
-//! are the middles of patches of the template; `f` takes each from its place at rest to its place in
-//! the frame. Rigid motions are continued exactly. The power stands between the biharmonic 1, which
-//! creases at the surface, and 2, which would be an affine map; an affine part would fit too, but under
-//! an open surface it turns small errors of the surface into large ones below. A closed surface is not
-//! needed. Nothing is known of what the organ does inside: this is the smoothest guess, not a simulation.
+//! interpolate*): `f(x) = T x + b + Σ wⱼ |x − cⱼ|^1.5`, `Σ wⱼ = 0`, where `T` is rigid. The centres
+//! `cⱼ` are the middles of patches of the template; `f` takes each from its place at rest to its
+//! place in the frame. Rigid motions are continued exactly. The power stands between the biharmonic
+//! 1, which creases at the surface, and 2, which would be an affine map; an affine part would fit
+//! too, but under an open surface it turns small errors of the surface into large ones below. A
+//! closed surface is not needed. Nothing is known of what the organ does inside: this is the
+//! smoothest guess, not a simulation.
 //!
 //! ```
 //! use dsfms::geometry::{Isometry, Point3, Vector3};
@@ -30,8 +31,8 @@ use crate::mesh::Mesh;
 use crate::mesh::surface_points::ClosestPoints;
 use nalgebra::{DMatrix, Dyn, LU};
 
-/// Centres of the radial functions; a surface with fewer vertices has one a vertex. The system is factorised
-/// once, in time of its cube: under a second. Fewer or more are not measured.
+/// Centres of the radial functions; a surface with fewer vertices has one a vertex. The system is
+/// factorised once, in time of its cube: under a second. Fewer or more are not measured.
 const CENTRES: usize = 600;
 
 /// Why structures cannot be carried.
@@ -166,8 +167,8 @@ const UNKNOWN_INTERIOR: f64 = 1.3;
 
 /// Expected error of a carried point, length units: that of the surface above it, doubled at the
 /// depth of the organ's half extent, and what the interior may do by itself, which grows with depth
-/// and with `deformation` ([`CarriedStructures::deformation`]). Fitted on random maps of space (the example
-/// `structures`).
+/// and with `deformation` ([`CarriedStructures::deformation`]). Fitted on random maps of space (the
+/// example `structures`).
 pub fn expected_error(surface: f64, depth: f64, half_extent: f64, deformation: f64) -> f64 {
     let deep = depth / half_extent.max(f64::MIN_POSITIVE);
     (surface * (1.0 + deep)).hypot(UNKNOWN_INTERIOR * deformation * deep)
@@ -181,8 +182,8 @@ fn middles(patches: &[Vec<u32>], positions: &[Point3]) -> Vec<Point3> {
     patches.iter().map(middle).collect()
 }
 
-/// Conditionally definite for powers below 2. Measured in `docs/results/structures.md`: 1.5 is as good
-/// as 1 where the surface is rough, and better where it is known well.
+/// Conditionally definite for powers below 2. Measured in `docs/results/structures.md`: 1.5 is as
+/// good as 1 where the surface is rough, and better where it is known well.
 fn kernel(distance: f64) -> f64 {
     distance * distance.sqrt()
 }

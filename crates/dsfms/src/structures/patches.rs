@@ -2,8 +2,8 @@
 
 use crate::geometry::Point3;
 
-/// At most `count` groups around vertices spread by farthest-point sampling; every vertex belongs to
-/// the nearest of them. Groups are never empty.
+/// At most `count` groups around vertices spread by farthest-point sampling; every vertex belongs
+/// to the nearest of them. Groups are never empty.
 pub(crate) fn patches(points: &[Point3], count: usize) -> Vec<Vec<u32>> {
     let mut seeds = Vec::new();
     let mut nearest = vec![(f64::INFINITY, 0u32); points.len()];

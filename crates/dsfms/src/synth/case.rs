@@ -124,8 +124,8 @@ impl Case {
         Self { camera, template, frame, matches, deformation, truth, visible }
     }
 
-    /// A case of 300 vertices for examples and tests: 25 matches with 1 px of noise, a pull that stretches the
-    /// edges in its zone by 3 %.
+    /// A case of 300 vertices for examples and tests: 25 matches with 1 px of noise, a pull that
+    /// stretches the edges in its zone by 3 %.
     pub fn example(seed: u64) -> Self {
         let options = CaseOptions {
             vertices: 300,
@@ -137,8 +137,9 @@ impl Case {
         Self::new(&options, seed)
     }
 
-    /// The organ at rest from so many places, and their `camera_from_template`: the camera goes once around it
-    /// on a circle 75 mm before it, 25 degrees off its axis, and looks at its centre.
+    /// The organ at rest from so many places, and their `camera_from_template`: the camera goes
+    /// once around it on a circle 75 mm before it, 25 degrees off its axis, and looks at its
+    /// centre.
     pub fn explore(&self, count: usize) -> (Vec<Frame>, Vec<Isometry>) {
         let Template { mesh, albedo, light, .. } = &self.template;
         let (Some(albedo), Some(light)) = (albedo, light) else { return Default::default() };

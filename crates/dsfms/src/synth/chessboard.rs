@@ -1,5 +1,6 @@
-//! Pictures of a chessboard by a camera that is known: a printed board on a drape, turned to all sides, under a light
-//! beside the lens that falls off. What [`crate::calibrate`] finds in them can be held against the truth.
+//! Pictures of a chessboard by a camera that is known: a printed board on a drape, turned to all
+//! sides, under a light beside the lens that falls off. What [`crate::calibrate`] finds in them can
+//! be held against the truth.
 //!
 //! ```
 //! use dsfms::calibrate::Board;
@@ -55,8 +56,8 @@ pub enum ChessboardError {
     },
 }
 
-/// Shortest side of a square in a picture, px. Calibration finds every board of 12 sets of pictures whose squares have
-/// 7.3 px and more, and misses some of 14 of 15 sets with smaller ones.
+/// Shortest side of a square in a picture, px. Calibration finds every board of 12 sets of pictures
+/// whose squares have 7.3 px and more, and misses some of 14 of 15 sets with smaller ones.
 pub const LEAST_SQUARE: f64 = 8.0;
 
 /// A chessboard before a known camera; its pictures can be taken in any order.
@@ -66,8 +67,8 @@ pub struct Chessboard {
     pub board: Board,
     /// The camera of all pictures.
     pub camera: CameraModel,
-    /// `camera_from_board` of every picture, mm; the first corner is the origin, x and y run along the sides
-    /// ([`Board::points`]), z away from the camera.
+    /// `camera_from_board` of every picture, mm; the first corner is the origin, x and y run along
+    /// the sides ([`Board::points`]), z away from the camera.
     pub poses: Vec<Isometry>,
     light: LightModel,
     seed: u64,
@@ -97,7 +98,8 @@ const AIMS: [[f64; 2]; 9] = [
 ];
 
 impl Chessboard {
-    /// The camera and poses of a seed: a laparoscope's barrel distortion, its centre a little off the middle.
+    /// The camera and poses of a seed: a laparoscope's barrel distortion, its centre a little off
+    /// the middle.
     ///
     /// # Errors
     /// A board that is none, or whose squares would be too small to be found.
@@ -182,7 +184,8 @@ impl Chessboard {
         std::array::from_fn(|c| (0..3).map(|kind| seen[kind] * share * COLOURS[kind][c]).sum())
     }
 
-    /// Which of [`COLOURS`] a place of the board's plane has: squares within a margin of one square.
+    /// Which of [`COLOURS`] a place of the board's plane has: squares within a margin of one
+    /// square.
     fn painted(&self, place: &Vector3) -> usize {
         let [columns, rows] = self.board.corners.map(|n| n as f64 + 1.0);
         let [u, v] = [place.x, place.y].map(|x| x / self.board.square + 1.0);
@@ -194,7 +197,8 @@ impl Chessboard {
         }
     }
 
-    /// Shortest distance of two neighbouring corners in any picture, px; 0 where one cannot be seen.
+    /// Shortest distance of two neighbouring corners in any picture, px; 0 where one cannot be
+    /// seen.
     fn shortest_square(&self) -> f64 {
         let points = self.board.points();
         let columns = self.board.corners[0];
@@ -239,7 +243,8 @@ fn outline(board: &Board, squares: f64) -> impl Iterator<Item = Point3> {
     })
 }
 
-/// The board of picture `k`, tilted by 14 to 40 degrees and as near as it wholly fits, up to an eighth farther.
+/// The board of picture `k`, tilted by 14 to 40 degrees and as near as it wholly fits, up to an
+/// eighth farther.
 fn pose(board: &Board, camera: &CameraModel, k: usize, random: &mut Random) -> Isometry {
     let mut draw = |low: f64, high: f64| low + (high - low) * uniform(random);
     // Golden turns: the tilts of any number of pictures go evenly around.

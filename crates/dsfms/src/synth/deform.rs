@@ -43,8 +43,8 @@ pub enum ExtensionOf {
 const ZONE: f64 = 0.1;
 
 /// `v′ = v + Σⱼ k(∠(Fⱼ, gⱼ − v)) (gⱼ − v) + ε N` with `k(θ) = κ (1 − θ²/θ₀²)²` inside θ₀ and 0
-/// outside, where κ is found so that the mean absolute edge-length change in the zone is `extension` (0.1 for the paper's 10 %),
-/// and `ε` is `lift` times the local displacement.
+/// outside, where κ is found so that the mean absolute edge-length change in the zone is
+/// `extension` (0.1 for the paper's 10 %), and `ε` is `lift` times the local displacement.
 pub fn deform(mesh: &Mesh, attractions: &[Attraction], extension: f64, lift: f64) -> Deformation {
     deform_to(mesh, attractions, extension, ExtensionOf::Mean, lift)
 }
@@ -80,7 +80,8 @@ pub fn deform_to(
     Deformation { vertices, zone, extension, largest_extension }
 }
 
-/// `Σⱼ (1 − θ²/θ₀²)² (gⱼ − v) + lift ‖·‖ N` at every vertex: the displacement of [`deform`] for κ = 1.
+/// `Σⱼ (1 − θ²/θ₀²)² (gⱼ − v) + lift ‖·‖ N` at every vertex: the displacement of [`deform`] for κ =
+/// 1.
 pub(crate) fn attraction_field(mesh: &Mesh, attractions: &[Attraction], lift: f64) -> Vec<Vector3> {
     let normals = vertex_normals(&mesh.topology, &mesh.positions);
     mesh.positions.iter().zip(&normals).map(|(v, n)| pull(v, n, attractions, lift)).collect()

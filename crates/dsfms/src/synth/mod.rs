@@ -1,6 +1,6 @@
 //! The synthetic protocol of the paper (§8.1): deformation by attraction points, z-buffer
-//! rendering with self-occlusion and texture, sparse correspondences that avoid the deformed zone. Beside it
-//! clips to track and pictures of a chessboard to calibrate with.
+//! rendering with self-occlusion and texture, sparse correspondences that avoid the deformed zone.
+//! Beside it clips to track and pictures of a chessboard to calibrate with.
 
 pub mod case;
 pub mod chessboard;

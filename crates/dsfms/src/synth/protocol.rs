@@ -68,8 +68,8 @@ pub struct Protocol {
     pub matches: usize,
     /// Matches anywhere, not only outside the deformed zone.
     pub everywhere: bool,
-    /// What the extension states: the largest edge-length change in the zone, or the mean one, which
-    /// is about 0.45 of it.
+    /// What the extension states: the largest edge-length change in the zone, or the mean one,
+    /// which is about 0.45 of it.
     pub extension_of: ExtensionOf,
     /// Attraction points of a case, all pulling or all pushing.
     pub attractions: usize,

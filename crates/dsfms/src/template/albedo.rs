@@ -72,8 +72,8 @@ pub enum AlbedoError {
 /// calibrated (its length unit that of the mesh).
 ///
 /// # Errors
-/// An option out of its bounds, no view, an image or mask of another size than its camera, or no usable part of the
-/// surface in any.
+/// An option out of its bounds, no view, an image or mask of another size than its camera, or no
+/// usable part of the surface in any.
 #[doc(alias("eq. 1", "eq. 2"))]
 pub fn estimate_albedo(
     mesh: &Mesh,
@@ -112,9 +112,10 @@ pub fn estimate_albedo(
     Ok(AlbedoEstimate { texels, gains, noise, observed })
 }
 
-/// The surface refined by the shading of all views under a known light (as for [`estimate_albedo`]): what
-/// stereo knows of a vertex, its `sigma` (length units, infinity for nothing), holds it, brightness tells the
-/// slope between, so that where texture is missing the surface is more than interpolated.
+/// The surface refined by the shading of all views under a known light (as for
+/// [`estimate_albedo`]): what stereo knows of a vertex, its `sigma` (length units, infinity for
+/// nothing), holds it, brightness tells the slope between, so that where texture is missing the
+/// surface is more than interpolated.
 ///
 /// # Errors
 /// An option out of its bounds, no views, or views whose sizes differ.
@@ -219,8 +220,8 @@ impl AlbedoScene<'_> {
 /// Standard deviation of the normal, rad, over the relative noise of brightness.
 const TILT_OVER_NOISE: f64 = 2.5;
 
-/// Inverse variance of an observation, up to a factor: an error of the normal changes the brightness
-/// by the tangent of the angle to the light, and light from all around weighs in alike.
+/// Inverse variance of an observation, up to a factor: an error of the normal changes the
+/// brightness by the tangent of the angle to the light, and light from all around weighs in alike.
 fn trust(o: &SpotObservation) -> f64 {
     let cos_squared = o.weight.clamp(1e-3, 1.0);
     let tilt = TILT_OVER_NOISE * TILT_OVER_NOISE * (1.0 / cos_squared - 1.0);

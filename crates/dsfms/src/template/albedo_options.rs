@@ -30,7 +30,8 @@ pub struct AlbedoOptions {
     pub gain_spots: usize,
     /// Light from all around that the organ reflects, in units of the shading (0 = none).
     pub ambient: f64,
-    /// Vignetting `a` of the lens, `1 + a r²` with r in focal lengths from the principal point (0 = none).
+    /// Vignetting `a` of the lens, `1 + a r²` with r in focal lengths from the principal point (0 =
+    /// none).
     pub vignetting: f64,
     /// Refractive index of the wet film on the organ, at least 1 (1 = Lambert without a film);
     /// default that of wet tissue.

@@ -24,8 +24,8 @@ pub struct FeatureView<'a> {
     pub descriptors: &'a [[u8; 128]],
 }
 
-/// Options of [`anchor_features`]. Other values are not measured but for `least_views` of the surroundings
-/// (`docs/results/track.md`, the camera by what lies around the organ).
+/// Options of [`anchor_features`]. Other values are not measured but for `least_views` of the
+/// surroundings (`docs/results/track.md`, the camera by what lies around the organ).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AnchorOptions {

@@ -30,7 +30,8 @@ pub enum FlattenMethod {
     Spectral,
 }
 
-/// Which map (`docs/results/flattening.md`), and how far a surface may be cut open for it (not measured).
+/// Which map (`docs/results/flattening.md`), and how far a surface may be cut open for it (not
+/// measured).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FlattenOptions {

@@ -2,10 +2,10 @@
 //!
 //! The same surface point seen by a camera in known motion changes its brightness only with the
 //! light, which moves along: with the albedo eliminated, ratios of brightness over views give the
-//! light's offset from the camera, its spot profile and the light reflected from all around, and the
-//! vignetting of the lens. Several models are fitted and the one with the best Bayesian information
-//! criterion is kept. Vignetting and the spot of a light at the camera do nearly the same; which of them
-//! is named then matters to neither albedo nor prediction.
+//! light's offset from the camera, its spot profile and the light reflected from all around, and
+//! the vignetting of the lens. Several models are fitted and the one with the best Bayesian
+//! information criterion is kept. Vignetting and the spot of a light at the camera do nearly the
+//! same; which of them is named then matters to neither albedo nor prediction.
 
 mod parametric;
 
@@ -146,12 +146,13 @@ const MIN_SPOTS: usize = 50;
 /// Estimate the light. `mesh` in the template frame; `initial` (from a camera file) serves as one
 /// candidate, as starting point and as centre of the prior on the offset.
 ///
-/// A single view leaves light and albedo apart: the light is then `initial`, or one at the camera, without
-/// candidates. The reference distance is that of `initial`, or else the median distance of the observations.
+/// A single view leaves light and albedo apart: the light is then `initial`, or one at the camera,
+/// without candidates. The reference distance is that of `initial`, or else the median distance of
+/// the observations.
 ///
 /// # Errors
-/// An option out of its bounds, no view, an image or mask of another size than its camera, or no usable part of the
-/// surface in any.
+/// An option out of its bounds, no view, an image or mask of another size than its camera, or no
+/// usable part of the surface in any.
 #[doc(alias("photometric calibration", "light calibration"))]
 pub fn fit_light(
     mesh: &Mesh,
@@ -188,8 +189,8 @@ pub fn fit_light(
     Ok(choose(&fits, &spots))
 }
 
-/// The light of a single view: nothing is seen twice, so it cannot be told from the albedo. That of the
-/// camera file, else one at the camera.
+/// The light of a single view: nothing is seen twice, so it cannot be told from the albedo. That of
+/// the camera file, else one at the camera.
 fn assumed(
     initial: Option<&LightModel>,
     spots: &[Vec<SpotObservation>],

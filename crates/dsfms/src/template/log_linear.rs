@@ -8,7 +8,8 @@
 //!
 //! with `m` the model shading, `g` log gains and `a` log albedos. `Σ w ρ(r/σ)` (Tukey) plus
 //! quadratic priors on `g` and `θ` is minimised by Levenberg–Marquardt on `(θ, g)`; every `a_i` is
-//! the robust mean of its spot's residuals and leaves by its Schur complement (variable projection).
+//! the robust mean of its spot's residuals and leaves by its Schur complement (variable
+//! projection).
 
 use super::photometric::SpotObservation;
 use crate::geometry::robust::{robust_scale, tukey_loss, tukey_mean, tukey_weight};

@@ -59,17 +59,19 @@ impl LengthUnit {
 pub struct Template {
     /// Unit of `mesh` and of every pose.
     pub unit: LengthUnit,
-    /// Rest surface in the template frame; vertex order is that of the user's mesh if one was given.
+    /// Rest surface in the template frame; vertex order is that of the user's mesh if one was
+    /// given.
     pub mesh: Mesh,
     /// Number of exploration frames that saw each vertex; empty when there were no frames.
     pub seen: Vec<u32>,
-    /// Standard deviation expected of each vertex across the surface, from what the depth maps of the
-    /// exploration say of it, in `unit`; infinity where none agrees (a closed hole). Empty where the
-    /// mesh was given.
+    /// Standard deviation expected of each vertex across the surface, from what the depth maps of
+    /// the exploration say of it, in `unit`; infinity where none agrees (a closed hole). Empty
+    /// where the mesh was given.
     pub sigma: Vec<f64>,
     /// Conformal flattening, where the topology allows it (cut automatically).
     pub flattening: Option<Flattening>,
-    /// Albedo on the surface (eqs. 1, 2), linear units, up to one global factor shared with `light`.
+    /// Albedo on the surface (eqs. 1, 2), linear units, up to one global factor shared with
+    /// `light`.
     pub albedo: Option<SurfaceTexels>,
     /// Descriptors on the surface, for automatic matching.
     pub features: Option<Features>,
@@ -85,9 +87,11 @@ pub struct Template {
     pub light: Option<LightModel>,
     /// What the tissue made of that light.
     pub coat: Coat,
-    /// How the exploration frames look beside this template; `None` without frames, and in older templates.
+    /// How the exploration frames look beside this template; `None` without frames, and in older
+    /// templates.
     pub usual: Option<usual::Usual>,
-    /// What lies around the organ, where the frames themselves part it from that; `None` in older templates.
+    /// What lies around the organ, where the frames themselves part it from that; `None` in older
+    /// templates.
     pub surroundings: Option<Surroundings>,
 }
 
@@ -119,7 +123,8 @@ impl Template {
         self.lighting_of(None, None)
     }
 
-    /// The same of a frame of another camera file: its `light` where the template knows none, its own `vignetting`.
+    /// The same of a frame of another camera file: its `light` where the template knows none, its
+    /// own `vignetting`.
     pub(crate) fn lighting_of(
         &self,
         light: Option<&LightModel>,

@@ -19,7 +19,8 @@ pub struct AlbedoView<'a> {
     pub posed: PosedFrame<'a>,
     /// Linear light of every encoded value ([`ToneCurve::table`](crate::image::ToneCurve::table)).
     pub tone: &'a [f32; 256],
-    /// First guess of the exposure gain, e.g. from the file's exposure data; 1 when nothing is known.
+    /// First guess of the exposure gain, e.g. from the file's exposure data; 1 when nothing is
+    /// known.
     pub gain: f64,
 }
 
@@ -133,7 +134,8 @@ impl<'a> PreparedView<'a> {
     ) -> Option<SpotObservation> {
         let point = self.view.posed.pose * point;
         let normal = self.view.posed.pose * normal;
-        // Most views see most of the surface from behind or not at all: the cheapest question first.
+        // Most views see most of the surface from behind or not at all: the cheapest question
+        // first.
         let seen = -normal.dot(&point.coords) / point.coords.norm();
         if seen.is_nan() || seen < bounds.grazing_cos {
             return None;

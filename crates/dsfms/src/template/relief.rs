@@ -9,11 +9,11 @@
 //! ```
 //!
 //! over observations `o` of surface spots `s`. The first term is what the views say; the second, of
-//! the spread `ς` of the albedos themselves, speaks where one view sees the surface (`P` spots share
-//! one albedo); the others keep the shape stiff and in place. The albedo is measured under these
-//! normals. The surface itself moves only within what stereo knows of it (`R` is `1/σ_v²` where that is
-//! more): brightness says little of where it is. Gauss–Newton with Tukey's weights, inner steps by
-//! conjugate gradients.
+//! the spread `ς` of the albedos themselves, speaks where one view sees the surface (`P` spots
+//! share one albedo); the others keep the shape stiff and in place. The albedo is measured under
+//! these normals. The surface itself moves only within what stereo knows of it (`R` is `1/σ_v²`
+//! where that is more): brightness says little of where it is. Gauss–Newton with Tukey's weights,
+//! inner steps by conjugate gradients.
 
 mod block;
 
@@ -34,8 +34,8 @@ const BENDING: f64 = 300.0;
 /// Holding, times the surface's area, on a mesh of 1000 vertices: displacements of a 57th of the
 /// root of the area.
 const HOLDING: f64 = 3200.0;
-/// Largest correction of a normal, rad (10 degrees): with narrow parallax an error of the light model
-/// would ask for more.
+/// Largest correction of a normal, rad (10 degrees): with narrow parallax an error of the light
+/// model would ask for more.
 const LARGEST_TILT: f64 = 0.175;
 /// Largest displacement, standard deviations; nor more than an edge, whatever is known.
 const FARTHEST: f64 = 3.0;
@@ -58,8 +58,9 @@ pub(super) fn shaded_normals(
     shaded.iter().zip(&own).map(|(n, own)| limited(n, own)).collect()
 }
 
-/// The vertices as the shading of all views has them, each held where it is within its `sigma` (length
-/// units; infinity where nothing is known of it) and moved by no more than [`FARTHEST`] of them or an edge.
+/// The vertices as the shading of all views has them, each held where it is within its `sigma`
+/// (length units; infinity where nothing is known of it) and moved by no more than [`FARTHEST`] of
+/// them or an edge.
 pub(super) fn shaded_surface(
     mesh: &Mesh,
     sigma: &[f64],
@@ -297,8 +298,8 @@ mod tests {
         (square.sum::<f64>() / a.len() as f64).sqrt()
     }
 
-    /// The patch photographed, a reconstruction of it that is up to a quarter of a millimetre off, and what
-    /// `look` makes of that.
+    /// The patch photographed, a reconstruction of it that is up to a quarter of a millimetre off,
+    /// and what `look` makes of that.
     fn seen<T>(
         views: usize,
         look: impl Fn(&Mesh, &[SurfaceSpot], &[AlbedoView], &FittedExposure, &KnownLight) -> T,
@@ -330,7 +331,8 @@ mod tests {
         [smoothed_normals(&truth, 0), smoothed_normals(&mesh, 0), found]
     }
 
-    /// Root mean square distances from the truth before and after, mm, with vertices known to `sigma`.
+    /// Root mean square distances from the truth before and after, mm, with vertices known to
+    /// `sigma`.
     fn refined(views: usize, sigma: f64) -> [f64; 2] {
         let (truth, mesh, found) = seen(views, |mesh, spots, views, exposure, model| {
             let sigma = vec![sigma; mesh.positions.len()];

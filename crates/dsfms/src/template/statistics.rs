@@ -33,8 +33,8 @@ pub struct TemplateStatistics {
     pub seen_vertices: Option<usize>,
     /// Median of the standard deviations expected of the vertices; `None` where none is known.
     pub median_sigma: Option<f64>,
-    /// Share of the area, 0 to 1, that no depth map agrees with (to 1 % of its distance): closed holes, and what was
-    /// continued at the rim; `None` where no deviation is known.
+    /// Share of the area, 0 to 1, that no depth map agrees with (to 1 % of its distance): closed
+    /// holes, and what was continued at the rim; `None` where no deviation is known.
     pub unmeasured: Option<f64>,
     /// The flattening's distortion.
     pub flattening: Option<FlatteningStatistics>,
@@ -80,8 +80,9 @@ pub struct AlbedoStatistics {
     pub median_spread: f64,
 }
 
-/// A template of whose area more is [unmeasured](TemplateStatistics::unmeasured) is no surface to rely on. On seven of
-/// eight generated scenes it is 0.04 to 0.15; on the eighth, of faint texture, 0.32, and the surface is up to 5 mm off.
+/// A template of whose area more is [unmeasured](TemplateStatistics::unmeasured) is no surface to
+/// rely on. On seven of eight generated scenes it is 0.04 to 0.15; on the eighth, of faint texture,
+/// 0.32, and the surface is up to 5 mm off.
 pub const MOST_UNMEASURED: f64 = 0.25;
 
 /// See [`TemplateStatistics::unmeasured`].

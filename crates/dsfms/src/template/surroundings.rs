@@ -8,6 +8,7 @@ use crate::mesh::Mesh;
 pub struct Surroundings {
     /// A coarse surface in the template frame.
     pub mesh: Mesh,
-    /// Descriptors on it, by which a video finds its camera while the organ deforms; none in older templates.
+    /// Descriptors on it, by which a video finds its camera while the organ deforms; none in older
+    /// templates.
     pub features: Features,
 }

@@ -31,8 +31,9 @@ pub(super) fn choose_resolution(
     wanted.iter().map(|r| (r.min(limit) * shrink).round().max(1.0) as u16).collect()
 }
 
-/// Give every texel without any observation (spread NaN) the value its neighbourhood suggests: vertex means of
-/// observed texels, carried over the unseen part of the surface, interpolated on the face.
+/// Give every texel without any observation (spread NaN) the value its neighbourhood suggests:
+/// vertex means of observed texels, carried over the unseen part of the surface, interpolated on
+/// the face.
 pub(super) fn fill_unseen(mesh: &Mesh, texels: &mut SurfaceTexels) {
     let vertices = vertex_values(mesh, texels);
     for (face, corners) in mesh.topology.faces.iter().enumerate() {

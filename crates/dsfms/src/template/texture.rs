@@ -29,7 +29,8 @@ const MIN_COSINE: f64 = 0.2;
 const BLEND_POWER: i32 = 2;
 
 impl<'a> Texture<'a> {
-    /// Prepare all views of a surface, `camera_from_template`; pixels outside their masks are not used.
+    /// Prepare all views of a surface, `camera_from_template`; pixels outside their masks are not
+    /// used.
     pub fn new(mesh: &'a Mesh, views: &[PosedFrame<'a>]) -> Self {
         let views: Vec<TexturedView> =
             views.par_iter().map(|v| TexturedView::new(mesh, *v)).collect();

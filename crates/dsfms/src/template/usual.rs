@@ -6,11 +6,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Appearance {
-    /// Median zero-mean correlation of image and prediction over the textured tiles, in `[-1, 1]`; `None`
-    /// where nothing has texture.
+    /// Median zero-mean correlation of image and prediction over the textured tiles, in `[-1, 1]`;
+    /// `None` where nothing has texture.
     pub correlation: Option<f64>,
-    /// Median slope of image on prediction there, of logarithms: 1 where the texture is as strong as
-    /// predicted, less through blur, smoke and what covers it.
+    /// Median slope of image on prediction there, of logarithms: 1 where the texture is as strong
+    /// as predicted, less through blur, smoke and what covers it.
     pub contrast: Option<f64>,
     /// Robust spread of the log ratio of image to prediction over the tiles.
     pub residual: f64,
@@ -32,13 +32,14 @@ pub struct Usual {
     pub depth: [f64; 2],
 }
 
-/// Frames that correlate less with a given surface were posed wrongly, or show something else. Rendered frames, mesh
-/// and poses given: 0.99; poses 3 mm beside: 0.67; with transposed rotations: 0.34. A real gallbladder, all found: 0.85.
+/// Frames that correlate less with a given surface were posed wrongly, or show something else.
+/// Rendered frames, mesh and poses given: 0.99; poses 3 mm beside: 0.67; with transposed rotations:
+/// 0.34. A real gallbladder, all found: 0.85.
 const LEAST_ALIKE: f64 = 0.75;
 
 impl Usual {
-    /// The correlation of the exploration frames with a given surface, where it is too low for the surface to lie where
-    /// the poses say.
+    /// The correlation of the exploration frames with a given surface, where it is too low for the
+    /// surface to lie where the poses say.
     pub fn unlike(&self) -> Option<f64> {
         self.appearance.correlation.filter(|&correlation| correlation < LEAST_ALIKE)
     }

@@ -17,8 +17,8 @@ use crate::verdict::{NoSurface, Reason};
 /// Features of a frame that are looked up at most; more tell little.
 const MOST_FEATURES: usize = 2000;
 
-/// Searches beside a degraded surface that found nothing better make the next one this much rarer at
-/// most.
+/// Searches beside a degraded surface that found nothing better make the next one this much rarer
+/// at most.
 const RAREST: usize = 16;
 
 impl Tracker<'_> {
@@ -159,8 +159,8 @@ impl Tracker<'_> {
         FollowedPlace::new(found, pixel, &view.seen.pyramid.levels[0], pose, self.count)
     }
 
-    /// A surface found from nothing, followed within its own frame: its look finds more matches than
-    /// descriptors do. The first where following it ends worse.
+    /// A surface found from nothing, followed within its own frame: its look finds more matches
+    /// than descriptors do. The first where following it ends worse.
     fn followed_at_once(&mut self, view: &View, first: Candidate, clock: &mut Clock) -> Candidate {
         if first.verdict.level == TrackStatus::Lost {
             return first;

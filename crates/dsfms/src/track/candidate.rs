@@ -1,5 +1,5 @@
-//! A surface that one of the attempts on a frame gave, which of two shows the frame better, and the one that
-//! the next frame is followed from.
+//! A surface that one of the attempts on a frame gave, which of two shows the frame better, and the
+//! one that the next frame is followed from.
 
 use super::Surface;
 use super::exposed::Shown;
@@ -23,8 +23,8 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
-    /// Whether it shows the frame better than another: by its verdict, else by the brightness it leaves
-    /// unexplained, else by what looks alike.
+    /// Whether it shows the frame better than another: by its verdict, else by the brightness it
+    /// leaves unexplained, else by what looks alike.
     pub(super) fn beats(&self, other: &Self) -> bool {
         let (a, b) = (&self.surface, &other.surface);
         let alike = || match (a.photometric, b.photometric) {

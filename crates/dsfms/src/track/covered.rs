@@ -2,8 +2,8 @@
 
 use crate::geometry::Point2;
 
-/// Within this distance of a followed place of the rendered template one that descriptors found tells
-/// nothing more, px of the working image.
+/// Within this distance of a followed place of the rendered template one that descriptors found
+/// tells nothing more, px of the working image.
 const COVERED_PX: f64 = 12.0;
 
 /// Which parts of the working image have a match near.

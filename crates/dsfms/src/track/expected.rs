@@ -8,9 +8,9 @@ use crate::pipeline::Method;
 use crate::register::Scene;
 
 impl Tracker<'_> {
-    /// Expected error of every vertex of the surface that [`solve`](Self::solve) gave for this frame, by the model
-    /// of single frames (it was fitted on none of a video); length units of the template. `None` where the frame
-    /// is black or nothing is seen of the surface.
+    /// Expected error of every vertex of the surface that [`solve`](Self::solve) gave for this
+    /// frame, by the model of single frames (it was fitted on none of a video); length units of the
+    /// template. `None` where the frame is black or nothing is seen of the surface.
     pub fn expected_errors(
         &self,
         prepared: &Prepared,

@@ -1,5 +1,5 @@
-//! What a video shows of its exposure: what the exploration says, as frames at rest correct it, until one
-//! shows another.
+//! What a video shows of its exposure: what the exploration says, as frames at rest correct it,
+//! until one shows another.
 
 use super::recent::RecentMedian;
 use crate::refine::AtMatches;
@@ -11,8 +11,8 @@ const REMEMBERED: usize = 9;
 /// Fewer tell less than the exploration does.
 const ENOUGH: usize = 4;
 
-/// Log gains of frames at rest that differ by more are of an exposure that varies: tissue at rest tells it
-/// to 0.02.
+/// Log gains of frames at rest that differ by more are of an exposure that varies: tissue at rest
+/// tells it to 0.02.
 const VARIES: f64 = 0.03;
 
 /// What a frame shows of its exposure.
@@ -43,8 +43,8 @@ impl Default for Exposed {
 }
 
 impl Exposed {
-    /// What is expected of the next frame after an exploration of `told`; `None` where nothing is, or
-    /// where the exposure was seen to change.
+    /// What is expected of the next frame after an exploration of `told`; `None` where nothing is,
+    /// or where the exposure was seen to change.
     pub(super) fn expected(&self, told: Option<Exposure>) -> Option<Exposure> {
         let varies = self.range[1] - self.range[0] > VARIES;
         let told = told.filter(|_| !self.changed && !varies)?;

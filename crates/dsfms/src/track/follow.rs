@@ -1,5 +1,6 @@
-//! Matches of a frame from the last shape: places of the rendered template carried on by its motion and
-//! then by their look, and those that descriptors found, by the look of the frame that they were found in.
+//! Matches of a frame from the last shape: places of the rendered template carried on by its motion
+//! and then by their look, and those that descriptors found, by the look of the frame that they
+//! were found in.
 
 use super::candidate::Last;
 use super::covered::CoveredCells;
@@ -27,12 +28,12 @@ const SOUGHT_STRAY_PX: f64 = 3.0;
 /// Where a place was last is another start than where it is expected, px of the working image.
 const APART_PX: f64 = 4.0;
 
-/// Least correlation of a patch with white pixels in it. The albedo holds no highlights, so that a patch
-/// which looks like it in spite of them is pale tissue.
+/// Least correlation of a patch with white pixels in it. The albedo holds no highlights, so that a
+/// patch which looks like it in spite of them is pale tissue.
 const PALE: f64 = 0.85;
 
-/// Of the places that could be followed at least this share is, or they are sought by their neighbours' motion
-/// too.
+/// Of the places that could be followed at least this share is, or they are sought by their
+/// neighbours' motion too.
 const ENOUGH: f64 = 0.6;
 
 /// Neighbours whose motion tells where a place is sought.
@@ -84,7 +85,8 @@ impl Tracker<'_> {
         {
             tracks = better;
         }
-        // Where the render holds on to as many places, nothing moved that the last motion does not foretell.
+        // Where the render holds on to as many places, nothing moved that the last motion does not
+        // foretell.
         let enough = tracks.len() >= self.places.len();
         let places = match enough {
             true => self.carried_places(view, last, start, &tracks),
@@ -114,8 +116,8 @@ impl Tracker<'_> {
         Some(self.working.camera.project(&point)?.pixel)
     }
 
-    /// Anchors of a rendered shape in the frame, and where too few of them are, those that their neighbours'
-    /// motion leads to.
+    /// Anchors of a rendered shape in the frame, and where too few of them are, those that their
+    /// neighbours' motion leads to.
     fn by_look(&self, view: &View, last: &Last, shown: &ShownLook) -> Vec<TrackedPlace> {
         let anchors = &shown.look.anchors;
         let first = |a: &Anchor| self.anchor(view, last, shown, a);
@@ -156,7 +158,8 @@ impl Tracker<'_> {
         let (render, frame) = (&shown.look.render, &view.seen.pyramid);
         let start = self.shown_at(shown.start, a.face, a.barycentric)?;
         let accepted = |place: Point2| self.accepted(view, last, shown, a, place);
-        // Mostly the last motion can be extrapolated; only where it does not must coarser levels tell.
+        // Mostly the last motion can be extrapolated; only where it does not must coarser levels
+        // tell.
         settle(render, frame, a.pixel, start).and_then(accepted).or_else(|| {
             let elsewhere = (start - a.pixel).norm() > APART_PX;
             let place = follow(render, frame, a.pixel, start);
@@ -187,15 +190,16 @@ impl Tracker<'_> {
         Some((1.0 - alike, TrackedPlace { face, barycentric, place, offset }))
     }
 
-    /// Whether what the frame shows at a place was there before in the image, when the tissue was elsewhere.
+    /// Whether what the frame shows at a place was there before in the image, when the tissue was
+    /// elsewhere.
     fn glare(&self, last: &Last, a: &Anchor, frame: &Plane, place: Point2) -> bool {
         let was = self.shown_at(&last.earlier.vertices, a.face, a.barycentric);
         let earlier = &last.earlier.pyramid.levels[0];
         was.is_none_or(|was| stays(earlier, Vector2::zeros(), was, frame, place))
     }
 
-    /// The anchors again, where the motion of the whole that the matches tell is another than expected: of
-    /// the last look where patches look the same after it, else rendered anew.
+    /// The anchors again, where the motion of the whole that the matches tell is another than
+    /// expected: of the last look where patches look the same after it, else rendered anew.
     fn turned(
         &self,
         view: &View,
@@ -229,8 +233,8 @@ impl Tracker<'_> {
         Some(pose_near(self.camera, &points, &pixels, options, Isometry::identity()).ok()?.pose)
     }
 
-    /// The places that descriptors found, where no anchor tells the same: from where the motion that the
-    /// anchors tell puts them, and again from where they do so themselves.
+    /// The places that descriptors found, where no anchor tells the same: from where the motion
+    /// that the anchors tell puts them, and again from where they do so themselves.
     fn places_by_motion(
         &self,
         view: &View,
@@ -314,8 +318,8 @@ impl Tracker<'_> {
     }
 }
 
-/// An earlier frame is kept for so many, or until the surface has moved on by more than so many px of the
-/// working image.
+/// An earlier frame is kept for so many, or until the surface has moved on by more than so many px
+/// of the working image.
 const EARLIER: (usize, f64) = (12, 12.0);
 
 /// Vertices that this is told by.
@@ -341,8 +345,8 @@ impl Tracker<'_> {
         self.count < earlier.frame + frames && typical.is_some_and(|moved| moved < most)
     }
 
-    /// Keep the places that a surface explains; where it was followed, for a while those too that it did not
-    /// show.
+    /// Keep the places that a surface explains; where it was followed, for a while those too that
+    /// it did not show.
     pub(super) fn remember_places(&mut self, held: Vec<FollowedPlace>, followed: bool) {
         let now = self.count;
         if followed {
@@ -362,7 +366,8 @@ fn alike_enough<T>(found: Vec<(f64, T)>) -> Vec<T> {
     found.into_iter().filter(|f| f.0 <= limit).map(|f| f.1).collect()
 }
 
-/// Median by axis of the first few known offsets of those that are named; `None` where hardly any is.
+/// Median by axis of the first few known offsets of those that are named; `None` where hardly any
+/// is.
 fn typical(named: &[usize], offsets: &[Option<Vector2>]) -> Option<Vector2> {
     let known: Vec<Vector2> = named.iter().filter_map(|&i| offsets[i]).collect();
     let axis = |k: usize| median(&mut known.iter().map(|o| o[k]).collect::<Vec<f64>>());

@@ -146,8 +146,8 @@ impl Look {
         Self { anchors: anchors.collect(), render, visible }
     }
 
-    /// How many of the anchors whose surroundings may be used the frame agrees with, to a pixel, and
-    /// how many there are: `[agreeing, usable]`.
+    /// How many of the anchors whose surroundings may be used the frame agrees with, to a pixel,
+    /// and how many there are: `[agreeing, usable]`.
     pub fn agreement(&self, seen: &Seen, least: f64) -> [usize; 2] {
         let frame = &seen.pyramid.levels[0];
         let agrees = |a: &Anchor| -> Option<bool> {

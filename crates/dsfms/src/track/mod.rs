@@ -45,13 +45,14 @@ pub use tracker::Tracker;
 
 /// Options of a [`Tracker`].
 ///
-/// Measured: `seek`, `seek_every`, `surroundings` (`docs/results/track.md`), `brief_search`, `search_beside`, `awake`
-/// (`docs/performance.md`). Other values of `correlation`, `patience` and `search_every` are not measured.
+/// Measured: `seek`, `seek_every`, `surroundings` (`docs/results/track.md`), `brief_search`,
+/// `search_beside`, `awake` (`docs/performance.md`). Other values of `correlation`, `patience` and
+/// `search_every` are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrackOptions {
-    /// Weights of the solves, the seed, and when a surface is believed. Lengths in px are those of the
-    /// frames, whatever their size.
+    /// Weights of the solves, the seed, and when a surface is believed. Lengths in px are those of
+    /// the frames, whatever their size.
     pub reconstruct: ReconstructOptions,
     /// The joint solve from the last shape.
     pub video: VideoOptions,
@@ -62,23 +63,25 @@ pub struct TrackOptions {
     /// A frame that is followed but degraded is also searched by descriptors when the last such
     /// search lies this many frames back.
     pub search_every: usize,
-    /// Parts of the picture in which, after a followed frame, places of the template without a match are
-    /// sought by descriptors near where the surface has them; 0 = none. A part is 64 px of a picture of at most
-    /// 1000 px across its diagonal, and is looked at where a third of its places or more have no match.
+    /// Parts of the picture in which, after a followed frame, places of the template without a
+    /// match are sought by descriptors near where the surface has them; 0 = none. A part is 64 px
+    /// of a picture of at most 1000 px across its diagonal, and is looked at where a third of its
+    /// places or more have no match.
     pub seek: usize,
     /// They are sought in every so many frames.
     pub seek_every: usize,
-    /// The camera is followed on what lies around the organ too, where the template holds it: where the organ stretches, its
-    /// pose is known (`register.camera_motion`).
+    /// The camera is followed on what lies around the organ too, where the template holds it: where
+    /// the organ stretches, its pose is known (`register.camera_motion`).
     pub surroundings: bool,
-    /// A surface that is found from nothing is solved by the blurs after a gap and the few steps of `video`, in
-    /// place of the joint solve of a single frame: the frames after it do the rest.
+    /// A surface that is found from nothing is solved by the blurs after a gap and the few steps of
+    /// `video`, in place of the joint solve of a single frame: the frames after it do the rest.
     pub brief_search: bool,
-    /// Searches are made on a thread of their own where the program runs one ([`Tracker::searcher`]):
-    /// frames go on meanwhile, and what is found is followed into the frame that is at hand by then.
+    /// Searches are made on a thread of their own where the program runs one
+    /// ([`Tracker::searcher`]): frames go on meanwhile, and what is found is followed into the
+    /// frame that is at hand by then.
     pub search_beside: bool,
-    /// One more thread does not sleep while a frame is solved, and frames are prepared on it: less time a
-    /// frame for more of the processor, where it has the cores.
+    /// One more thread does not sleep while a frame is solved, and frames are prepared on it: less
+    /// time a frame for more of the processor, where it has the cores.
     pub awake: bool,
 }
 
@@ -200,8 +203,8 @@ pub struct Surface {
     /// Their mean distance, px.
     pub reprojection_px: f64,
     /// Mean relative difference of the frame's brightness from what template, light and exposure
-    /// predict at the surface; `None` for the method without shading, and where nothing could be used for
-    /// it.
+    /// predict at the surface; `None` for the method without shading, and where nothing could be
+    /// used for it.
     pub photometric: Option<f64>,
     /// How far the depth of the surface is uncertain for the solve of eq. 3, of the visible radius:
     /// it grows with the motion that no rigid pose explains.
@@ -231,8 +234,8 @@ pub struct Tracked {
     pub reasons: Vec<Reason>,
     /// The surface; `None` where lost.
     pub surface: Option<Surface>,
-    /// The camera as what lies around the organ shows it, whatever becomes of the organ; `None` where the template or
-    /// the frame shows too little of that.
+    /// The camera as what lies around the organ shows it, whatever becomes of the organ; `None`
+    /// where the template or the frame shows too little of that.
     pub camera: Option<CameraSight>,
     /// What a search beside the video found was taken in this frame.
     pub answered: bool,

@@ -1,5 +1,5 @@
-//! In which parts of the picture places of the template are sought: those that lack most, each again after
-//! a while.
+//! In which parts of the picture places of the template are sought: those that lack most, each
+//! again after a while.
 
 use super::look::{Seen, Working};
 use super::prepare::WorkingWindow;
@@ -20,7 +20,8 @@ const PROBES: usize = 2000;
 /// A part is looked at where it lacks so many matches, and this share of its places.
 const LACKS: (usize, f64) = (4, 1.0 / 3.0);
 
-/// Frames until a part is looked at again after something was found there, and at most after nothing was.
+/// Frames until a part is looked at again after something was found there, and at most after
+/// nothing was.
 const AGAIN: [usize; 2] = [4, 64];
 
 /// A feature is looked for so far from where it is expected, px of the working image: where nothing
@@ -39,7 +40,8 @@ pub(super) struct SoughtPart<'a> {
 }
 
 impl SoughtPart<'_> {
-    /// Matches near where features of a template are visible: their indices, and px of the working image.
+    /// Matches near where features of a template are visible: their indices, and px of the working
+    /// image.
     pub(super) fn matches(&self, search: &Search, visible: &[(u32, Point2)]) -> Vec<Match> {
         let Self { frame, seen, working, window } = self;
         let found = seen.features_in(frame, working, *window, MOST_FEATURES);
@@ -81,8 +83,8 @@ impl Seeker {
         Self { probes: (0..places.len() as u32).step_by(step).collect(), across, parts }
     }
 
-    /// Up to `most` parts that lack matches in frame `now`, the worst first; `places` holds where probes are
-    /// seen, `true` for those that lack a match.
+    /// Up to `most` parts that lack matches in frame `now`, the worst first; `places` holds where
+    /// probes are seen, `true` for those that lack a match.
     pub(super) fn worst(&self, places: &[(Point2, bool)], now: usize, most: usize) -> Vec<usize> {
         let mut lack = vec![[0usize; 2]; self.parts.len()];
         for (place, lacks) in places {

@@ -1,6 +1,6 @@
-//! Places of the template that descriptors found in a frame, with what the frame showed there: they are
-//! followed from it where the rendered template does not look like the frame. Nothing drifts: every later
-//! match compares with that one frame, and the place is sought again before it is old.
+//! Places of the template that descriptors found in a frame, with what the frame showed there: they
+//! are followed from it where the rendered template does not look like the frame. Nothing drifts:
+//! every later match compares with that one frame, and the place is sought again before it is old.
 
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3, Vector2, normal, point_at};
@@ -26,7 +26,8 @@ const MISSED: usize = 12;
 /// A patch that a motion changes by less than this is compared as it is, per px.
 const TURNED: f64 = 0.03;
 
-/// Motion that tells what stays in the image from what moves with the tissue, px of the working image.
+/// Motion that tells what stays in the image from what moves with the tissue, px of the working
+/// image.
 const TELLS: f64 = 2.0;
 
 /// A place of the template and the frame that it was found in.
@@ -95,8 +96,8 @@ impl FollowedPlace {
         now < self.frame + OLD && now <= self.held + MISSED
     }
 
-    /// Where a frame shows it, and the correlation there; `None` where it does not settle. `start` is where it
-    /// is expected and `turn` how the frame's patch comes of the kept one.
+    /// Where a frame shows it, and the correlation there; `None` where it does not settle. `start`
+    /// is where it is expected and `turn` how the frame's patch comes of the kept one.
     pub(super) fn follow(
         &self,
         frame: &Pyramid,
@@ -128,8 +129,8 @@ impl FollowedPlace {
         Some(Pyramid::new(Plane { size: [SIDE; 2], data }, LEVELS))
     }
 
-    /// How the surroundings of the place in the image change from its frame to one of pose `now`: the linear
-    /// part of the motion of its tangent plane. `None` where either looks along it.
+    /// How the surroundings of the place in the image change from its frame to one of pose `now`:
+    /// the linear part of the motion of its tangent plane. `None` where either looks along it.
     pub(super) fn turn(
         &self,
         camera: &CameraModel,
@@ -149,8 +150,9 @@ impl FollowedPlace {
         (0.25..4.0).contains(&size).then_some(turn).filter(|t| t.norm() < 4.0)
     }
 
-    /// Whether what a frame shows at a place is what the place's own frame showed there in the image, not
-    /// what it showed of the tissue: a highlight. `false` too where they have not moved apart.
+    /// Whether what a frame shows at a place is what the place's own frame showed there in the
+    /// image, not what it showed of the tissue: a highlight. `false` too where they have not moved
+    /// apart.
     pub(super) fn stays(&self, frame: &Plane, now: Point2) -> bool {
         let KeptPatch { pyramid, at, corner, .. } = &*self.kept;
         let was = Point2::from(at.coords + corner);
@@ -165,9 +167,9 @@ pub(super) struct Earlier {
     pub(super) vertices: Vec<Point3>,
 }
 
-/// Whether a patch of a frame is more like an earlier frame (whose first pixel is at `corner`) at the same
-/// place of the image than like it where the tissue was: what stays while the tissue moves is a highlight.
-/// `false` where the tissue has moved too little to tell.
+/// Whether a patch of a frame is more like an earlier frame (whose first pixel is at `corner`) at
+/// the same place of the image than like it where the tissue was: what stays while the tissue moves
+/// is a highlight. `false` where the tissue has moved too little to tell.
 pub(super) fn stays(
     earlier: &Plane,
     corner: Vector2,

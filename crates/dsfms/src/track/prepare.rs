@@ -91,7 +91,8 @@ pub struct Prepared {
 #[derive(Clone)]
 pub(super) struct View {
     pub(super) seen: Seen,
-    /// With what lies around the organ in place of it, where a mask tells them apart; `None`: the same.
+    /// With what lies around the organ in place of it, where a mask tells them apart; `None`: the
+    /// same.
     around: Option<Seen>,
     /// What shading is read from.
     pub(super) photo: Shot,

@@ -1,5 +1,5 @@
-//! The search by descriptors on a thread of its own: the video goes on, and the late answer is followed from
-//! the frame that was searched into the one at hand.
+//! The search by descriptors on a thread of its own: the video goes on, and the late answer is
+//! followed from the frame that was searched into the one at hand.
 
 use super::beside::{Answer, Beside, Gone, KnownBefore, Need, Question, pool};
 use super::candidate::Candidate;
@@ -35,8 +35,8 @@ pub struct Searcher<'a> {
 impl Searcher<'_> {
     /// Search until the tracker is gone.
     pub fn run(mut self) {
-        // Threads apart from those that follow, which must not wait behind parts of a search: one beside them, all
-        // where there is nothing to follow.
+        // Threads apart from those that follow, which must not wait behind parts of a search: one
+        // beside them, all where there is nothing to follow.
         let pools = [pool(1), pool(rayon::current_num_threads())];
         while let Ok(question) = self.asked.recv() {
             let mut search = || self.answer(&question);
@@ -65,9 +65,10 @@ impl Searcher<'_> {
 }
 
 impl<'a> Tracker<'a> {
-    /// Who searches for this tracker from here on; [`run`](Searcher::run) it on another thread. No frame waits for it:
-    /// until the first answer all are lost. Dropped, it leaves the searches to this tracker. `None` where the options
-    /// do not ask for it ([`TrackOptions::search_beside`](super::TrackOptions::search_beside)).
+    /// Who searches for this tracker from here on; [`run`](Searcher::run) it on another thread. No
+    /// frame waits for it: until the first answer all are lost. Dropped, it leaves the searches to
+    /// this tracker. `None` where the options do not ask for it
+    /// ([`TrackOptions::search_beside`](super::TrackOptions::search_beside)).
     pub fn searcher(&mut self) -> Option<Searcher<'a>> {
         if !self.options.search_beside {
             return None;
@@ -78,8 +79,8 @@ impl<'a> Tracker<'a> {
         Some(Searcher { tracker: self.twin(), asked, answers: answered })
     }
 
-    /// What the search beside says in this frame, `None` where it says nothing; where nobody searches any more,
-    /// the search is made here.
+    /// What the search beside says in this frame, `None` where it says nothing; where nobody
+    /// searches any more, the search is made here.
     pub(super) fn sought_beside(
         &mut self,
         mut beside: Beside,

@@ -1,5 +1,5 @@
-//! Places of the template without a match, sought by descriptors near where a surface has them: a few parts
-//! of the picture a frame.
+//! Places of the template without a match, sought by descriptors near where a surface has them: a
+//! few parts of the picture a frame.
 
 use super::Surface;
 use super::covered::CoveredCells;

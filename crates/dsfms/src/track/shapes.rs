@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use zip::write::{SimpleFileOptions, ZipWriter};
 
 /// Collects shapes on disk and writes them as a compressed npz: `vertices` (frames × vertices × 3,
-/// 32-bit floats, NaN where a frame is lost), `visible` (frames × vertices, 8-bit: 1 where the camera sees the
-/// vertex) and `status` (frames, 8-bit: 0 ok, 1 degraded, 2 lost).
+/// 32-bit floats, NaN where a frame is lost), `visible` (frames × vertices, 8-bit: 1 where the
+/// camera sees the vertex) and `status` (frames, 8-bit: 0 ok, 1 degraded, 2 lost).
 pub struct ShapeFile {
     path: PathBuf,
     vertices: usize,
@@ -34,7 +34,8 @@ impl ShapeFile {
         Ok(Self { path: path.into(), vertices, spool, visible, status: Vec::new() })
     }
 
-    /// The next frame, `None` = lost, with the vertices that are visible, none where that is not known.
+    /// The next frame, `None` = lost, with the vertices that are visible, none where that is not
+    /// known.
     ///
     /// # Errors
     /// A full disk.
@@ -78,8 +79,8 @@ impl ShapeFile {
     }
 }
 
-/// Shapes and status of every frame that a [`ShapeFile`] wrote; the shape of a frame that has none is
-/// NaN.
+/// Shapes and status of every frame that a [`ShapeFile`] wrote; the shape of a frame that has none
+/// is NaN.
 ///
 /// # Errors
 /// No file, no `.npz`, arrays that are missing or of other shapes.

@@ -107,7 +107,8 @@ impl Tracker<'_> {
         })
     }
 
-    /// The pose of the matches, or that of the camera where it is known: at rest, or by the surroundings.
+    /// The pose of the matches, or that of the camera where it is known: at rest, or by the
+    /// surroundings.
     fn posed_from(&self, matches: &[Match], found: Posed) -> Result<Posed, RegisterError> {
         let (rest, options) = (&self.template.mesh, &self.options.reconstruct.register);
         let around = self.camera_sight.filter(|sight| sight.contradicts(&found.pose, rest));
@@ -143,8 +144,8 @@ impl Tracker<'_> {
         let shape: Vec<Point3> = shape.iter().map(|v| motion * v).collect();
         let visible = last.look.visible.clone();
         let rest = &self.template.mesh.positions;
-        // A near light tells the distance of everything, so the shape knows the pose better than the
-        // matches do; under a distant one, and for motion alone, only they hold it.
+        // A near light tells the distance of everything, so the shape knows the pose better than
+        // the matches do; under a distant one, and for motion alone, only they hold it.
         let by_shading = self.method == Method::Joint && self.light.light.tells_distance();
         let base = if by_shading && !posed.at_rest {
             let seen = |shape: &[Point3]| -> Vec<Point3> {
@@ -234,8 +235,8 @@ impl Tracker<'_> {
         draft
     }
 
-    /// Whether a tenth of the matches moved on from a shape by more than the blur of its solve: shading
-    /// must be brought within reach by coarser ones.
+    /// Whether a tenth of the matches moved on from a shape by more than the blur of its solve:
+    /// shading must be brought within reach by coarser ones.
     fn out_of_reach(&self, scene: &Scene, matches: &[Match], shape: &[Point3]) -> bool {
         let mut errors = errors_px(scene, matches, shape);
         errors.sort_unstable_by(f64::total_cmp);

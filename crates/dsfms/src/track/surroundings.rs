@@ -1,6 +1,6 @@
-//! The camera by what lies around the organ: its places are found by descriptors, part by part, near where a known pose
-//! has them, and followed by the look of the frame that they were found in. The organ may bend, move or be covered
-//! meanwhile.
+//! The camera by what lies around the organ: its places are found by descriptors, part by part,
+//! near where a known pose has them, and followed by the look of the frame that they were found in.
+//! The organ may bend, move or be covered meanwhile.
 
 use super::covered::CoveredCells;
 use super::look::{Seen, Working};
@@ -18,10 +18,12 @@ use crate::register::{Match, RegisterOptions};
 use crate::template::{Surroundings, Template};
 use rayon::prelude::*;
 
-/// Places that are followed at most: with 80 the pose leaves a tenth of a millimetre open, more take time.
+/// Places that are followed at most: with 80 the pose leaves a tenth of a millimetre open, more
+/// take time.
 const MOST_PLACES: usize = 80;
 
-/// A part is searched in every so many frames, until twice as many places as a pose needs are known and from then on.
+/// A part is searched in every so many frames, until twice as many places as a pose needs are known
+/// and from then on.
 const SEEK_EVERY: [usize; 2] = [2, 4];
 
 /// Follows the surroundings of a template.
@@ -72,7 +74,8 @@ impl<'a> SurroundingsTracker<'a> {
         Some(Self { template, mesh, search, seeker, places: Vec::new(), last: None })
     }
 
-    /// The camera as the places found so far show it; places that do not agree are given up after a while.
+    /// The camera as the places found so far show it; places that do not agree are given up after a
+    /// while.
     pub(super) fn followed(
         &mut self,
         shown: &ShownFrame,
@@ -112,8 +115,8 @@ impl<'a> SurroundingsTracker<'a> {
         Some(before.map_or(pose, |before| pose * before.inverse() * pose))
     }
 
-    /// Seek places in the part of the picture that lacks most, near where a pose has them; `organ` (camera axes) hides
-    /// what is behind it.
+    /// Seek places in the part of the picture that lacks most, near where a pose has them; `organ`
+    /// (camera axes) hides what is behind it.
     pub(super) fn seek(&mut self, shown: &ShownFrame, pose: Isometry, organ: &[Point3]) {
         let (now, count) = (shown.number, self.places.len());
         let every = SEEK_EVERY[usize::from(count >= 2 * NEEDED)];

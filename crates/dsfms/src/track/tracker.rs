@@ -232,8 +232,8 @@ impl<'a> Tracker<'a> {
         }
     }
 
-    /// [`solve`](Self::solve) as in an earlier run: `answered` is [`Tracked::answered`] of this frame there. Where it
-    /// is `true`, what the [`searcher`](Self::searcher) finds is waited for.
+    /// [`solve`](Self::solve) as in an earlier run: `answered` is [`Tracked::answered`] of this
+    /// frame there. Where it is `true`, what the [`searcher`](Self::searcher) finds is waited for.
     pub fn solve_again(&mut self, prepared: &Prepared, answered: bool) -> Tracked {
         if let Some(beside) = &mut self.beside {
             beside.as_before = Some(answered);
@@ -274,7 +274,8 @@ impl<'a> Tracker<'a> {
         self.surroundings.as_mut()?.followed(&shown, options.correlation, register)
     }
 
-    /// Places of the surroundings, sought where the camera has them: the one that they show, or else that of the organ.
+    /// Places of the surroundings, sought where the camera has them: the one that they show, or
+    /// else that of the organ.
     fn seek_surroundings(&mut self, frame: &Frame, view: &View, surface: Option<&Surface>) {
         let Self { working, camera, count, .. } = self;
         let shown = ShownFrame { frame, seen: view.around(), working, camera, number: *count };

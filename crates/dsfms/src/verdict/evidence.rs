@@ -33,8 +33,8 @@ pub struct Evidence {
     pub matches: MatchCount,
     /// Median distance of the kept matches from the surface, px.
     pub residual_px: Option<f64>,
-    /// Distance of the surface's contour from the organ's outline, px, that nine tenths of it do not exceed; where an
-    /// outline is known.
+    /// Distance of the surface's contour from the organ's outline, px, that nine tenths of it do
+    /// not exceed; where an outline is known.
     pub outline_px: Option<f64>,
     /// Median distance of the matches from the rigid pose, px, and the frame's width.
     pub rigid_px: Option<[f64; 2]>,
@@ -46,8 +46,8 @@ pub struct Evidence {
     pub extent_px: Option<[f64; 2]>,
     /// How far depth is uncertain for the solve of eq. 3, of the visible radius.
     pub depth_uncertainty: Option<f64>,
-    /// Where the camera is not the template's: how far apart they are, px, and the median distance of the
-    /// matches from the rigid pose under the given one and under the template's, px.
+    /// Where the camera is not the template's: how far apart they are, px, and the median distance
+    /// of the matches from the rigid pose under the given one and under the template's, px.
     pub camera: Option<(f64, [f64; 2])>,
     /// Textured places that agree, and those that could be compared (videos).
     pub places: Option<[usize; 2]>,
@@ -75,8 +75,8 @@ pub struct Evidence {
     pub jump: Option<f64>,
 }
 
-/// What an exploration looks like beside its own template where the template does not say: synthetic cases
-/// that are shaded as predicted have a correlation of 0.97 and a residual of 0.03.
+/// What an exploration looks like beside its own template where the template does not say:
+/// synthetic cases that are shaded as predicted have a correlation of 0.97 and a residual of 0.03.
 pub const EXPECTED: Appearance = Appearance {
     correlation: Some(0.9),
     contrast: Some(1.0),

@@ -20,8 +20,8 @@ fn resized(camera: &CameraModel, size: [usize; 2]) -> CameraModel {
     }
 }
 
-/// Largest angle between the sightlines of two cameras at the same place of the frame, px of the first;
-/// infinite where one has none.
+/// Largest angle between the sightlines of two cameras at the same place of the frame, px of the
+/// first; infinite where one has none.
 pub fn apart_px(given: &CameraModel, own: &CameraModel) -> f64 {
     let own = resized(own, given.size);
     let focal = 0.5 * (given.focal[0] + given.focal[1]);
@@ -37,9 +37,9 @@ pub fn apart_px(given: &CameraModel, own: &CameraModel) -> f64 {
     (0..PLACES * PLACES).map(angle).fold(0.0, f64::max)
 }
 
-/// Where a camera is not the template's (its sightlines lie more than `limit` of the diagonal apart): how far
-/// apart they are, px, and the median distance of the matches from the rigid pose under the given camera and
-/// under the template's own, px; infinite without a pose.
+/// Where a camera is not the template's (its sightlines lie more than `limit` of the diagonal
+/// apart): how far apart they are, px, and the median distance of the matches from the rigid pose
+/// under the given camera and under the template's own, px; infinite without a pose.
 pub fn other_camera(
     [given, own]: [&CameraModel; 2],
     limit: f64,

@@ -1,10 +1,11 @@
 //! Image beside prediction over the visible surface: what of it shows the template, and how well.
 //!
-//! Image and predicted light (albedo under the light, at the surface) are averaged over the same pixels of
-//! small blocks and compared as logarithms, in which an exposure is a constant. A tile of blocks says three
-//! things: its mean difference (brightness), that of red to green (colour), and, where the prediction has
-//! texture, whether the image has the same (zero-mean correlation, and the slope of one on the other: 1
-//! where it is as strong, 0 where a flat thing hides it, less through blur and smoke).
+//! Image and predicted light (albedo under the light, at the surface) are averaged over the same
+//! pixels of small blocks and compared as logarithms, in which an exposure is a constant. A tile of
+//! blocks says three things: its mean difference (brightness), that of red to green (colour), and,
+//! where the prediction has texture, whether the image has the same (zero-mean correlation, and the
+//! slope of one on the other: 1 where it is as strong, 0 where a flat thing hides it, less through
+//! blur and smoke).
 
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point3, Vector3, centre_and_spread, median};
@@ -17,8 +18,8 @@ use crate::template::SurfaceTexels;
 use crate::template::usual::Appearance;
 use rayon::prelude::*;
 
-/// Blocks along the diagonal, at most: a surface a third of a millimetre off must not look strange. A picture of
-/// that size says as much as a larger one.
+/// Blocks along the diagonal, at most: a surface a third of a millimetre off must not look strange.
+/// A picture of that size says as much as a larger one.
 pub const BLOCKS: f64 = 460.0;
 
 /// Side of a tile, of the diagonal: at least a hundred blocks.
@@ -30,11 +31,12 @@ const HALF: f64 = 0.5;
 /// Light that a camera cannot tell from none, linear.
 const DARK: f32 = 0.004;
 
-/// Least spread of the predicted logarithm over a tile for its structure to tell: below, noise decides.
+/// Least spread of the predicted logarithm over a tile for its structure to tell: below, noise
+/// decides.
 const TEXTURE: f64 = 0.03;
 
-/// What is nearer to a saturated pixel may be glare, and to a predicted contour another surface; of the
-/// diagonal.
+/// What is nearer to a saturated pixel may be glare, and to a predicted contour another surface; of
+/// the diagonal.
 const HALO: f64 = 0.012;
 const CONTOUR: f64 = 0.006;
 
@@ -107,8 +109,8 @@ impl Looked {
     }
 }
 
-/// Compare a frame with what template and light predict at a shape (camera axes); `None` where next to
-/// nothing can be compared.
+/// Compare a frame with what template and light predict at a shape (camera axes); `None` where next
+/// to nothing can be compared.
 pub fn look(
     compared: &Compared,
     rest: &Mesh,
@@ -251,8 +253,8 @@ fn judge(tiles: &[Tile], limits: &TileLimits) -> Option<(Appearance, Vec<Says>)>
     }
     let structure: Vec<[f64; 2]> = told.iter().filter_map(|t| t.structure).collect();
     let of = |k: usize| median(&mut structure.iter().map(|s| s[k]).collect::<Vec<f64>>());
-    // The exposure is that of what looks like the template, where enough does: what hides most of the organ
-    // must not pass for it.
+    // The exposure is that of what looks like the template, where enough does: what hides most of
+    // the organ must not pass for it.
     let alike = |t: &&&Tile| t.structure.is_some_and(|s| s[0] > limits.correlation);
     let sure: Vec<&&Tile> = told.iter().filter(alike).collect();
     let sure: Vec<&&Tile> = if sure.len() < FEWEST { told.iter().collect() } else { sure };

@@ -30,14 +30,15 @@ pub fn distinct(matches: &[Match], diagonal: f64) -> Vec<usize> {
 /// How uncertain a rigid pose is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PoseUncertainty {
-    /// Standard deviation of the position that nine in ten of the asked points keep within, length units.
+    /// Standard deviation of the position that nine in ten of the asked points keep within, length
+    /// units.
     pub length: f64,
     /// Largest standard deviation of the orientation, degrees.
     pub degrees: f64,
 }
 
-/// Covariance of the pose of a shape (camera axes) from matches on it with the noise of their residuals,
-/// as it moves the points `asked`. Infinite where the matches leave a motion open.
+/// Covariance of the pose of a shape (camera axes) from matches on it with the noise of their
+/// residuals, as it moves the points `asked`. Infinite where the matches leave a motion open.
 pub fn pose_uncertainty(
     camera: &CameraModel,
     topology: &Topology,

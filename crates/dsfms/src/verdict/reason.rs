@@ -3,8 +3,9 @@
 use crate::register::RegisterError;
 use serde::{Deserialize, Serialize};
 
-/// A doubt. Lengths in the template's unit, shares in `[0, 1]`, pixels of the frame. As text it is one sentence,
-/// without a full stop; what a user of some program can do about it is that program's to say.
+/// A doubt. Lengths in the template's unit, shares in `[0, 1]`, pixels of the frame. As text it is
+/// one sentence, without a full stop; what a user of some program can do about it is that program's
+/// to say.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, thiserror::Error)]
 #[serde(tag = "reason", rename_all = "snake_case")]
 #[non_exhaustive]

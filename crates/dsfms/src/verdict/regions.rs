@@ -24,8 +24,9 @@ pub enum Region {
     Folded = 4,
 }
 
-/// What is known of every vertex, and the number of folded faces. `says`: what the image tells of a point of the
-/// surface (camera axes); `near_match`: vertices that a match lies near, where it is known.
+/// What is known of every vertex, and the number of folded faces. `says`: what the image tells of a
+/// point of the surface (camera axes); `near_match`: vertices that a match lies near, where it is
+/// known.
 pub fn regions(
     rest: &Mesh,
     shape: &[Point3],
@@ -49,8 +50,8 @@ pub fn regions(
 const FOLDED: f64 = -0.3;
 const FLAT: f64 = 0.5;
 
-/// Vertices of faces that are folded over, and the number of such faces: at an edge whose two faces were about
-/// in one plane and now lie back to back.
+/// Vertices of faces that are folded over, and the number of such faces: at an edge whose two faces
+/// were about in one plane and now lie back to back.
 pub fn folded(rest: &Mesh, shape: &[Point3]) -> (Vec<bool>, usize) {
     let topology = &rest.topology;
     let cosine = |x: &[Point3], faces: [u32; 2]| {

@@ -13,8 +13,8 @@ pub fn strain(rest: &Mesh, shape: &[Point3]) -> f64 {
     if changes.is_empty() { 0.0 } else { *changes.select_nth_unstable_by(place, f64::total_cmp).1 }
 }
 
-/// Root mean square distance between two shapes after the best rigid motion, of the radius of a disc
-/// of the organ's area.
+/// Root mean square distance between two shapes after the best rigid motion, of the radius of a
+/// disc of the organ's area.
 pub fn jump(rest: &Mesh, before: &[Point3], now: &[Point3]) -> Option<f64> {
     let motion = align_rigid_robust(before, now)?;
     let squares = before.iter().zip(now).map(|(a, b)| (motion * a - b).norm_squared());

@@ -4,33 +4,37 @@ use super::look::TileLimits;
 use crate::options::{OptionError, check, numbers};
 use serde::{Deserialize, Serialize};
 
-/// Pairs: beyond the first value (in the direction that is worse) the frame is lost, beyond the second
-/// degraded, unless said otherwise. What has a usual value is measured against that of the exploration
-/// frames, which the template keeps; `docs/results/verdict.md` says how the rest was chosen.
+/// Pairs: beyond the first value (in the direction that is worse) the frame is lost, beyond the
+/// second degraded, unless said otherwise. What has a usual value is measured against that of the
+/// exploration frames, which the template keeps; `docs/results/verdict.md` says how the rest was
+/// chosen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Thresholds {
-    /// Fewest distinct matches that the surface explains, where they were found: chance agreements of
-    /// unrelated tissue with some pose reach a dozen.
+    /// Fewest distinct matches that the surface explains, where they were found: chance agreements
+    /// of unrelated tissue with some pose reach a dozen.
     pub matches: [usize; 2],
-    /// The same where they were given: a person or a program stands for them. Below four there is no pose.
+    /// The same where they were given: a person or a program stands for them. Below four there is
+    /// no pose.
     pub given: [usize; 2],
-    /// Least share of found and of given matches that the surface explains; below, degraded. With a third
-    /// of given ones at random places the surface is a millimetre off (`docs/results/verdict.md`).
+    /// Least share of found and of given matches that the surface explains; below, degraded. With a
+    /// third of given ones at random places the surface is a millimetre off
+    /// (`docs/results/verdict.md`).
     pub kept: [f64; 2],
     /// Least share of given rows that are different matches; below, degraded.
     pub distinct: f64,
     /// Largest median residual of found matches, px; above, degraded.
     pub residual_px: f64,
-    /// Largest standard deviation of nine visible vertices in ten that the matches leave to the pose, of the
-    /// visible radius. Half a radius is no surface.
+    /// Largest standard deviation of nine visible vertices in ten that the matches leave to the
+    /// pose, of the visible radius. Half a radius is no surface.
     pub pose: [f64; 2],
-    /// The depth may lie outside that of the exploration by these factors: a laparoscope works from 3 to
-    /// 15 cm, so an exploration already holds most of what can be.
+    /// The depth may lie outside that of the exploration by these factors: a laparoscope works from
+    /// 3 to 15 cm, so an exploration already holds most of what can be.
     pub depth: [f64; 2],
     /// Least radius of the visible surface in the frame, of its diagonal.
     pub tiny: [f64; 2],
-    /// Largest median distance of the matches from a rigid pose, of the frame's width; above, degraded.
+    /// Largest median distance of the matches from a rigid pose, of the frame's width; above,
+    /// degraded.
     pub rigid: f64,
     /// Largest uncertainty of the depth, of the visible radius: two and a half times that of a
     /// surface which a rigid pose explains; above, degraded.
@@ -41,14 +45,14 @@ pub struct Thresholds {
     pub correlation: f64,
     /// Least median correlation of image and prediction, of the usual one.
     pub structure: [f64; 2],
-    /// Least strength of the texture, of the usual one; below, degraded. Half is a blur of the width of the
-    /// texture, or smoke that takes half of the light.
+    /// Least strength of the texture, of the usual one; below, degraded. Half is a blur of the
+    /// width of the texture, or smoke that takes half of the light.
     pub contrast: f64,
-    /// Largest photometric residual, in usual ones; above, degraded: through smoke, out of focus or beside
-    /// new glare, shading misleads.
+    /// Largest photometric residual, in usual ones; above, degraded: through smoke, out of focus or
+    /// beside new glare, shading misleads.
     pub photometric: f64,
-    /// The usual one of a single frame counts as so much at least (logarithms): a surface half a millimetre off
-    /// explains as much.
+    /// The usual one of a single frame counts as so much at least (logarithms): a surface half a
+    /// millimetre off explains as much.
     pub least_residual: f64,
     /// Least share of the comparable silhouette that shows the organ.
     pub shown: [f64; 2],
@@ -68,15 +72,17 @@ pub struct Thresholds {
     /// Largest root mean square change of shape from one frame to the next, of the visible radius;
     /// above, degraded.
     pub jump: f64,
-    /// A tile shows the template where the logarithms of its brightness and of its red over green differ by
-    /// less than these from those of the frame.
+    /// A tile shows the template where the logarithms of its brightness and of its red over green
+    /// differ by less than these from those of the frame.
     pub tile_log: [f64; 2],
     /// And, where it has texture, with at least this correlation and this strength.
     pub tile_structure: [f64; 2],
-    /// Largest difference of the sightlines of two cameras that count as one, of the frame's diagonal.
+    /// Largest difference of the sightlines of two cameras that count as one, of the frame's
+    /// diagonal.
     pub camera: f64,
-    /// Under the right camera the matches lie nearer to a rigid pose by this factor at least: below the
-    /// first the template's camera contradicts the given one, above the second the given one is confirmed.
+    /// Under the right camera the matches lie nearer to a rigid pose by this factor at least: below
+    /// the first the template's camera contradicts the given one, above the second the given one is
+    /// confirmed.
     pub camera_fit: [f64; 2],
 }
 

@@ -8,13 +8,13 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-/// Demuxers of files that hold their pictures themselves. A playlist with the name of a video names other files, or
-/// addresses of the network, which ffmpeg would read.
+/// Demuxers of files that hold their pictures themselves. A playlist with the name of a video names
+/// other files, or addresses of the network, which ffmpeg would read.
 const CONTAINERS: &str = "matroska,webm,mov,mp4,m4a,3gp,3g2,mj2,avi,mpegts,mpeg,mpegvideo,flv,ogg,asf,mxf,dv,\
                           h264,hevc,m4v,mjpeg,gif,ivf,yuv4mpegpipe,nut";
 
-/// Decode a video with `program`, which is ended where nothing comes from it for longer than `silence`; `reason` says
-/// why it was not decoded directly.
+/// Decode a video with `program`, which is ended where nothing comes from it for longer than
+/// `silence`; `reason` says why it was not decoded directly.
 pub(super) fn decode(
     (program, silence): (&str, Duration),
     path: &Path,
@@ -30,7 +30,8 @@ pub(super) fn decode(
     command
         .args(["-v", "error", "-nostdin", "-format_whitelist", CONTAINERS, "-i"])
         .arg(input)
-        // Frames as they are: an even rate would fill a gap in the time stamps with any number of copies.
+        // Frames as they are: an even rate would fill a gap in the time stamps with any number of
+        // copies.
         .args(["-map", "0:v:0", "-vsync", "passthrough", "-f", "image2pipe", "-c:v", "ppm", "-"])
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
@@ -132,7 +133,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let program = folder.path().join("ffmpeg");
         let text = r"printf 'P6\n1 1\n255\nabc'; exec sleep 100";
-        // Written by another process: one that is started while this one holds it open could not be run.
+        // Written by another process: one that is started while this one holds it open could not be
+        // run.
         let made = Command::new("sh")
             .args(["-c", r#"printf '#!/bin/sh\n%s\n' "$2" > "$1" && chmod +x "$1""#, "sh"])
             .arg(&program)

@@ -2,14 +2,16 @@
 
 use super::VideoFrame;
 
-/// Most pictures in a row that are lost one by one, two minutes at 25 a second. Longer damage is told once: a file
-/// of 16 bytes a picture states millions of them, each of which would be a file of the output.
+/// Most pictures in a row that are lost one by one, two minutes at 25 a second. Longer damage is
+/// told once: a file of 16 bytes a picture states millions of them, each of which would be a file
+/// of the output.
 pub(super) const MOST_LOST: usize = 3000;
 
 /// Hands frames on until too many in a row are lost.
 pub(super) struct Losses<'a> {
     each: &'a mut dyn FnMut(VideoFrame) -> bool,
-    /// Lost before the first picture, and given with it: a file without any gives nothing where they are too many.
+    /// Lost before the first picture, and given with it: a file without any gives nothing where
+    /// they are too many.
     leading: Vec<VideoFrame>,
     decoded: bool,
     /// Lost since the last picture, and why the first of them is.

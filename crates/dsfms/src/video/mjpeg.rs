@@ -162,7 +162,8 @@ fn broken(at: usize) -> Scanned {
     Scanned::Broken(at, format!("no JPEG marker at byte {at} of a picture: the data are damaged"))
 }
 
-/// The first marker after entropy-coded data, in which `FF00` is a value and `FFD0` to `FFD7` restart.
+/// The first marker after entropy-coded data, in which `FF00` is a value and `FFD0` to `FFD7`
+/// restart.
 fn coded_end(bytes: &[u8], from: usize) -> Option<usize> {
     let coded = bytes.get(from..)?;
     let marker = |w: &[u8]| w[0] == 0xFF && !matches!(w[1], 0x00 | 0xFF | 0xD0..=0xD7);

@@ -135,8 +135,8 @@ pub struct VideoFrame {
     pub total: Option<usize>,
     /// The picture under [`frame_name`], or why it is lost.
     pub content: Result<Frame, String>,
-    /// A lost frame from which this one is predicted, directly or through others: parts of it may show what
-    /// was before the loss.
+    /// A lost frame from which this one is predicted, directly or through others: parts of it may
+    /// show what was before the loss.
     pub rests_on: Option<usize>,
 }
 
@@ -209,12 +209,13 @@ pub(crate) fn select_reporting(
     }
 }
 
-/// Every frame of a video in display order, one at a time, until `each` says that it wants no more. A frame
-/// that cannot be decoded is given as lost under its own number; the others go on.
+/// Every frame of a video in display order, one at a time, until `each` says that it wants no more.
+/// A frame that cannot be decoded is given as lost under its own number; the others go on.
 ///
 /// # Errors
 /// A file that cannot be read, or of which nothing can be decoded. Where another decoder (`ffmpeg`)
-/// fails in the middle, or more than 3000 pictures in a row are lost, the frames before have been given by then.
+/// fails in the middle, or more than 3000 pictures in a row are lost, the frames before have been
+/// given by then.
 pub fn each_frame(path: &Path, each: &mut dyn FnMut(VideoFrame) -> bool) -> Result<(), VideoError> {
     let file =
         guard::open(path).map_err(|source| VideoError::Read { path: path.into(), source })?;

@@ -1,4 +1,5 @@
-//! A program at the other end of a pipe, ended where it neither gives nor takes anything for too long.
+//! A program at the other end of a pipe, ended where it neither gives nor takes anything for too
+//! long.
 
 use std::io::{Read, Result, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus};
@@ -6,10 +7,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How long `ffmpeg` may be silent on a file: a disk wakes in ten seconds, the largest picture takes a few.
+/// How long `ffmpeg` may be silent on a file: a disk wakes in ten seconds, the largest picture
+/// takes a few.
 pub const SILENCE: Duration = Duration::from_secs(60);
 
-/// A running program. Its clones are of the same one; with the last of them, and of its pipes, it ends.
+/// A running program. Its clones are of the same one; with the last of them, and of its pipes, it
+/// ends.
 #[derive(Clone, Debug)]
 pub struct Watched(Arc<Watch>);
 
@@ -71,7 +74,8 @@ impl Watched {
         self.0.kill();
     }
 
-    /// Wait for its end, at most as long as it may be silent; `None` where it was ended for its silence.
+    /// Wait for its end, at most as long as it may be silent; `None` where it was ended for its
+    /// silence.
     ///
     /// # Errors
     /// Those of the system.

@@ -106,15 +106,17 @@ pub struct VoxelBody {
     pub(super) near: Vec<bool>,
 }
 
-/// Voxels around the organ that move with it, so that what interpolates between voxels finds none that stands.
+/// Voxels around the organ that move with it, so that what interpolates between voxels finds none
+/// that stands.
 const NEAR: usize = 2;
 
 impl VoxelBody {
     /// Prepare a volume whose organ has a closed surface in `axes`; `template` at rest.
     ///
     /// # Errors
-    /// [`VoxelError::Open`]; [`VoxelError::Beside`] where the surface lies elsewhere; [`VoxelError::Structure`] of a
-    /// surface that carries nothing, or of an organ with another number of vertices in the template.
+    /// [`VoxelError::Open`]; [`VoxelError::Beside`] where the surface lies elsewhere;
+    /// [`VoxelError::Structure`] of a surface that carries nothing, or of an organ with another
+    /// number of vertices in the template.
     pub fn new(
         grid: &VoxelGrid,
         axes: MeshAxes,

@@ -68,7 +68,8 @@ impl VoxelGrid {
         [0, 1, 2].map(|c| Vector3::from(linear.column(c)).norm())
     }
 
-    /// Corners of the cell around a place in voxels and their weights; at the border the nearest voxels.
+    /// Corners of the cell around a place in voxels and their weights; at the border the nearest
+    /// voxels.
     pub(super) fn corners(&self, at: &Point3) -> [(usize, f64); 8] {
         cell(self.size, at)
     }

@@ -4,9 +4,9 @@ use super::grid::VoxelGrid;
 use crate::geometry::Point3;
 use rayon::prelude::*;
 
-/// Whether each voxel centre lies inside; `positions` in voxels. Lines along i enter and leave at faces (even-odd
-/// rule), each up to the voxel before the exit; a line through an edge or corner counts as if moved aside
-/// infinitely little, so that it meets exactly one of the faces there.
+/// Whether each voxel centre lies inside; `positions` in voxels. Lines along i enter and leave at
+/// faces (even-odd rule), each up to the voxel before the exit; a line through an edge or corner
+/// counts as if moved aside infinitely little, so that it meets exactly one of the faces there.
 pub(super) fn inside(grid: &VoxelGrid, positions: &[Point3], faces: &[[u32; 3]]) -> Vec<bool> {
     let [nx, ny, nz] = grid.size();
     let mut crossings: Vec<(usize, f64)> = faces
@@ -43,8 +43,8 @@ fn crossings(corners: [Point3; 3], [ny, nz]: [usize; 2]) -> impl Iterator<Item =
     })
 }
 
-/// Twice the area that (j, k) spans with an edge, and on which side of it the point lies. The same numbers for the
-/// edge in both directions; a point on the edge counts as moved by (ε, ε²).
+/// Twice the area that (j, k) spans with an edge, and on which side of it the point lies. The same
+/// numbers for the edge in both directions; a point on the edge counts as moved by (ε, ε²).
 fn side(a: &Point3, b: &Point3, [y, z]: [f64; 2]) -> (f64, bool) {
     let turned = (a.y, a.z) > (b.y, b.z);
     let (p, q) = if turned { (b, a) } else { (a, b) };

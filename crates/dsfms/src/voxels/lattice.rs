@@ -10,8 +10,8 @@ const MARGIN: f64 = 0.25;
 /// And at least so many voxels.
 const LEAST: f64 = 4.0;
 
-/// Nodes on voxel centres (also of voxels that the grid does not have), so that with steps of one voxel nothing
-/// is interpolated.
+/// Nodes on voxel centres (also of voxels that the grid does not have), so that with steps of one
+/// voxel nothing is interpolated.
 #[derive(Clone, Debug)]
 pub(super) struct VoxelLattice {
     /// Voxel of the first node.

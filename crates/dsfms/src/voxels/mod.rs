@@ -1,13 +1,14 @@
 //! A volume of the organ (CT, MRI) that follows its deformation.
 //!
-//! The motion inside is that of [`crate::structures`]: the surface's rigid motion, and the smooth continuation of
-//! the rest. [`VoxelBody`] is prepared once: which voxels lie inside the closed surface of the organ, and a lattice
-//! over its surroundings whose nodes are taken to the template. [`VoxelBody::motion`] moves the nodes with the
-//! surface of one frame; between them the displacement is trilinear. The rigid motion is taken away, so that the
-//! deformed organ stays in the volume's own axes; [`VoxelMotion::camera_from_world`] brings it before the camera.
+//! The motion inside is that of [`crate::structures`]: the surface's rigid motion, and the smooth
+//! continuation of the rest. [`VoxelBody`] is prepared once: which voxels lie inside the closed
+//! surface of the organ, and a lattice over its surroundings whose nodes are taken to the template.
+//! [`VoxelBody::motion`] moves the nodes with the surface of one frame; between them the
+//! displacement is trilinear. The rigid motion is taken away, so that the deformed organ stays in
+//! the volume's own axes; [`VoxelMotion::camera_from_world`] brings it before the camera.
 //!
-//! The world of a volume is that of NIfTI: mm, x to the patient's right, y to the front, z to the head (RAS).
-//! Outside the organ nothing is known, and nothing is moved.
+//! The world of a volume is that of NIfTI: mm, x to the patient's right, y to the front, z to the
+//! head (RAS). Outside the organ nothing is known, and nothing is moved.
 
 mod body;
 mod grid;

@@ -107,8 +107,9 @@ impl<'a> VoxelMotion<'a> {
         place + self.body.lattice.at(&self.displacement, place)
     }
 
-    /// Slice `k` of the displacement, one component (0 to 2) of a vector in mm in LPS axes (as ITK has them), i
-    /// fastest: where the voxel's content goes. 0 where the organ is farther than two voxels away.
+    /// Slice `k` of the displacement, one component (0 to 2) of a vector in mm in LPS axes (as ITK
+    /// has them), i fastest: where the voxel's content goes. 0 where the organ is farther than two
+    /// voxels away.
     pub fn field_slice(&self, component: usize, k: usize) -> Vec<f32> {
         let [nx, ny, _] = self.body.grid.size();
         let sign = if component < 2 { -1.0 } else { 1.0 };
@@ -123,9 +124,9 @@ impl<'a> VoxelMotion<'a> {
         (0..nx * ny).map(value).collect()
     }
 
-    /// Slice `k` of the volume with the organ displaced, on the same grid, as it is stored: every voxel inside the
-    /// displaced organ has the value of the place it comes from, every other one `background`. What leaves the
-    /// grid is cut off.
+    /// Slice `k` of the volume with the organ displaced, on the same grid, as it is stored: every
+    /// voxel inside the displaced organ has the value of the place it comes from, every other one
+    /// `background`. What leaves the grid is cut off.
     ///
     /// # Panics
     /// A volume on another grid than that of the body.

@@ -14,18 +14,19 @@ fn predict(w: &[f64; COUNT], f: &[f64; COUNT]) -> f64 {
 /// Smaller errors, of the visible radius, count as this: nobody needs to tell them apart.
 const NOTHING: f64 = 1e-3;
 
-/// Spread of what a case is off as a whole and no feature tells, of the logarithm: nearly free, so that the
-/// weights are those that tell vertices of one case apart.
+/// Spread of what a case is off as a whole and no feature tells, of the logarithm: nearly free, so
+/// that the weights are those that tell vertices of one case apart.
 const CASE: f64 = 3.0;
 
-/// A frame in which nothing moved by more than this multiple of `features::SMALL` (a fiftieth of the visible
-/// radius) has no zone.
+/// A frame in which nothing moved by more than this multiple of `features::SMALL` (a fiftieth of
+/// the visible radius) has no zone.
 const MOVED: f64 = 1.0;
 
-/// Gamma regression with a logarithmic link, so that every error counts relative to its size; every case counts
-/// the same, in it its zone as much as all of it, and has its own level of spread [`CASE`]; weights but the
-/// constant are at least 0, those of distances [`LEAST`]. The constant is such that the mean is predicted. With the multiple of the prediction
-/// that nine errors of ten stay below, and that nine zones of ten do.
+/// Gamma regression with a logarithmic link, so that every error counts relative to its size; every
+/// case counts the same, in it its zone as much as all of it, and has its own level of spread
+/// [`CASE`]; weights but the constant are at least 0, those of distances [`LEAST`]. The constant is
+/// such that the mean is predicted. With the multiple of the prediction that nine errors of ten
+/// stay below, and that nine zones of ten do.
 pub fn regress(rows: &[Row]) -> ([f64; COUNT], [f64; 2]) {
     let cases: Vec<&[Row]> = rows.chunk_by(|a, b| a.case == b.case).collect();
     let mean = rows.iter().map(|r| r.error).sum::<f64>() / rows.len().max(1) as f64;
@@ -64,8 +65,8 @@ fn nine_of_ten(mut ratios: Vec<f64>) -> f64 {
     ratios.get(ratios.len() * 9 / 10).copied().unwrap_or(1.0)
 }
 
-/// Which vertices of a frame are its zone: seen, and moved by at least half of what moved most; none where
-/// nothing did.
+/// Which vertices of a frame are its zone: seen, and moved by at least half of what moved most;
+/// none where nothing did.
 fn zone(case: &[Row]) -> Vec<bool> {
     let column = NAMES.iter().position(|n| *n == "displacement").unwrap_or_default();
     let moved = |r: &Row| r.features[column].exp() - 1.0;
@@ -73,7 +74,8 @@ fn zone(case: &[Row]) -> Vec<bool> {
     case.iter().map(|r| r.visible && most > MOVED && moved(r) >= 0.5 * most).collect()
 }
 
-/// How much every vertex of a case counts, in sum 1: half for all of it, half for its zone where it has one.
+/// How much every vertex of a case counts, in sum 1: half for all of it, half for its zone where it
+/// has one.
 fn shares(case: &[Row]) -> Vec<f64> {
     let zone = zone(case);
     let inside = zone.iter().filter(|z| **z).count();
@@ -82,8 +84,8 @@ fn shares(case: &[Row]) -> Vec<f64> {
     zone.iter().map(share).collect()
 }
 
-/// Of every frame that moved: error over prediction, as root mean squares over its zone. The errors there go
-/// together: a frame is one draw, not many.
+/// Of every frame that moved: error over prediction, as root mean squares over its zone. The errors
+/// there go together: a frame is one draw, not many.
 fn zones(w: &[f64; COUNT], rows: &[Row]) -> Vec<f64> {
     let ratio = |case: &[Row]| {
         let zone = zone(case);
@@ -122,8 +124,8 @@ fn least(feature: usize, normal: &[[f64; COUNT]; COUNT]) -> f64 {
 
 /// How well predictions tell.
 pub struct FitReport {
-    /// Rank correlation over all vertices, mean within a frame in which something is off, the same of seen
-    /// vertices.
+    /// Rank correlation over all vertices, mean within a frame in which something is off, the same
+    /// of seen vertices.
     ranks: [f64; 4],
     /// Mean predicted and mean actual error of every tenth by prediction.
     pub deciles: Vec<[f64; 2]>,

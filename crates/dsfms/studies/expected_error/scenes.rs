@@ -1,5 +1,5 @@
-//! Rows of the generated scenes (`studies/scenes`): a template on the true mesh, every deformed frame on two
-//! roads, with 25 matches and instrument masks, and with nothing given.
+//! Rows of the generated scenes (`studies/scenes`): a template on the true mesh, every deformed
+//! frame on two roads, with 25 matches and instrument masks, and with nothing given.
 
 use super::{METHODS, ModelRows, append, judged};
 use dsfms::Observation;

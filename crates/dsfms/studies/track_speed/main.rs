@@ -8,10 +8,10 @@
 //! ```
 //!
 //! Frames are decoded first, so that decoding does not count; they are prepared on one thread and
-//! solved on another, as `dsfms track --realtime` does, whose options they are where `--options` names no
-//! others. `--rate 25` offers a frame every 40 ms, which gives the
-//! latency of a live source, with searches beside the frames; without it frames follow as fast as they are
-//! solved and wait for searches. `--loop N` goes
+//! solved on another, as `dsfms track --realtime` does, whose options they are where `--options`
+//! names no others. `--rate 25` offers a frame every 40 ms, which gives the
+//! latency of a live source, with searches beside the frames; without it frames follow as fast as
+//! they are solved and wait for searches. `--loop N` goes
 //! forth and back through the frames until N have been tracked, and watches memory.
 
 mod clip;

@@ -1,4 +1,5 @@
-//! A template from eight rendered frames, on few pixels: what is shown with it is not how good it is.
+//! A template from eight rendered frames, on few pixels: what is shown with it is not how good it
+//! is.
 
 use dsfms::checkpoint::Store;
 use dsfms::pipeline::template_from_frames;

@@ -1,5 +1,5 @@
-//! A small H.264 encoder (every macroblock uncompressed) and mp4 writer: videos for tests, of any content,
-//! whose bytes a test can damage where it wants.
+//! A small H.264 encoder (every macroblock uncompressed) and mp4 writer: videos for tests, of any
+//! content, whose bytes a test can damage where it wants.
 
 #![allow(dead_code)]
 
@@ -51,8 +51,8 @@ pub fn encode(parts: &[([usize; 2], Vec<Coded>)], shift: &[i32]) -> Video {
     Video { bytes, samples }
 }
 
-/// A stream with start codes as the pictures of an mp4 whose description is that of a video of `size`; a unit
-/// with a slice ends its picture.
+/// A stream with start codes as the pictures of an mp4 whose description is that of a video of
+/// `size`; a unit with a slice ends its picture.
 pub fn of_annex_b(size: [usize; 2], stream: &[u8]) -> Vec<u8> {
     let mut starts: Vec<usize> =
         (3..=stream.len()).filter(|&k| stream[k - 3..k] == [0, 0, 1]).collect();

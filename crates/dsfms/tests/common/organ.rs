@@ -1,5 +1,5 @@
-//! A procedural organ with a known preoperative state: closed, lobed, without symmetry; and what an exploration
-//! shows of it after it has bent and been moved.
+//! A procedural organ with a known preoperative state: closed, lobed, without symmetry; and what an
+//! exploration shows of it after it has bent and been moved.
 
 #![allow(dead_code)]
 
@@ -68,8 +68,8 @@ pub struct Explored {
 }
 
 impl Explored {
-    /// The side of `organ` that faces `view`, bent by `deformation` mm, with `noise` mm, where `truth` (from
-    /// template to organ) takes it from.
+    /// The side of `organ` that faces `view`, bent by `deformation` mm, with `noise` mm, where
+    /// `truth` (from template to organ) takes it from.
     pub fn of(
         organ: &Mesh,
         view: Vector3,
@@ -98,8 +98,8 @@ impl Explored {
         self.truth.inverse() * bent(p, self.deformation)
     }
 
-    /// `count` landmarks on the seen part of the organ, picked on both sides with `sigma` mm in all; those
-    /// numbered in `wrong` are `off` mm off.
+    /// `count` landmarks on the seen part of the organ, picked on both sides with `sigma` mm in
+    /// all; those numbered in `wrong` are `off` mm off.
     pub fn landmarks(
         &self,
         organ: &Mesh,

@@ -1,5 +1,6 @@
-//! Every reader of bytes that others make, by name: what `fuzz_regressions.rs` replays and mutates, and what
-//! the targets in `fuzz/` run. An input is accepted or refused; what is accepted must be sound.
+//! Every reader of bytes that others make, by name: what `fuzz_regressions.rs` replays and mutates,
+//! and what the targets in `fuzz/` run. An input is accepted or refused; what is accepted must be
+//! sound.
 
 #![allow(dead_code)]
 
@@ -157,11 +158,12 @@ fn landmarks(bytes: &[u8]) -> bool {
 
 /// What the files of a truth begin with.
 const NUMPY: &[u8] = b"\x93NUMPY";
-/// Arrays of the truth of a clip, in the order in which they follow each other where they are in no archive.
+/// Arrays of the truth of a clip, in the order in which they follow each other where they are in no
+/// archive.
 const TRUTHS: [&str; 4] = ["vertices", "displacement", "visible", "zone"];
 
-/// The truth of a clip or of a frame: an npz, or its arrays one behind the other, which get an archive with the checksums
-/// that a mutant hardly ever has.
+/// The truth of a clip or of a frame: an npz, or its arrays one behind the other, which get an
+/// archive with the checksums that a mutant hardly ever has.
 fn truth(bytes: &[u8]) -> bool {
     let path = match bytes.starts_with(b"PK") {
         true => file(bytes, "t.npz"),
@@ -274,7 +276,8 @@ fn scene(bytes: &[u8]) -> bool {
     })
 }
 
-/// A stream of H.264 with start codes (Annex B), decoded as the pictures of an mp4; some picture came out.
+/// A stream of H.264 with start codes (Annex B), decoded as the pictures of an mp4; some picture
+/// came out.
 fn h264(bytes: &[u8]) -> bool {
     count_frames(&mp4::of_annex_b([48, 32], bytes)).is_ok_and(|[shown, _]| shown > 0)
 }
@@ -306,8 +309,8 @@ const PARTS: [&str; 12] = [
     "sparse/points3D.txt",
 ];
 
-/// A template one of whose files is replaced: its name on a line of its own, then its bytes; or one array of a file
-/// (`albedo.npz/value`).
+/// A template one of whose files is replaced: its name on a line of its own, then its bytes; or one
+/// array of a file (`albedo.npz/value`).
 fn template(bytes: &[u8]) -> bool {
     thread_local!(static FOLDER: tempfile::TempDir = {
         let folder = tempfile::tempdir().unwrap();

@@ -123,8 +123,8 @@ fn of_series(name: &str) -> bool {
 }
 
 impl PlaceArgs {
-    /// Refuse a folder with files of others that have our names; else mark it, and with --restart remove what an
-    /// older run left.
+    /// Refuse a folder with files of others that have our names; else mark it, and with --restart
+    /// remove what an older run left.
     fn take(&self, ours: fn(&str) -> bool) -> anyhow::Result<()> {
         mark::check_names(&self.output, &["experiment"], "-o", ours)?;
         check_folder(&self.output)?;

@@ -9,8 +9,8 @@ use std::path::Path;
 
 #[derive(Debug, Args)]
 pub struct SeriesArgs {
-    /// `uterus`, `liver` (a part of it for every case, scaled to 2000 mm2), `patch` (a bulging patch of
-    /// 50 x 40 mm), or a mesh file.
+    /// `uterus`, `liver` (a part of it for every case, scaled to 2000 mm2), `patch` (a bulging
+    /// patch of 50 x 40 mm), or a mesh file.
     #[arg(long, value_name = "ORGAN", default_value = "patch")]
     organ: String,
     /// Cases of every extension and noise.
@@ -22,14 +22,15 @@ pub struct SeriesArgs {
     /// 25 matches outside the deformed zone, or 500 over the whole surface.
     #[arg(long, value_enum, default_value_t = Matches::Sparse)]
     matches: Matches,
-    /// Light along the optical axis, near and 3 mm above the camera, or a ring of 4 mm around the lens.
+    /// Light along the optical axis, near and 3 mm above the camera, or a ring of 4 mm around the
+    /// lens.
     #[arg(long, value_name = "LIGHT", default_value = LightKind::Distant.name(), value_parser = light())]
     light: LightKind,
     /// Vertices of the template; default 334, for a clip 1000.
     #[arg(long, value_name = "N", value_parser = vertices)]
     vertices: Option<usize>,
-    /// What an extension states: the largest relative edge-length change in the deformed zone, or the
-    /// mean one.
+    /// What an extension states: the largest relative edge-length change in the deformed zone, or
+    /// the mean one.
     #[arg(long, value_enum, default_value_t = ExtensionName::Largest)]
     extension_of: ExtensionName,
     /// Attraction points of a case, all pulling or all pushing.

@@ -49,16 +49,16 @@ pub struct ReconstructArgs {
     /// Template folder.
     #[arg(value_name = "TEMPLATE")]
     pub template: PathBuf,
-    /// Frames: image files, folders, or a video. With --matches they may be left out: rigid and dsfm
-    /// look at matches alone.
+    /// Frames: image files, folders, or a video. With --matches they may be left out: rigid and
+    /// dsfm look at matches alone.
     #[arg(required_unless_present = "matches", value_name = "IMAGES")]
     pub images: Vec<PathBuf>,
     /// Matches: a CSV, or a folder of them; without it they are found automatically.
     #[arg(help_heading = "Input", long, value_name = "FILE_OR_DIR")]
     pub matches: Option<PathBuf>,
-    /// What is solved; default joint, which has the smallest errors, or dsfm on a template without albedo.
-    /// dsfm, motion alone, where albedo or light are not to be trusted (smoke, blood, another lens);
-    /// dsfms to follow the paper; rigid and sfs to compare.
+    /// What is solved; default joint, which has the smallest errors, or dsfm on a template without
+    /// albedo. dsfm, motion alone, where albedo or light are not to be trusted (smoke, blood,
+    /// another lens); dsfms to follow the paper; rigid and sfs to compare.
     #[arg(help_heading = "Method", long, value_enum)]
     pub method: Option<MethodName>,
     #[command(flatten)]

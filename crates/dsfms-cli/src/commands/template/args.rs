@@ -99,8 +99,8 @@ pub struct TemplateArgs {
     pub masks: Option<PathBuf>,
     #[command(flatten)]
     pub organ: OrganArgs,
-    /// Leave the surface as stereo saw it; else the shading of all frames refines it within its expected
-    /// error.
+    /// Leave the surface as stereo saw it; else the shading of all frames refines it within its
+    /// expected error.
     #[arg(help_heading = "Surface", long, conflicts_with = "mesh")]
     pub no_shading_refinement: bool,
     /// Vertices of the template mesh, 100 to 50000; default 1000.
@@ -110,23 +110,25 @@ pub struct TemplateArgs {
     /// STRENGTH from 0 (one length) to 1 (the same distance from the surface everywhere).
     #[arg(help_heading = "Surface", long, value_name = "STRENGTH", num_args = 0..=1, require_equals = true, default_missing_value = "1", conflicts_with = "mesh")]
     pub adaptive: Option<f64>,
-    /// Peel off the rim what the surface itself hides from every frame, or what faces away from all.
+    /// Peel off the rim what the surface itself hides from every frame, or what faces away from
+    /// all.
     #[arg(help_heading = "Surface", long, conflicts_with = "mesh")]
     pub peel_hidden: bool,
-    /// Surface to use: PLY, OBJ, STL, glTF, OFF or VTK (.vtk, .vtp); its vertex order and faces are kept.
+    /// Surface to use: PLY, OBJ, STL, glTF, OFF or VTK (.vtk, .vtp); its vertex order and faces are
+    /// kept.
     #[arg(help_heading = "Input", long, value_name = "FILE")]
     pub mesh: Option<PathBuf>,
-    /// Unit of the numbers in --mesh or --scale-mesh; default what the file says (glTF is in metres),
-    /// else mm.
+    /// Unit of the numbers in --mesh or --scale-mesh; default what the file says (glTF is in
+    /// metres), else mm.
     #[arg(help_heading = "Input", long, value_enum, value_name = "UNIT")]
     pub mesh_unit: Option<UnitName>,
-    /// Mend --mesh or --scale-mesh: merge vertices at the same place, remove repeated faces and those
-    /// without area, turn faces that run against their neighbours. What was done is said.
+    /// Mend --mesh or --scale-mesh: merge vertices at the same place, remove repeated faces and
+    /// those without area, turn faces that run against their neighbours. What was done is said.
     #[arg(help_heading = "Input", long)]
     pub repair: bool,
-    /// Known camera poses of the frames, in the mesh's frame if there is one: poses.json, or COLMAP's
-    /// images.txt, images.bin or model folder. Without --mesh the surface is in their world and
-    /// unit, called template units unless a known distance makes them mm.
+    /// Known camera poses of the frames, in the mesh's frame if there is one: poses.json, or
+    /// COLMAP's images.txt, images.bin or model folder. Without --mesh the surface is in their
+    /// world and unit, called template units unless a known distance makes them mm.
     #[arg(help_heading = "Input", long, value_name = "FILE")]
     pub poses: Option<PathBuf>,
     /// Albedo of the mesh: an image in its UV, or a CSV with one value (or r,g,b) per vertex.
@@ -149,8 +151,8 @@ pub struct TemplateArgs {
     pub self_calibrate: bool,
     #[command(flatten)]
     pub scale: ScaleArgs,
-    /// Surface of the same organ in mm (PLY, OBJ, STL or glTF), in any place: the template takes its
-    /// scale from the placement that fits best.
+    /// Surface of the same organ in mm (PLY, OBJ, STL or glTF), in any place: the template takes
+    /// its scale from the placement that fits best.
     #[arg(help_heading = "Scale and calibration", long, value_name = "MESH", conflicts_with_all = ["mesh", "scale_reference", "camera_step"])]
     pub scale_mesh: Option<PathBuf>,
     /// How charts are flattened; default bff.

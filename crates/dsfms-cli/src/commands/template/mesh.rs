@@ -22,7 +22,8 @@ pub struct MeshReading {
     pub repair: bool,
 }
 
-/// A mesh in mm, or in template units where its file says so; what a user should know of it is said.
+/// A mesh in mm, or in template units where its file says so; what a user should know of it is
+/// said.
 pub fn open_mesh(path: &Path, how: MeshReading, reporter: &Reporter) -> anyhow::Result<MeshFile> {
     let mut mesh = if how.repair { read_repaired(path)? } else { read_mesh(path)? };
     for warning in &mesh.warnings {

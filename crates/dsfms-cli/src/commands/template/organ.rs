@@ -13,8 +13,8 @@ pub struct OrganArgs {
     /// Outlines of the organ in the frames, white = organ; in some of them is enough.
     #[arg(help_heading = "Organ", long, value_name = "DIR")]
     pub organ_masks: Option<PathBuf>,
-    /// Outline of the organ on one frame, as FRAME:x,y,x,y,...; only the surface inside it stays. May
-    /// be given for several frames.
+    /// Outline of the organ on one frame, as FRAME:x,y,x,y,...; only the surface inside it stays.
+    /// May be given for several frames.
     #[arg(help_heading = "Organ", long, value_name = "FRAME:X,Y,...", value_parser = parse_outline, conflicts_with_all = ["organ_masks", "mesh"])]
     pub organ_polygon: Vec<OrganOutline>,
     /// A pixel of one frame (the first, or X,Y@FRAME) that shows the organ; without it the organ is
@@ -28,8 +28,8 @@ pub struct OrganArgs {
     /// Strokes over the organ and over what is not, drawn on frames: a JSON file (see below).
     #[arg(help_heading = "Organ", long, value_name = "FILE", conflicts_with_all = ["organ_polygon", "mesh"])]
     pub organ_scribbles: Option<PathBuf>,
-    /// Frames or a video of the deformed organ by the same camera, at most 24 of them are looked at: what
-    /// moves apart is apart. They are no part of the template.
+    /// Frames or a video of the deformed organ by the same camera, at most 24 of them are looked
+    /// at: what moves apart is apart. They are no part of the template.
     #[arg(help_heading = "Organ", long, value_name = "DEFORMED", conflicts_with_all = ["organ_polygon", "mesh"])]
     pub also: Vec<PathBuf>,
     /// Keep what lies behind the organ too, as one surface.

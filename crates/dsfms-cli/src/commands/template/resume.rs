@@ -55,8 +55,8 @@ impl<'a> Resumable<'a> {
         }
     }
 
-    /// There will be no template from this input and these options: poses, which took long, serve other options
-    /// of the surface; without them nothing is worth keeping.
+    /// There will be no template from this input and these options: poses, which took long, serve
+    /// other options of the surface; without them nothing is worth keeping.
     pub fn failed(&self) {
         if !self.lock().kept.iter().any(|stage| stage.starts_with("poses")) {
             return self.done();

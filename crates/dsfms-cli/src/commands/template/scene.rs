@@ -39,7 +39,8 @@ impl Drawn {
         Self { text: guard::read_text_at_most(&path, guard::MOST_JSON_BYTES).ok(), path }
     }
 
-    /// Write the strokes that the template is built with; without any, those that were drawn on its predecessor stay.
+    /// Write the strokes that the template is built with; without any, those that were drawn on its
+    /// predecessor stay.
     pub fn keep(self, options: &TemplateOptions, reporter: &Reporter) -> anyhow::Result<()> {
         let strokes = options.organ.strokes();
         if !strokes.is_empty() {

@@ -67,8 +67,8 @@ pub struct TrackArgs {
     /// Template folder, or with --poses a mesh.
     #[arg(value_name = "TEMPLATE")]
     pub template: PathBuf,
-    /// A video, image files, folders of them, - for frames on standard input, or an OpenIGTLink server,
-    /// igtl://HOST:PORT/DEVICE (no device: the first that sends pictures).
+    /// A video, image files, folders of them, - for frames on standard input, or an OpenIGTLink
+    /// server, igtl://HOST:PORT/DEVICE (no device: the first that sends pictures).
     /// An address of a network stream (rtsp://, srt://, ...) is read by an installed ffmpeg.
     #[arg(required_unless_present = "device", conflicts_with = "device", value_name = "VIDEO")]
     pub input: Vec<PathBuf>,
@@ -81,15 +81,16 @@ pub struct TrackArgs {
     #[arg(help_heading = "Input", long, value_name = "DIR")]
     pub record: Option<PathBuf>,
     /// Of a mesh in place of a template: poses of one frame of VIDEO or more, of the organ at rest
-    /// (camera_from_world, as of `dsfms template`). What they show is the look that the mesh is followed by.
+    /// (camera_from_world, as of `dsfms template`). What they show is the look that the mesh is
+    /// followed by.
     #[arg(help_heading = "Input", long, value_name = "FILE")]
     pub poses: Option<PathBuf>,
-    /// What is solved in every frame. joint has the smaller errors; dsfm is faster, and right where the
-    /// template's albedo or light is not to be trusted (smoke, blood, another lens).
+    /// What is solved in every frame. joint has the smaller errors; dsfm is faster, and right where
+    /// the template's albedo or light is not to be trusted (smoke, blood, another lens).
     #[arg(help_heading = "Method", long, value_enum, default_value_t = TrackMethod::Joint)]
     pub method: TrackMethod,
-    /// What of the picture is valid (the endoscope's viewport), white = valid: a folder, or one file for
-    /// all frames; without it a round viewport is found by itself.
+    /// What of the picture is valid (the endoscope's viewport), white = valid: a folder, or one
+    /// file for all frames; without it a round viewport is found by itself.
     #[arg(help_heading = "Input", long, value_name = "FILE_OR_DIR")]
     pub masks: Option<PathBuf>,
     #[command(flatten)]
@@ -104,22 +105,23 @@ pub struct TrackArgs {
     /// Write the last good surface for lost frames too; their status stays lost.
     #[arg(help_heading = "Method", long)]
     pub keep_lost: bool,
-    /// What standard input holds: RGB of 8 bits a channel (with --size), or JPEG pictures; default raw.
+    /// What standard input holds: RGB of 8 bits a channel (with --size), or JPEG pictures; default
+    /// raw.
     #[arg(help_heading = "Input", long, value_enum)]
     pub input_format: Option<InputFormat>,
     /// Size of the raw frames on standard input, px.
     #[arg(help_heading = "Input", long, value_name = "WxH", value_parser = size)]
     pub size: Option<[usize; 2]>,
     /// Keep up with the source: a frame that comes before the last is solved takes the place of the
-    /// one that waits, shading is read more coarsely, and where the organ is lost it is searched on another
-    /// thread. Files play at their own rate, or at --rate.
+    /// one that waits, shading is read more coarsely, and where the organ is lost it is searched on
+    /// another thread. Files play at their own rate, or at --rate.
     #[arg(help_heading = "Method", long)]
     pub realtime: bool,
     /// Frames a second of the input; default what the video says, else 25.
     #[arg(help_heading = "Input", long, value_name = "FPS", value_parser = rate)]
     pub rate: Option<f64>,
-    /// Serve the page of the run, which follows it, to the browser of this machine (as `dsfms view`); its
-    /// address, which nobody can guess, is printed.
+    /// Serve the page of the run, which follows it, to the browser of this machine (as
+    /// `dsfms view`); its address, which nobody can guess, is printed.
     #[arg(help_heading = "Output", long, conflicts_with = "no_report")]
     pub view: bool,
     /// Port of the page; default any free one.

@@ -18,7 +18,8 @@ use dsfms::template::{LengthUnit, Template};
 use dsfms::video::{VideoFrame, each_frame, frame_name, is_video};
 use std::path::{Path, PathBuf};
 
-/// The template that the arguments name; with `--poses` made of a mesh and the frames that they pose.
+/// The template that the arguments name; with `--poses` made of a mesh and the frames that they
+/// pose.
 pub fn template(
     args: &TrackArgs,
     global: &Global,
@@ -134,8 +135,8 @@ fn posed_frames(args: &TrackArgs, path: &Path, reporter: &Reporter) -> anyhow::R
 /// A frame and `camera_from_template`.
 type PosedSource = (Source, Isometry);
 
-/// The frames that have a pose, and the names of all that were looked at. A video is read up to the last of them,
-/// and no other of its frames is kept.
+/// The frames that have a pose, and the names of all that were looked at. A video is read up to the
+/// last of them, and no other of its frames is kept.
 fn posed_sources(
     inputs: &[PathBuf],
     list: &[NamedPose],

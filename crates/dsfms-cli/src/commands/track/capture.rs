@@ -12,8 +12,8 @@ use std::process::{ChildStdout, Command, Stdio};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// A source that gives nothing for so long is gone: a scope that is taken out and wiped is back sooner, and who
-/// waits can stop the run at any time.
+/// A source that gives nothing for so long is gone: a scope that is taken out and wiped is back
+/// sooner, and who waits can stop the run at any time.
 const LIVE_SILENCE: Duration = Duration::from_secs(300);
 
 /// A source that ffmpeg reads.

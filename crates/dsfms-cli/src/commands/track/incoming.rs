@@ -24,8 +24,8 @@ const AGAIN: Duration = Duration::from_millis(200);
 /// A source that is no file.
 #[derive(Clone, Debug)]
 pub enum Stream {
-    /// Pictures of an OpenIGTLink server at `HOST:PORT`; of the first device that sends some, where no
-    /// name is given.
+    /// Pictures of an OpenIGTLink server at `HOST:PORT`; of the first device that sends some, where
+    /// no name is given.
     Igtl { place: String, device: Option<String> },
     /// What an installed ffmpeg reads.
     Ffmpeg(Capture),

@@ -93,8 +93,8 @@ struct FrameDone<'t> {
 }
 
 impl<'a> TrackJob<'a> {
-    /// Every frame of the input, or of it what an earlier run took. Whatever ends it, what was done by then is
-    /// written.
+    /// Every frame of the input, or of it what an earlier run took. Whatever ends it, what was done
+    /// by then is written.
     pub fn finish(mut self, reading: Reading, mut plan: Option<Plan>) -> anyhow::Result<Outcome> {
         let ended = self.all(reading, &mut plan);
         self.conclude(ended)
@@ -221,7 +221,8 @@ impl<'a> TrackJob<'a> {
             || args.input.iter().any(|i| is_address(i))
     }
 
-    /// How far the surface may be off, where somebody watches it or reads its file: it takes its time.
+    /// How far the surface may be off, where somebody watches it or reads its file: it takes its
+    /// time.
     fn expected_errors(
         &self,
         taken_frame: &TakenFrame,

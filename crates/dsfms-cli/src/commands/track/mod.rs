@@ -122,7 +122,8 @@ fn follow(
     beside(searcher, || job.finish(reading, again.map(|again| Plan(&again.run.frames))))
 }
 
-/// Work with somebody who searches on another thread; where that one panics, frames are searched as they come.
+/// Work with somebody who searches on another thread; where that one panics, frames are searched as
+/// they come.
 fn beside<T>(searcher: Option<Searcher>, work: impl FnOnce() -> T) -> T {
     std::thread::scope(|scope| {
         let search = searcher.map(|searcher| scope.spawn(move || searcher.run()));

@@ -98,7 +98,8 @@ impl<T> Queue<T> {
         self.lock().items.is_empty()
     }
 
-    /// Nothing more will be given, or nothing more is wanted; what is in the queue can be taken still.
+    /// Nothing more will be given, or nothing more is wanted; what is in the queue can be taken
+    /// still.
     pub fn end(&self) {
         self.lock().ended = true;
         self.changed.notify_all();

@@ -1,7 +1,7 @@
 //! What was seen while tracking: every frame that was taken, lossless, with its time.
 //!
-//! A folder of `frame_NNNNNN.png` (the number in the source) and `times.csv` (`file,unix_s`). It is input for
-//! every command, and `track --realtime` plays it at its times.
+//! A folder of `frame_NNNNNN.png` (the number in the source) and `times.csv` (`file,unix_s`). It is
+//! input for every command, and `track --realtime` plays it at its times.
 
 use super::queue::{Full, Queue};
 use crate::exit::Usage;
@@ -50,8 +50,8 @@ impl Recorder {
 }
 
 impl Recording {
-    /// Record into a folder that is new or empty. With `realtime` what the disk cannot keep up with is
-    /// left out, else the source waits.
+    /// Record into a folder that is new or empty. With `realtime` what the disk cannot keep up with
+    /// is left out, else the source waits.
     pub fn start(folder: &Path, realtime: bool) -> anyhow::Result<Self> {
         let named = || format!("--record {}", folder.display());
         check_folder(folder).with_context(named)?;

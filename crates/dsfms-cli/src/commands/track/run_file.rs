@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 /// Its name in the output folder.
 pub const NAME: &str = "run.json";
 
-/// Most bytes of it: three million frames, thirty hours of a live source. What it is parsed to takes up to eight
-/// times as much.
+/// Most bytes of it: three million frames, thirty hours of a live source. What it is parsed to
+/// takes up to eight times as much.
 const MOST_BYTES: u64 = 128 << 20;
 
 /// A run of `dsfms track`.
@@ -101,8 +101,8 @@ pub fn target() -> String {
     format!("{}-{}{fast}", std::env::consts::ARCH, std::env::consts::OS)
 }
 
-/// Digest of a file, or of the names and contents of the files of a folder, 16 hexadecimal digits: it tells
-/// a change, not a forgery.
+/// Digest of a file, or of the names and contents of the files of a folder, 16 hexadecimal digits:
+/// it tells a change, not a forgery.
 pub fn digest(path: &Path) -> anyhow::Result<String> {
     let mut state = Digest::default();
     add(path, &mut state).with_context(|| format!("cannot read {}", path.display()))?;

@@ -102,8 +102,8 @@ impl FrameSource {
         (first.is_file() && is_video(first)).then(|| frame_rate(first)).flatten()
     }
 
-    /// A picture decoded: for a live source by the pool, whose second thread is awake while a frame is
-    /// solved and would be in the way of a third.
+    /// A picture decoded: for a live source by the pool, whose second thread is awake while a frame
+    /// is solved and would be in the way of a third.
     fn decoded<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
         if self.realtime { rayon::scope(|_| work()) } else { work() }
     }

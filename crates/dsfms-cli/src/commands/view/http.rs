@@ -1,4 +1,5 @@
-//! As much of HTTP as one page needs: bounded requests, for this server and from its own page alone.
+//! As much of HTTP as one page needs: bounded requests, for this server and from its own page
+//! alone.
 
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpStream};
@@ -59,15 +60,15 @@ impl Request {
             .collect()
     }
 
-    /// Whether it says once for whom it is, and that this is this server. A page of elsewhere whose name was made to
-    /// point here says its own name.
+    /// Whether it says once for whom it is, and that this is this server. A page of elsewhere whose
+    /// name was made to point here says its own name.
     pub fn is_for(&self, port: u16) -> bool {
         let own = [format!("127.0.0.1:{port}"), format!("localhost:{port}")];
         matches!(self.all("host")[..], [host] if own.iter().any(|own| own.eq_ignore_ascii_case(host)))
     }
 
-    /// Whether it comes from a page of this server: what a page of elsewhere sends says where it comes from, and that
-    /// it is JSON only after this server was asked, which does not allow it.
+    /// Whether it comes from a page of this server: what a page of elsewhere sends says where it
+    /// comes from, and that it is JSON only after this server was asked, which does not allow it.
     pub fn is_own(&self, port: u16) -> bool {
         let own = [format!("http://127.0.0.1:{port}"), format!("http://localhost:{port}")];
         let from = self.all("origin");

@@ -10,8 +10,8 @@ const SCRIPT: &str = include_str!("../../../assets/live.js");
 const BEFORE: &str = "<script type=\"application/json\" id=\"data\">";
 /// A folder of thousands of frames is looked through once in this time.
 const FRESH: Duration = Duration::from_millis(700);
-/// A command that begins anew takes away the page of its last run, and writes frames before the next page:
-/// so long the open page waits for it in place of a page made of those frames.
+/// A command that begins anew takes away the page of its last run, and writes frames before the
+/// next page: so long the open page waits for it in place of a page made of those frames.
 const BETWEEN: Duration = Duration::from_secs(20);
 
 /// A path, and what it held when it was last looked at.

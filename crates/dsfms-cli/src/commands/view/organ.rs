@@ -103,7 +103,8 @@ impl Desk {
         crate::report::fill(PAGE, &parts.each_ref().map(|(name, text)| (*name, text.as_str())))
     }
 
-    /// Frames, and the strokes to begin with: those that were saved last, else those of the template.
+    /// Frames, and the strokes to begin with: those that were saved last, else those of the
+    /// template.
     fn facts(&self, scene: &OrganScene) -> Value {
         let saved = read_strokes(&self.folder.join(SCRIBBLES)).ok();
         json!({

@@ -42,7 +42,8 @@ impl Part {
 }
 
 impl Report<'_> {
-    /// Error of one method over the frames: mean of the frames' values, and how many frames have one.
+    /// Error of one method over the frames: mean of the frames' values, and how many frames have
+    /// one.
     pub fn mean(&self, k: usize, part: Part, value: Statistic) -> Option<(f64, usize)> {
         let values: Vec<f64> = self
             .frames

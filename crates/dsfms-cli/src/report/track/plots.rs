@@ -1,4 +1,5 @@
-//! The charts of a video's report: of all frames, and of the latest beside the picture of a run that goes on.
+//! The charts of a video's report: of all frames, and of the latest beside the picture of a run
+//! that goes on.
 
 use super::{LATEST, TrackReport, TrackRow, status_name};
 use crate::chart::{Plot, Series, lines, status_strip};
@@ -77,8 +78,8 @@ impl TrackReport<'_> {
         format!("Expected error of what is seen, {}", self.base.unit)
     }
 
-    /// Latency and expected error of the latest frames, with their status; the residual where no expected
-    /// error was asked for.
+    /// Latency and expected error of the latest frames, with their status; the residual where no
+    /// expected error was asked for.
     pub(super) fn curves(&self) -> String {
         let latest = &self.rows[self.rows.len().saturating_sub(LATEST)..];
         let ticks: Vec<String> = latest.iter().map(|r| r.number.to_string()).collect();

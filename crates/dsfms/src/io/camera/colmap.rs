@@ -1,4 +1,5 @@
-//! COLMAP's `cameras.txt` and `cameras.bin`; the files themselves are read by [`super::super::colmap`].
+//! COLMAP's `cameras.txt` and `cameras.bin`; the files themselves are read by
+//! [`super::super::colmap`].
 
 use super::super::colmap::{ColmapCamera, ColmapImage, file_in, read_cameras, read_images};
 use super::super::error::InputError;
@@ -35,20 +36,20 @@ pub struct ImageCameras {
 }
 
 impl ImageCameras {
-    /// The camera of a frame (stem or file name), found as poses are; the [common](Self::common) one
-    /// where the model does not hold it.
+    /// The camera of a frame (stem or file name), found as poses are; the [common](Self::common)
+    /// one where the model does not hold it.
     pub fn of(&self, frame: &str) -> &CameraModel {
         let names: Vec<&str> = self.images.iter().map(|(name, _)| name.as_str()).collect();
         position_of(&names, frame).map_or(&self.common, |i| &self.images[i].1)
     }
 }
 
-/// The cameras of the images of a COLMAP model in a folder; `None` where all are equal, or where the path
-/// is no folder.
+/// The cameras of the images of a COLMAP model in a folder; `None` where all are equal, or where
+/// the path is no folder.
 ///
 /// # Errors
-/// A file of the model that is missing or malformed; an image whose camera is missing; a camera with
-/// intrinsics that cannot be.
+/// A file of the model that is missing or malformed; an image whose camera is missing; a camera
+/// with intrinsics that cannot be.
 pub fn read_image_cameras(folder: &Path) -> Result<Option<ImageCameras>, InputError> {
     if !folder.is_dir() {
         return Ok(None);

@@ -46,8 +46,8 @@ impl<'a> Fields<'a> {
         InputError::field(self.path, format!("{}{key}", self.prefix), problem)
     }
 
-    /// An error about a field whose name is nearly one of `known`, or, where `strict`, that is none of them
-    /// and no text (a remark): what it says would be lost.
+    /// An error about a field whose name is nearly one of `known`, or, where `strict`, that is none
+    /// of them and no text (a remark): what it says would be lost.
     pub(super) fn check_names(&self, known: &[&str], strict: bool) -> Result<(), InputError> {
         for (key, value) in self.map {
             if known.contains(&key.as_str()) {
@@ -101,7 +101,8 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// Whether two names differ by one letter more, fewer, another, or two in the wrong order, in any case.
+/// Whether two names differ by one letter more, fewer, another, or two in the wrong order, in any
+/// case.
 fn one_slip(a: &str, b: &str) -> bool {
     let [a, b] = [a, b].map(|s| s.to_lowercase().into_bytes());
     let first = a.iter().zip(&b).take_while(|(a, b)| a == b).count();

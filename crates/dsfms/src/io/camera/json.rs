@@ -113,8 +113,8 @@ fn coefficients(fields: &Fields) -> Result<Named, InputError> {
     COEFFICIENTS.iter().map(|&key| Ok((key, fields.number_or(key, 0.0)?))).collect()
 }
 
-/// `"distortion": [k1, k2, p1, p2, k3]`, or what else the model has, in OpenCV's order; what is left out at
-/// its end is 0.
+/// `"distortion": [k1, k2, p1, p2, k3]`, or what else the model has, in OpenCV's order; what is
+/// left out at its end is 0.
 fn listed(fields: &Fields, kind: &LensKind) -> Result<Lens, InputError> {
     let value = fields.get("distortion").unwrap_or(&Value::Null);
     let mut list = flat_numbers(value).map_err(|problem| fields.error("distortion", problem))?;

@@ -1,5 +1,5 @@
-//! The light of a camera file: in fields (`docs/camera.schema.json`), or, in older files, in the words of
-//! a description.
+//! The light of a camera file: in fields (`docs/camera.schema.json`), or, in older files, in the
+//! words of a description.
 
 use super::super::error::InputError;
 use super::fields::{Fields, flat_numbers, number, numbers_in};
@@ -22,8 +22,8 @@ const UNKNOWN: &str = "unknown variant";
 const KNOWN: [&str; 7] =
     ["kind", "type", "reference_distance", "spot", "falloff", "fall_off", "profile"];
 
-/// A light by its kind and the parameters that the kind itself tells ([`LightModel`]), once words and names
-/// of older files are put into ours.
+/// A light by its kind and the parameters that the kind itself tells ([`LightModel`]), once words
+/// and names of older files are put into ours.
 pub(super) fn read(path: &Path, value: &Value) -> Result<LightModel, InputError> {
     // A bare word: "light": "collinear".
     if let Some(word) = value.as_str() {
@@ -72,8 +72,8 @@ fn explained(fields: &Fields, error: &str) -> InputError {
     }
 }
 
-/// What is neither kind nor place: the spot in our notation, numbers under their names without a unit.
-/// A text that is no number is a remark.
+/// What is neither kind nor place: the spot in our notation, numbers under their names without a
+/// unit. A text that is no number is a remark.
 fn parameters(fields: &Fields) -> Result<Map<String, Value>, InputError> {
     let mut out = Map::new();
     if let Some(spot) = spot(fields)? {
@@ -170,7 +170,8 @@ fn spot_of_value(fields: &Fields, value: &Value) -> Result<Spot, InputError> {
     })
 }
 
-/// Kind and parameters side by side, the spot without the name of its profile; [`read`] takes it back.
+/// Kind and parameters side by side, the spot without the name of its profile; [`read`] takes it
+/// back.
 pub(super) fn write(light: &LightModel) -> Value {
     let Ok(Value::Object(tagged)) = serde_json::to_value(light) else {
         return json!({ "kind": light });

@@ -1,12 +1,12 @@
-//! Camera files: our JSON, OpenCV's YAML, XML or JSON, COLMAP's `cameras.txt` or `cameras.bin`, nerfstudio's
-//! `transforms.json`, the strings of P2ILF's metadata.
+//! Camera files: our JSON, OpenCV's YAML, XML or JSON, COLMAP's `cameras.txt` or `cameras.bin`,
+//! nerfstudio's `transforms.json`, the strings of P2ILF's metadata.
 //!
 //! The JSON holds `width`, `height`, `fx`, `fy`, `cx`, `cy` (a complete file), and optionally
 //! `distortion` (`k1 k2 p1 p2 k3`, `k1` to `k4` with a `distortion_model` that says fisheye, or
 //! `k1 k2 p1 p2 k3 k4 k5 k6` with one that says rational),
 //! `pixel_convention`, `tone_curve`, `light` and `vignetting` (`a` of `1 + a r²`, r in focal
-//! lengths). A further field is a remark where it is a text, and an error where it is anything else or
-//! nearly one of these names.
+//! lengths). A further field is a remark where it is a text, and an error where it is anything else
+//! or nearly one of these names.
 
 mod colmap;
 mod fields;
@@ -42,8 +42,8 @@ pub struct CameraFile {
     pub tone: Option<ToneCurve>,
     /// Light, where the file names one.
     pub light: Option<LightModel>,
-    /// Vignetting `a` of the lens, `1 + a r²` with r in focal lengths from the principal point, where the
-    /// file names one; negative where corners are dark, at least -2.
+    /// Vignetting `a` of the lens, `1 + a r²` with r in focal lengths from the principal point,
+    /// where the file names one; negative where corners are dark, at least -2.
     pub vignetting: Option<f64>,
 }
 
@@ -133,7 +133,8 @@ pub fn write_camera(path: &Path, file: &CameraFile) -> Result<(), InputError> {
     write_text(path, &(text + "\n"))
 }
 
-/// The kind of lens that a field such as `distortion_model` names; Brown-Conrady when there is none.
+/// The kind of lens that a field such as `distortion_model` names; Brown-Conrady when there is
+/// none.
 fn lens_kind(
     path: &Path,
     field: &str,

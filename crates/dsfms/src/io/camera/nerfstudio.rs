@@ -1,5 +1,6 @@
-//! Intrinsics of nerfstudio's and instant-ngp's `transforms.json`: `w`, `h`, `fl_x`, `fl_y`, `cx`, `cy` and
-//! OpenCV's coefficients, as its root says them. Pixel centres lie at halves, as in COLMAP.
+//! Intrinsics of nerfstudio's and instant-ngp's `transforms.json`: `w`, `h`, `fl_x`, `fl_y`, `cx`,
+//! `cy` and OpenCV's coefficients, as its root says them. Pixel centres lie at halves, as in
+//! COLMAP.
 
 use super::super::error::InputError;
 use super::fields::Fields;

@@ -76,7 +76,8 @@ impl<'a> Arrays<'a> {
         Ok(self.accessor(accessor)?.count)
     }
 
-    /// Vectors of `N` numbers; whole numbers where the file says that they are fractions of their range.
+    /// Vectors of `N` numbers; whole numbers where the file says that they are fractions of their
+    /// range.
     pub(super) fn floats<const N: usize>(
         &self,
         index: usize,

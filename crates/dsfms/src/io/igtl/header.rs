@@ -1,5 +1,5 @@
-//! What stands before every message: 58 bytes, and in messages of header version 2 (OpenIGTLink 3) an
-//! extended header within the body.
+//! What stands before every message: 58 bytes, and in messages of header version 2 (OpenIGTLink 3)
+//! an extended header within the body.
 
 use super::IgtlError;
 use super::crc::crc64;

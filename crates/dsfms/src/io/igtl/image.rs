@@ -5,8 +5,8 @@ use super::IgtlError;
 /// Bytes before the pixels.
 const HEAD: usize = 72;
 
-/// Size and pixels of the content of an IMAGE message: one picture of 8 bits a channel, grey, RGB or
-/// RGBA, its first row on top. Axes of one pixel are left out: grey pictures of some senders are
+/// Size and pixels of the content of an IMAGE message: one picture of 8 bits a channel, grey, RGB
+/// or RGBA, its first row on top. Axes of one pixel are left out: grey pictures of some senders are
 /// 1 x width x height.
 ///
 /// # Errors

@@ -1,8 +1,8 @@
 //! OpenIGTLink, the protocol of image-guided therapy (<http://openigtlink.org>): what we send and what
 //! we read of it.
 //!
-//! Messages are written with headers of version 1, which versions 1 to 3 of the protocol read, and read
-//! with headers of version 1 and 2. Nothing here opens a connection.
+//! Messages are written with headers of version 1, which versions 1 to 3 of the protocol read, and
+//! read with headers of version 1 and 2. Nothing here opens a connection.
 //!
 //! ```
 //! use dsfms::io::igtl::{Head, read, string};

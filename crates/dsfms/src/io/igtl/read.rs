@@ -14,8 +14,8 @@ pub struct Received {
     pub content: Vec<u8>,
 }
 
-/// The next message of a stream; `None` at its end. Bodies of messages that are not `wanted` are read
-/// past and never stored; of the others no more is stored than has come.
+/// The next message of a stream; `None` at its end. Bodies of messages that are not `wanted` are
+/// read past and never stored; of the others no more is stored than has come.
 ///
 /// # Errors
 /// Those after which the stream is of no more use ([`IgtlError::fatal`]), and those of one message.

@@ -1,5 +1,6 @@
-//! Landmarks picked on two surfaces: pairs in one file (CSV, JSON), or points in a file for each surface (3D
-//! Slicer's `.mrk.json` and `.fcsv`, MeshLab's `.pp`, CSV) that belong together by name, else by order.
+//! Landmarks picked on two surfaces: pairs in one file (CSV, JSON), or points in a file for each
+//! surface (3D Slicer's `.mrk.json` and `.fcsv`, MeshLab's `.pp`, CSV) that belong together by
+//! name, else by order.
 //!
 //! Numbers are those of the mesh file they were picked on. A pair says where its points are on the
 //! preoperative mesh (`ct`) and on the template, each as `x, y, z` or as a vertex counted from 0:
@@ -126,8 +127,8 @@ fn place_of_json(value: &Value) -> Result<MarkPlace, String> {
     Ok(MarkPlace::Point(Point3::new(numbers[0], numbers[1], numbers[2])))
 }
 
-/// Pairs of the landmarks of two files: by name where each name stands once in its file and at least three stand
-/// in both, else by order. Second: names that have no partner.
+/// Pairs of the landmarks of two files: by name where each name stands once in its file and at
+/// least three stand in both, else by order. Second: names that have no partner.
 ///
 /// # Errors
 /// Lists of different lengths without common names; `paths` are named.

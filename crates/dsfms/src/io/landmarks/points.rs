@@ -6,8 +6,8 @@ use crate::geometry::Point3;
 use serde_json::Value;
 use std::path::Path;
 
-/// Axes of a patient: x to the left and y to the back (LPS, DICOM; what 3D Slicer writes into mesh files), or to
-/// the right and the front (RAS).
+/// Axes of a patient: x to the left and y to the back (LPS, DICOM; what 3D Slicer writes into mesh
+/// files), or to the right and the front (RAS).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Axes {
     /// Left, posterior, superior.
@@ -32,7 +32,8 @@ impl Axes {
     }
 }
 
-/// Read the landmarks of one surface; `axes`: those of the mesh file, for formats that state their own.
+/// Read the landmarks of one surface; `axes`: those of the mesh file, for formats that state their
+/// own.
 ///
 /// # Errors
 /// [`InputError`] names file, line or field.

@@ -46,8 +46,8 @@ fn by_rows(header: &NiftiHeader) -> Matrix4<f64> {
     Matrix4::from_fn(|r, c| if r < 3 { rows[r][c] } else { f64::from(u8::from(c == 3)) })
 }
 
-/// Rotation by a unit quaternion whose real part is not stored, sides of a voxel, and a last axis that may be
-/// mirrored.
+/// Rotation by a unit quaternion whose real part is not stored, sides of a voxel, and a last axis
+/// that may be mirrored.
 fn by_quaternion(header: &NiftiHeader) -> Result<Matrix4<f64>, String> {
     let [b, c, d] = header.floats(QUATERNION);
     let rest = 1.0 - (b * b + c * c + d * d);

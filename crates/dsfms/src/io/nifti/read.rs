@@ -44,8 +44,8 @@ const MOST_BEFORE: f64 = (64 << 20) as f64;
 /// Read a volume.
 ///
 /// # Errors
-/// [`InputError`] with the field, what was expected and found: no NIfTI-1, cut off, no orientation, an affine map
-/// that is singular or not finite, sizes or a number format that are not read.
+/// [`InputError`] with the field, what was expected and found: no NIfTI-1, cut off, no orientation,
+/// an affine map that is singular or not finite, sizes or a number format that are not read.
 pub fn read_nifti(path: &Path) -> Result<NiftiFile, InputError> {
     let file = guard::open(path).map_err(|source| InputError::read(path, source))?;
     read_nifti_from(BufReader::new(file), path)

@@ -15,8 +15,8 @@ use std::path::Path;
 /// Slices that are made at once.
 const BATCH: usize = 16;
 
-/// Write a warped volume (`.nii.gz`) with the header of `source`; `slice` gives the little-endian voxels of slice k, in
-/// the source's format. Slices are made in parallel and written in order.
+/// Write a warped volume (`.nii.gz`) with the header of `source`; `slice` gives the little-endian
+/// voxels of slice k, in the source's format. Slices are made in parallel and written in order.
 ///
 /// # Errors
 /// A file that cannot be written.
@@ -31,8 +31,9 @@ pub fn write_warped(
     write(path, header, nz, slice)
 }
 
-/// Write a displacement field (`.nii.gz`) on the grid of `source`, as ITK and ANTs have them: five axes, intent vector,
-/// single precision. `slice(component, k)` gives one component of slice k in mm, LPS axes.
+/// Write a displacement field (`.nii.gz`) on the grid of `source`, as ITK and ANTs have them: five
+/// axes, intent vector, single precision. `slice(component, k)` gives one component of slice k in
+/// mm, LPS axes.
 ///
 /// # Errors
 /// A file that cannot be written.

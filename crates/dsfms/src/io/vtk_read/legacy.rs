@@ -39,7 +39,8 @@ pub(in super::super) fn read(bytes: &[u8]) -> Result<RawMesh, FormatError> {
             ["TRIANGLE_STRIPS", ..] => {
                 return malformed("it holds triangle strips; export it as triangles");
             }
-            // What follows the surface says how it looks; lines and vertices before it are passed over.
+            // What follows the surface says how it looks; lines and vertices before it are passed
+            // over.
             ["POINT_DATA" | "CELL_DATA", ..] => break,
             _ => {}
         }
@@ -133,7 +134,8 @@ impl LegacyReader<'_> {
         Ok(values)
     }
 
-    /// Corners and ends of the polygons: each a count and its corners, or, from version 5 on, two arrays.
+    /// Corners and ends of the polygons: each a count and its corners, or, from version 5 on, two
+    /// arrays.
     fn polygons(&mut self, count: usize, size: usize) -> Result<(Vec<i64>, Vec<i64>), FormatError> {
         let before = self.bytes;
         let line = self.line();

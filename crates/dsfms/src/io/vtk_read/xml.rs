@@ -1,4 +1,5 @@
-//! XML `.vtp`: one piece with points and polygons. Tags are looked for in order, nothing else of XML.
+//! XML `.vtp`: one piece with points and polygons. Tags are looked for in order, nothing else of
+//! XML.
 
 use super::super::base64::from_base64;
 use super::super::raw_mesh::{FormatError, RawMesh};

@@ -1,9 +1,9 @@
-//! Edges laid along what the images show: of the two diagonals of a pair of faces the one whose faces
-//! lie closer to the dense surface.
+//! Edges laid along what the images show: of the two diagonals of a pair of faces the one whose
+//! faces lie closer to the dense surface.
 //!
-//! Image-consistent triangulation (Morris and Kanade 2000) with the distance from the depth that all
-//! images agreed on in place of their colours: a ridge is followed whether or not it is seen by colour,
-//! and highlights, which move, have no say. Vertices stay.
+//! Image-consistent triangulation (Morris and Kanade 2000) with the distance from the depth that
+//! all images agreed on in place of their colours: a ridge is followed whether or not it is seen by
+//! colour, and highlights, which move, have no say. Vertices stay.
 
 use crate::geometry::{Point3, area_normal, point_at};
 use crate::mesh::surface_points::ClosestPoints;
@@ -27,8 +27,9 @@ const SAME_SIDE: f64 = 0.7;
 const NEIGHBOURS: [usize; 2] = [4, 8];
 
 /// `mesh`, whose vertices lie on the dense surface, with edges flipped where the other diagonal of
-/// their two faces explains it better: `∫ d²` over the faces, `d` the distance from `dense`, falls by
-/// a fifth or more. Components, boundaries and handles are kept, faces stay nearly as even as they were.
+/// their two faces explains it better: `∫ d²` over the faces, `d` the distance from `dense`, falls
+/// by a fifth or more. Components, boundaries and handles are kept, faces stay nearly as even as
+/// they were.
 pub fn fit_diagonals(mesh: &Mesh, dense: &Mesh) -> Mesh {
     let dense = ClosestPoints::new(dense);
     let mut topology = Arc::clone(&mesh.topology);
@@ -89,8 +90,8 @@ impl FlipRound<'_> {
         (after < LEFT * before && before - after > close).then_some(before - after)
     }
 
-    /// `∫ d²` over a face whose corners lie on the dense surface: Simpson's rule of a triangle, exact to
-    /// the third degree, of centre (9/20) and middles of the sides (2/15 each).
+    /// `∫ d²` over a face whose corners lie on the dense surface: Simpson's rule of a triangle,
+    /// exact to the third degree, of centre (9/20) and middles of the sides (2/15 each).
     fn misfit(&self, face: [u32; 3]) -> f64 {
         const PLACES: [([f64; 3], f64); 4] = [
             ([1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0], 9.0 / 20.0),
@@ -218,8 +219,8 @@ mod tests {
             ],
             vec![[0, 1, 2]],
         );
-        // z = 1 at one corner of a triangle over (0, 0), (1, 0), (0, 1): the rule leaves the corners
-        // out, ∫ z² = A/6 but for 1/20 of its area.
+        // z = 1 at one corner of a triangle over (0, 0), (1, 0), (0, 1): the rule leaves the
+        // corners out, ∫ z² = A/6 but for 1/20 of its area.
         let p = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(Point3::from);
         let mesh = shapes::mesh(p.to_vec(), vec![[0, 1, 2]]);
         let closest = ClosestPoints::new(&dense);

@@ -7,8 +7,8 @@ use crate::mesh::Topology;
 use crate::mesh::normals::vertex_normals;
 use crate::mesh::surface_points::ClosestPoints;
 
-/// Split every edge longer than `longest` (times what is wanted there) in the middle, until there is
-/// none (at most 8 halvings).
+/// Split every edge longer than `longest` (times what is wanted there) in the middle, until there
+/// is none (at most 8 halvings).
 pub(super) fn split(work: &mut WorkingMesh, longest: f64) {
     for _ in 0..8 {
         let topology = work.topology();
@@ -63,8 +63,8 @@ fn subdivide(points: &[Point3], face: [u32; 3], middles: [u32; 3], out: &mut Vec
     }
 }
 
-/// Collapse edges shorter than `shortest` (times what is wanted there), shortest first, where that keeps
-/// the topology, turns no face over and makes no edge longer than `longest`.
+/// Collapse edges shorter than `shortest` (times what is wanted there), shortest first, where that
+/// keeps the topology, turns no face over and makes no edge longer than `longest`.
 pub(super) fn collapse(work: &mut WorkingMesh, shortest: f64, longest: f64) {
     for _ in 0..10 {
         let topology = work.topology();
@@ -245,8 +245,8 @@ pub(super) fn smooth(work: &mut WorkingMesh, surface: &ClosestPoints, outline: &
 }
 
 /// To the mean of the neighbouring faces' centres, weighted by their areas and by the density under
-/// which a centroidal Voronoi tessellation has cells of the size wanted, its power −4 (Du, Faber and
-/// Gunzburger 1999).
+/// which a centroidal Voronoi tessellation has cells of the size wanted, its power −4 (Du, Faber
+/// and Gunzburger 1999).
 fn to_centre(work: &WorkingMesh, t: &Topology, v: usize) -> Vector3 {
     let (mut sum, mut weight) = (Vector3::zeros(), 0.0);
     for &f in &t.vertex_faces[v] {

@@ -1,8 +1,8 @@
 //! Edge lengths that follow the curvature of the surface.
 //!
-//! A chord of length `l` misses an arc of curvature `k` by `e = k l²/8`: edges of `√(8 e / k)` all miss
-//! it by the same `e`. Their field is held within a range about the mean and graded, so that faces side
-//! by side differ little (Dunyach, Vanderhaeghe, Barthe and Botsch 2013).
+//! A chord of length `l` misses an arc of curvature `k` by `e = k l²/8`: edges of `√(8 e / k)` all
+//! miss it by the same `e`. Their field is held within a range about the mean and graded, so that
+//! faces side by side differ little (Dunyach, Vanderhaeghe, Barthe and Botsch 2013).
 
 use crate::geometry::{Point3, Vector3, area_normal};
 use crate::mesh::normals::lumped_areas;
@@ -26,8 +26,8 @@ pub(super) struct Sizing {
 }
 
 impl Sizing {
-    /// For edges of mean `length`, length units. As many vertices are wanted as when all are of that
-    /// length: the mean of `size⁻²` over the surface is 1. `strength` is
+    /// For edges of mean `length`, length units. As many vertices are wanted as when all are of
+    /// that length: the mean of `size⁻²` over the surface is 1. `strength` is
     /// [`RemeshOptions::adaptive`](super::RemeshOptions::adaptive).
     pub(super) fn new(mesh: &Mesh, length: f64, strength: f64) -> Self {
         let area = lumped_areas(mesh);
@@ -121,8 +121,8 @@ fn curvatures(mesh: &Mesh, area: &[f64], radius: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Angle by which the surface turns at an edge from a to b, radians, positive to one side and negative
-/// to the other; 0 on the boundary.
+/// Angle by which the surface turns at an edge from a to b, radians, positive to one side and
+/// negative to the other; 0 on the boundary.
 fn bend(mesh: &Mesh, [a, b]: [u32; 2], [f, g]: [u32; 2], direction: &Vector3) -> f64 {
     if g == u32::MAX {
         return 0.0;

@@ -1,7 +1,8 @@
 //! How the sparse points move in frames of the deformed organ: what moves apart is apart.
 //!
-//! Every such frame is posed on the points that agree with one camera, the rigid majority. What the others are off
-//! is motion, and the parting of organ and wall learns which of the two it belongs to.
+//! Every such frame is posed on the points that agree with one camera, the rigid majority. What the
+//! others are off is motion, and the parting of organ and wall learns which of the two it belongs
+//! to.
 
 use super::Exploration;
 use crate::geometry::{Point2, Point3, median};
@@ -15,12 +16,14 @@ use rayon::prelude::*;
 /// Points that a frame must agree with, and their share of those matched.
 const LEAST: usize = 20;
 const SHARE: f64 = 0.2;
-/// Error of a point that stays, over what structure from motion allows: a rigid pose over a bending surface.
+/// Error of a point that stays, over what structure from motion allows: a rigid pose over a bending
+/// surface.
 const ALLOWED: f64 = 2.0;
 /// Errors beyond this share of the frame's width are wrong matches.
 const WRONG: f64 = 0.15;
 
-/// Sparse points, and the logarithm of one more than the px that they moved in the median deformed frame.
+/// Sparse points, and the logarithm of one more than the px that they moved in the median deformed
+/// frame.
 pub(super) fn moved(
     exploration: &Exploration,
     sparse: &SparseReconstruction,
@@ -48,7 +51,8 @@ fn descriptor(point: &ScenePoint, sparse: &SparseReconstruction) -> Option<[u8; 
     point.track.iter().find_map(|seen| of(seen.frame, seen.feature))
 }
 
-/// The points matched in a deformed frame of some `width`, and by how many px they are off the rigid majority.
+/// The points matched in a deformed frame of some `width`, and by how many px they are off the
+/// rigid majority.
 fn in_frame(
     found: &Features2d,
     width: usize,

@@ -34,8 +34,8 @@ pub(super) fn frame_named<'a>(
 /// A point is shown at a pixel where it projects as near, px.
 const NEAR_PX: f64 = 3.0;
 
-/// The points (world axes) that a frame shows at some pixels, by the depth maps: of what projects to each the one
-/// that a quarter lies before. Pixels that show nothing have none.
+/// The points (world axes) that a frame shows at some pixels, by the depth maps: of what projects
+/// to each the one that a quarter lies before. Pixels that show nothing have none.
 pub(super) fn shown_at(
     maps: &[DepthMap],
     camera: &CameraModel,
@@ -57,8 +57,8 @@ pub(super) fn shown_at(
     pixels.par_iter().filter_map(shown).collect()
 }
 
-/// The connected piece of the surface that the pixel shows. Pieces part where depth jumps; where the
-/// organ touches its neighbour only an outline tells them apart. `poses`: name and
+/// The connected piece of the surface that the pixel shows. Pieces part where depth jumps; where
+/// the organ touches its neighbour only an outline tells them apart. `poses`: name and
 /// `camera_from_world` of the registered frames.
 pub(super) fn pick(
     mesh: Mesh,

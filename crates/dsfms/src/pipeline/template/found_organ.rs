@@ -48,31 +48,36 @@ pub(super) struct ToldOrgan {
     pub(super) scene: Option<OrganScene>,
 }
 
-/// Depth pixels of a frame by which the organ is told, at most: about as many as the labelling looks at.
+/// Depth pixels of a frame by which the organ is told, at most: about as many as the labelling
+/// looks at.
 const COARSE: usize = 20_000;
 /// And at least, all frames together: stereo on less finds nothing.
 const COARSE_ALL: usize = 1000;
-/// Shares of the outline found. Where depth steps along less, all is one surface; where more is marked, it is the
-/// organ's. On eight generated scenes and the rendered one they are 0.5 to 0.8 and 0.97 to 0.99 with stereo at half
-/// the resolution, and 0.45 or more with the coarse stereo used here; where one smooth surface fills the frames
-/// nothing is found (`docs/results/parting.md`).
+/// Shares of the outline found. Where depth steps along less, all is one surface; where more is
+/// marked, it is the organ's. On eight generated scenes and the rendered one they are 0.5 to 0.8
+/// and 0.97 to 0.99 with stereo at half the resolution, and 0.45 or more with the coarse stereo
+/// used here; where one smooth surface fills the frames nothing is found
+/// (`docs/results/parting.md`).
 const STEPPING: f64 = 0.2;
 const MARKED: f64 = 0.8;
-/// Where the usual prior finds nothing, another's part is shown if depth steps along as much of its outline.
+/// Where the usual prior finds nothing, another's part is shown if depth steps along as much of its
+/// outline.
 const CLEAR: f64 = 0.4;
 /// Other parts that are shown, at most.
 const OTHERS: usize = 2;
 /// A click gives a part if what it gives overlaps with it by as much.
 const GIVES: f64 = 0.9;
-/// Vertices of the surface around the organ, over those of the organ, since it is larger: with as many its sparse points lie
-/// 0.4 mm off it in the median (clip of seed 21). The camera is told no better with four times as many.
+/// Vertices of the surface around the organ, over those of the organ, since it is larger: with as
+/// many its sparse points lie 0.4 mm off it in the median (clip of seed 21). The camera is told no
+/// better with four times as many.
 const AROUND: usize = 4;
-/// Vertices of the surface around the organ before it is remeshed, over those it has then: coarse stereo shows no
-/// more.
+/// Vertices of the surface around the organ before it is remeshed, over those it has then: coarse
+/// stereo shows no more.
 const FINER: usize = 4;
 
 impl RegisteredFrames<'_> {
-    /// The organ as the frames tell it from what lies behind, and that; see [`super::BuiltTemplate::organ`].
+    /// The organ as the frames tell it from what lies behind, and that; see
+    /// [`super::BuiltTemplate::organ`].
     pub(super) fn organ(&self, options: &DenseOptions) -> Result<ToldOrgan, TemplateError> {
         if self.said() {
             return Ok(ToldOrgan::default());
@@ -97,25 +102,25 @@ impl RegisteredFrames<'_> {
         masks || matches!(self.options.organ, Organ::Outlined(..) | Organ::Whole)
     }
 
-    /// Stereo on no more pixels than the labelling reads, of small frames on half their width and height, as the
-    /// surface itself: enough to tell the organ from what lies behind.
+    /// Stereo on no more pixels than the labelling reads, of small frames on half their width and
+    /// height, as the surface itself: enough to tell the organ from what lies behind.
     fn coarser(&self, options: &DenseOptions) -> DenseOptions {
         let few = |view: &PosedFrame| (view.frame.rgb.len() / 4).min(COARSE);
         let pixels = self.views.iter().map(few).sum::<usize>().max(COARSE_ALL);
         DenseOptions { max_pixels: pixels.min(options.max_pixels), ..options.clone() }
     }
 
-    /// Whether the piece clicked is the smaller part of what was seen and hangs on nothing else: its own rim is
-    /// then nearer the truth than an outline found in images.
+    /// Whether the piece clicked is the smaller part of what was seen and hangs on nothing else:
+    /// its own rim is then nearer the truth than an outline found in images.
     fn piece_alone(&self, maps: &[DepthMap], options: &DenseOptions) -> Result<bool, DenseError> {
         let seen = surface(&self.views, maps, options)?.mesh;
         let all = seen.topology.faces.len();
         Ok(self.piece(seen).is_ok_and(|piece| 2 * piece.topology.faces.len() < all))
     }
 
-    /// Where the organ ends before something else (the wall of a cavity), and the surface of that. It is what was
-    /// clicked or drawn, what masks of some frames show, or else what the frames look at; and then it is taken only if
-    /// its outline is marked.
+    /// Where the organ ends before something else (the wall of a cavity), and the surface of that.
+    /// It is what was clicked or drawn, what masks of some frames show, or else what the frames
+    /// look at; and then it is taken only if its outline is marked.
     fn outlined(
         &self,
         maps: &[DepthMap],
@@ -167,8 +172,8 @@ impl RegisteredFrames<'_> {
         scene
     }
 
-    /// Labellings as outlines in the frames; where it is open what is meant, with a click for each, under what is
-    /// known to have `moved`.
+    /// Labellings as outlines in the frames; where it is open what is meant, with a click for each,
+    /// under what is known to have `moved`.
     fn guesses(
         &self,
         parts: &[Labelling],
@@ -246,8 +251,8 @@ impl FoundOrgan {
     }
 }
 
-/// The view and the place in its depth map, with depth, that lie deepest in what only `own` holds, or, where that is
-/// little, in what it holds.
+/// The view and the place in its depth map, with depth, that lie deepest in what only `own` holds,
+/// or, where that is little, in what it holds.
 fn deepest(own: &Labelling, others: &[&Labelling], maps: &[DepthMap]) -> Option<(usize, usize)> {
     let only = |i: usize| {
         let not = others.iter().map(|other| other.masks[i].complement());

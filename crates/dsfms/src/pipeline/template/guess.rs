@@ -14,7 +14,8 @@ pub struct OrganGuess {
     pub borders: Vec<Vec<Border>>,
     /// Share of its outline along which depth steps: where it is small all is one surface.
     pub stepping: f64,
-    /// Share along which depth steps or the image changes: where it is small the outline is a guess.
+    /// Share along which depth steps or the image changes: where it is small the outline is a
+    /// guess.
     pub marked: f64,
     /// A click that gives this part; `None` where none was found.
     pub click: Option<OrganClick>,

@@ -27,8 +27,8 @@ pub struct TemplateOptions {
     pub dense: DenseOptions,
     /// Remeshing to `vertices`.
     pub remesh: RemeshOptions,
-    /// Flip edges of the remeshed surface where the other diagonal of their two faces lies closer to
-    /// what stereo saw ([`crate::mesh::remesh::fit_diagonals`]).
+    /// Flip edges of the remeshed surface where the other diagonal of their two faces lies closer
+    /// to what stereo saw ([`crate::mesh::remesh::fit_diagonals`]).
     pub fit_diagonals: bool,
     /// Conformal flattening.
     pub flatten: FlattenOptions,

@@ -3,8 +3,8 @@
 use super::{OrganClick, OrganOutline, OrganStroke};
 use serde::{Deserialize, Serialize};
 
-/// Which part of the frames is the organ. Masks of frames ([`super::Exploration::organ`]) hold beside it; where every
-/// frame has one, the frames are not asked.
+/// Which part of the frames is the organ. Masks of frames ([`super::Exploration::organ`]) hold
+/// beside it; where every frame has one, the frames are not asked.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(from = "OrganOptions", into = "OrganOptions")]
 pub enum Organ {
@@ -13,7 +13,8 @@ pub enum Organ {
     LookedAt,
     /// All that stereo saw.
     Whole,
-    /// What lies inside these outlines, and of that the connected surface that was clicked, if any was.
+    /// What lies inside these outlines, and of that the connected surface that was clicked, if any
+    /// was.
     Outlined(Vec<OrganOutline>, Option<OrganClick>),
     /// What a click or strokes, which may also show what it is not, are on.
     Shown(Option<OrganClick>, Vec<OrganStroke>),
@@ -50,8 +51,8 @@ impl Organ {
     }
 }
 
-/// [`Organ`] as a file of options says it: where several fields do, outlines come before clicks and strokes, and
-/// `whole` is last.
+/// [`Organ`] as a file of options says it: where several fields do, outlines come before clicks and
+/// strokes, and `whole` is last.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OrganOptions {
@@ -61,8 +62,8 @@ pub struct OrganOptions {
     pub click: Option<OrganClick>,
     /// Pixels that show the organ, and such that do not, as drawn on frames.
     pub strokes: Vec<OrganStroke>,
-    /// Keep what lies behind the organ too, where depth steps and no mask, outline or click tells them
-    /// apart.
+    /// Keep what lies behind the organ too, where depth steps and no mask, outline or click tells
+    /// them apart.
     pub whole: bool,
 }
 

@@ -21,10 +21,11 @@ const MOST_POINTS: usize = 10_000_000;
 /// No length is larger, template units.
 const FAR: f64 = 1e9;
 
-/// The depth maps by which the organ of a template was told, and what else the labelling reads of its frames.
+/// The depth maps by which the organ of a template was told, and what else the labelling reads of
+/// its frames.
 ///
-/// [`Self::part`] gives the part that a template built with the same strokes holds: labels are made of the same values
-/// in the same way, bit by bit.
+/// [`Self::part`] gives the part that a template built with the same strokes holds: labels are made
+/// of the same values in the same way, bit by bit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct OrganScene {
     camera: CameraModel,
@@ -134,7 +135,8 @@ impl OrganScene {
         self.registered.iter().map(|(name, pose)| (name.as_str(), *pose)).collect()
     }
 
-    /// The picture of a frame by its place in [`Self::names`], as the bytes of an image file; empty where none was kept.
+    /// The picture of a frame by its place in [`Self::names`], as the bytes of an image file; empty
+    /// where none was kept.
     pub fn photo(&self, frame: usize) -> Option<&[u8]> {
         self.frames.get(frame).map(|frame| frame.photo.as_slice())
     }
@@ -150,8 +152,9 @@ impl OrganScene {
         Ok(self)
     }
 
-    /// The part of the frames that strokes say is the organ; without strokes what the frames look at. `pictures`: the
-    /// frames in the order of [`Self::names`], of [`Self::size`]; they give the outline its last pixels.
+    /// The part of the frames that strokes say is the organ; without strokes what the frames look
+    /// at. `pictures`: the frames in the order of [`Self::names`], of [`Self::size`]; they give the
+    /// outline its last pixels.
     ///
     /// # Errors
     /// A stroke on a frame that is not registered, or on nothing that stereo saw.

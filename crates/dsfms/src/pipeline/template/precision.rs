@@ -28,8 +28,8 @@ pub struct FramePrecision {
     pub centre: f64,
     /// Expected angle between the rotation and the truth (root mean square), degrees.
     pub rotation_deg: f64,
-    /// Rows of the covariance: rotation about the camera's own axes (rad), then the centre in template
-    /// axes.
+    /// Rows of the covariance: rotation about the camera's own axes (rad), then the centre in
+    /// template axes.
     pub covariance: [[f64; 6]; 6],
 }
 

@@ -98,7 +98,8 @@ struct File {
     strokes: Vec<OrganStroke>,
 }
 
-/// Strokes of a JSON file: `{"strokes": [{"frame": "frame_003", "organ": true, "px": [[120, 80], [130, 90]]}]}`.
+/// Strokes of a JSON file:
+/// `{"strokes": [{"frame": "frame_003", "organ": true, "px": [[120, 80], [130, 90]]}]}`.
 ///
 /// ```
 /// use dsfms::geometry::Point2;

@@ -86,8 +86,8 @@ fn shown<'a>(views: &[PosedFrame<'a>], organ: &'a FoundOrgan) -> Vec<PosedFrame<
     views.iter().filter_map(own).collect()
 }
 
-/// Standard deviation of what was seen where each vertex lies on it, length units; infinity where no
-/// depth map agrees with a corner there.
+/// Standard deviation of what was seen where each vertex lies on it, length units; infinity where
+/// no depth map agrees with a corner there.
 fn expected_errors(seen: &DenseSurface, mesh: &Mesh) -> Vec<f64> {
     let surface = ClosestPoints::new(&seen.mesh);
     let at = |p: &Point3| {

@@ -1,4 +1,5 @@
-//! How the exploration frames look beside the template made from them: the measure for later frames.
+//! How the exploration frames look beside the template made from them: the measure for later
+//! frames.
 
 use super::views::{RegisteredFrame, Views};
 use crate::geometry::{Point3, median};

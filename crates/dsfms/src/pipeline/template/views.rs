@@ -24,11 +24,13 @@ pub(super) struct Views<'a> {
     pub features: &'a [Features2d],
 }
 
-/// Views that show a feature of the surroundings in one place, at least: on a dark wall many are highlights, which move with
-/// the camera (`docs/results/track.md`, the camera by what lies around the organ).
+/// Views that show a feature of the surroundings in one place, at least: on a dark wall many are
+/// highlights, which move with the camera (`docs/results/track.md`, the camera by what lies around
+/// the organ).
 const CONFIRMED: usize = 3;
 
-/// Pixels within which views agree on the place, over those of the organ: the surface of the surroundings is coarser. Not measured.
+/// Pixels within which views agree on the place, over those of the organ: the surface of the
+/// surroundings is coarser. Not measured.
 const COARSER: f64 = 2.0;
 
 /// A registered frame.
@@ -38,8 +40,8 @@ pub(super) struct RegisteredFrame {
 }
 
 impl Views<'_> {
-    /// Everything on the surface that comes from the frames; `sigma`: expected error of the vertices, for a
-    /// surface that may be refined.
+    /// Everything on the surface that comes from the frames; `sigma`: expected error of the
+    /// vertices, for a surface that may be refined.
     pub(super) fn dress(
         &self,
         mut mesh: Mesh,
@@ -99,7 +101,8 @@ impl Views<'_> {
         Ok((template, Some(light)))
     }
 
-    /// What lies around the organ, with the keypoints beside the organ of frames that show where it ends.
+    /// What lies around the organ, with the keypoints beside the organ of frames that show where it
+    /// ends.
     pub(super) fn around(
         &self,
         mesh: Mesh,

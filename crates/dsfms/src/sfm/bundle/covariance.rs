@@ -6,16 +6,18 @@
 //! C_kept = v·S⁺,    C_point = v·V⁻¹ + Y C_kept Yᵀ,  Y = V⁻¹Wᵀ
 //! ```
 //!
-//! **Gauge.** Nothing in the sightings tells position, orientation and scale of the world. `S⁺` leaves
-//! out these seven freedoms: what is reported is what remains after the similarity that brings the
-//! cameras, as a whole, closest to where they should be (`Σ ‖δ centre‖² + radius²‖δ rotation‖²`, the
-//! radius being that of the camera centres about their mean). No camera is held, so none is without
-//! error, and the figures compare with errors after alignment by a similarity.
+//! **Gauge.** Nothing in the sightings tells position, orientation and scale of the world. `S⁺`
+//! leaves out these seven freedoms: what is reported is what remains after the similarity that
+//! brings the cameras, as a whole, closest to where they should be
+//! (`Σ ‖δ centre‖² + radius²‖δ rotation‖²`, the radius being that of the camera centres about their
+//! mean). No camera is held, so none is without error, and the figures compare with errors after
+//! alignment by a similarity.
 //!
-//! **Variance.** `v` is measured: the residual variance in units of σ², for a robust loss that of its
-//! estimates (Huber and Ronchetti, Robust Statistics, §7.6), `v = mean(ρ′² s/2)/mean(d(sρ′)/ds)²`,
-//! times sightings over redundancy. Errors that neighbouring sightings share, and wrong intrinsics that
-//! were not refined, are not in it: real errors are larger where there are any.
+//! **Variance.** `v` is measured: the residual variance in units of σ², for a robust loss that of
+//! its estimates (Huber and Ronchetti, Robust Statistics, §7.6),
+//! `v = mean(ρ′² s/2)/mean(d(sρ′)/ds)²`, times sightings over redundancy. Errors that neighbouring
+//! sightings share, and wrong intrinsics that were not refined, are not in it: real errors are
+//! larger where there are any.
 
 use super::super::schur::{self, BundleLayout, BundleRow, PointBlock};
 use super::{
@@ -35,8 +37,8 @@ const GAUGE: usize = 7;
 /// Covariance of an adjusted bundle, up to a similarity of the world (the module says which).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Covariance {
-    /// Of every pose: rotation of the camera about its own axes (rad), then its centre in world axes
-    /// (length units).
+    /// Of every pose: rotation of the camera about its own axes (rad), then its centre in world
+    /// axes (length units).
     pub poses: Vec<Matrix6<f64>>,
     /// Of every point, world axes, squared length units; infinite without sightings.
     pub points: Vec<Matrix3<f64>>,
@@ -61,9 +63,9 @@ impl Covariance {
     }
 }
 
-/// Covariance of poses and points at the minimum that [`adjust`](super::adjust) found under the same
-/// options. All poses count as unknown, those marked as fixed too: they hold the gauge, which is
-/// another here. `V³` time and `V²` memory in the number of views `V`.
+/// Covariance of poses and points at the minimum that [`adjust`](super::adjust) found under the
+/// same options. All poses count as unknown, those marked as fixed too: they hold the gauge, which
+/// is another here. `V³` time and `V²` memory in the number of views `V`.
 ///
 /// # Errors
 /// As for `adjust`; [`BundleError::Undetermined`] where sightings do not determine all unknowns.
@@ -119,8 +121,9 @@ fn variance(bundle: &Bundle, layout: &BundleLayout, loss: Loss) -> Result<f64, B
     Ok(squares / count / (slope / count).powi(2) * (2.0 * count / redundancy as f64))
 }
 
-/// Directions of the kept unknowns that change no residual (turn, shift and growth of the world about
-/// the mean camera centre), as columns; rotations in radii. `None` where all centres coincide.
+/// Directions of the kept unknowns that change no residual (turn, shift and growth of the world
+/// about the mean camera centre), as columns; rotations in radii. `None` where all centres
+/// coincide.
 fn gauge(bundle: &Bundle, unknowns: usize) -> Option<(DMatrix<f64>, f64)> {
     let centres: Vec<Point3> = bundle.poses.iter().map(centre_of).collect();
     let count = centres.len() as f64;

@@ -104,7 +104,8 @@ mod tests {
     use super::super::scale_space::tests::noisy;
     use super::*;
 
-    /// Against the definition, pixel by pixel: a Gaussian of half the width of the cells weighs each.
+    /// Against the definition, pixel by pixel: a Gaussian of half the width of the cells weighs
+    /// each.
     #[test]
     fn a_histogram_is_the_sum_over_its_pixels() {
         let octave = noisy([40, 33]);

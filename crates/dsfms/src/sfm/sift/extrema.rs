@@ -168,7 +168,8 @@ mod tests {
     use super::*;
     use crate::sfm::random::Random;
 
-    /// Against the definition: of 27 pixels of place and scale none is above the middle one, or none below.
+    /// Against the definition: of 27 pixels of place and scale none is above the middle one, or
+    /// none below.
     #[test]
     fn candidates_are_all_extrema_and_no_others() {
         let (size, contrast) = ([40, 37], 0.3);

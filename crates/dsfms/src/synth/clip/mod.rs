@@ -1,7 +1,8 @@
 //! A synthetic laparoscopic clip of known truth: a textured organ before a wall, pushed and pulled
-//! by attraction points (paper §8.1) that move smoothly, under a hand-held camera with a near light.
-//! Instruments pass and touch, the exposure changes, the lens is covered for some frames and one cut
-//! changes view and shape at once. Everything is a function of the seed and the frame's number.
+//! by attraction points (paper §8.1) that move smoothly, under a hand-held camera with a near
+//! light. Instruments pass and touch, the exposure changes, the lens is covered for some frames and
+//! one cut changes view and shape at once. Everything is a function of the seed and the frame's
+//! number.
 //!
 //! The organ is drawn on the mesh that carries the truth, so the error of a template's own
 //! discretisation is not part of such a clip.

@@ -45,8 +45,8 @@ pub(super) struct Conditions {
     pub seed: u64,
 }
 
-/// The picture of a pinhole camera, and where an instrument is seen in it. The organ throws shadows,
-/// the wall only catches them.
+/// The picture of a pinhole camera, and where an instrument is seen in it. The organ throws
+/// shadows, the wall only catches them.
 pub(super) fn photograph(
     name: String,
     (camera, light): (&CameraModel, &Coated),

@@ -1,5 +1,5 @@
-//! Textures of tissue over the x-y plane of the rest shape: mottled ground, branching vessels, and a
-//! bumpiness that breaks up highlights.
+//! Textures of tissue over the x-y plane of the rest shape: mottled ground, branching vessels, and
+//! a bumpiness that breaks up highlights.
 
 use crate::geometry::Point2;
 use crate::image::{ColorImage, Plane};

@@ -32,7 +32,8 @@ fn through(vignetting: f64) -> (Vec<Picture>, LightFit) {
     (pictures, fit)
 }
 
-/// Root mean square relative error of the albedo up to one factor, when so much vignetting is known.
+/// Root mean square relative error of the albedo up to one factor, when so much vignetting is
+/// known.
 fn albedo_error(pictures: &[Picture], vignetting: f64) -> f64 {
     let views: Vec<_> = pictures.iter().map(|p| p.view()).collect();
     let options =

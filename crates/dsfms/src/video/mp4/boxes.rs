@@ -1,5 +1,5 @@
-//! Boxes of the ISO base media file format (ISO/IEC 14496-12): a length, a kind, content. Every step
-//! goes forward, within the bytes that are there.
+//! Boxes of the ISO base media file format (ISO/IEC 14496-12): a length, a kind, content. Every
+//! step goes forward, within the bytes that are there.
 
 /// Four letters.
 pub(super) type Kind = [u8; 4];

@@ -1,4 +1,5 @@
-//! A bound on what a slice makes the decoder allocate: it fills reference lists of any stated length.
+//! A bound on what a slice makes the decoder allocate: it fills reference lists of any stated
+//! length.
 
 use crate::guard::caught;
 use rust_h264::nal::{NalUnit, NalUnitType};
@@ -18,8 +19,8 @@ pub(super) struct Lists {
 }
 
 impl Lists {
-    /// Keeps a parameter set; a slice whose reference lists are longer than any is an error. What cannot be
-    /// parsed passes: the decoder refuses it by the same parser.
+    /// Keeps a parameter set; a slice whose reference lists are longer than any is an error. What
+    /// cannot be parsed passes: the decoder refuses it by the same parser.
     pub(super) fn check(&mut self, nal: &NalUnit) -> Result<(), String> {
         match caught(|| self.listed(nal)) {
             Ok(Some(listed)) if listed > MOST_LISTED => Err(format!(
