@@ -1,44 +1,13 @@
 //! Small holes closed by a film that meets the surface around them.
 
-use super::clean::grown;
 use super::tetrahedra::Triangles;
 use crate::geometry::{Point3, Vector3};
 use crate::mesh::faces::{pieces, simple_loops};
 use std::collections::BTreeMap;
 
-/// Close every boundary loop of at most `max_edges` edges but the rim of each piece. Expects one
-/// fan a vertex.
+/// Close every boundary loop of at most `max_edges` edges but the longest of each piece, which is
+/// the rim of that open surface. Expects one fan a vertex.
 pub(super) fn close_small(triangles: &mut Triangles, max_edges: usize) {
-    for ring in loops(triangles).inner {
-        if ring.len() >= 3 && ring.len() <= max_edges {
-            close(triangles, &ring);
-        }
-    }
-}
-
-/// Cut away what is not `seen` (of every vertex) and `rings` edges more, but for `margin` edges
-/// along the rim of each piece. Where frames contradict each other about bare tissue, the field of
-/// distances falls into pits that no frame sees; a film from where the frames agree is nearer.
-/// Expects one fan a vertex.
-pub(super) fn cut_unseen(triangles: &mut Triangles, seen: &[bool], rings: usize, margin: usize) {
-    let mut near_rim = vec![false; seen.len()];
-    loops(triangles).rims.iter().flatten().for_each(|&v| near_rim[v as usize] = true);
-    let near_rim = grown(&triangles.faces, near_rim, margin);
-    let inside = |cut: &[bool]| cut.iter().zip(&near_rim).map(|(c, rim)| *c && !rim).collect();
-    let unseen: Vec<bool> = seen.iter().map(|seen| !seen).collect();
-    let cut: Vec<bool> = inside(&grown(&triangles.faces, inside(&unseen), rings));
-    triangles.faces.retain(|face| !face.iter().any(|&v| cut[v as usize]));
-}
-
-/// Boundary loops of an open surface.
-struct Loops {
-    /// The longest of each piece.
-    rims: Vec<Vec<u32>>,
-    /// Those of its holes.
-    inner: Vec<Vec<u32>>,
-}
-
-fn loops(triangles: &Triangles) -> Loops {
     let loops = simple_loops(&triangles.faces);
     let length = |ring: &Vec<u32>| -> f64 {
         let place = |i: usize| triangles.positions[ring[i % ring.len()] as usize];
@@ -48,18 +17,19 @@ fn loops(triangles: &Triangles) -> Loops {
     for (face, label) in triangles.faces.iter().zip(pieces(&triangles.faces)) {
         face.iter().for_each(|&v| piece[v as usize] = label);
     }
-    let mut longest: BTreeMap<u32, (f64, usize)> = BTreeMap::new();
+    let mut rims: BTreeMap<u32, (f64, usize)> = BTreeMap::new();
     for (i, ring) in loops.iter().enumerate() {
-        let rim = longest.entry(piece[ring[0] as usize]).or_insert((0.0, i));
+        let rim = rims.entry(piece[ring[0] as usize]).or_insert((0.0, i));
         if length(ring) > rim.0 {
             *rim = (length(ring), i);
         }
     }
-    let is_rim = |i: usize, ring: &[u32]| longest[&piece[ring[0] as usize]].1 == i;
-    let (rims, inner): (Vec<_>, Vec<_>) =
-        loops.into_iter().enumerate().partition(|(i, ring)| is_rim(*i, ring));
-    let rings = |loops: Vec<(usize, Vec<u32>)>| loops.into_iter().map(|(_, ring)| ring).collect();
-    Loops { rims: rings(rims), inner: rings(inner) }
+    for (i, ring) in loops.iter().enumerate() {
+        let rim = rims.get(&piece[ring[0] as usize]).is_some_and(|rim| rim.1 == i);
+        if !rim && ring.len() >= 3 && ring.len() <= max_edges {
+            close(triangles, ring);
+        }
+    }
 }
 
 fn close(triangles: &mut Triangles, ring: &[u32]) {
@@ -194,48 +164,22 @@ mod tests {
         assert_eq!(two.faces.len(), 4);
     }
 
-    /// `z = height(r)` on a polar grid of 36 from r = 4 to r = 10.
-    fn dome(height: impl Fn(f64) -> f64) -> Triangles {
+    #[test]
+    fn a_hole_in_a_dome_is_closed_by_a_dome() {
+        // z = r²/40 on a polar grid from r = 4 to r = 10; the hole's rim lies at 0.4.
         let (n, rings) = (36u32, 13u32);
-        let at = |k: u32, i: u32| {
+        let dome = |k: u32, i: u32| {
             let (r, a) = (4.0 + 0.5 * k as f64, i as f64 * std::f64::consts::TAU / n as f64);
-            Point3::new(r * a.cos(), r * a.sin(), height(r))
+            Point3::new(r * a.cos(), r * a.sin(), r * r / 40.0)
         };
-        let positions = (0..rings).flat_map(|k| (0..n).map(move |i| (k, i)));
-        let positions = positions.map(|(k, i)| at(k, i)).collect();
+        let positions = (0..rings).flat_map(|k| (0..n).map(move |i| dome(k, i))).collect();
         let mut faces = Vec::new();
         for (k, i) in (0..rings - 1).flat_map(|k| (0..n).map(move |i| (k, i))) {
             let [a, b, c, d] =
                 [k * n + i, (k + 1) * n + i, (k + 1) * n + (i + 1) % n, k * n + (i + 1) % n];
             faces.extend([[a, b, c], [a, c, d]]);
         }
-        Triangles { positions, faces }
-    }
-
-    #[test]
-    fn a_pit_that_no_frame_sees_gives_way_to_the_dome_around_it() {
-        // Within r = 6 the surface falls by 2 where the dome rises by 0.5.
-        let mut pit = dome(|r| r * r / 40.0 + (6.0 - r).max(0.0));
-        let seen: Vec<bool> = pit.positions.iter().map(|p| p.coords.xy().norm() > 5.9).collect();
-        let before = pit.faces.len();
-        cut_unseen(&mut pit, &seen, 1, 3);
-        assert!(pit.faces.len() < before);
-        close_small(&mut pit, 40);
-        let mut used = pit.faces.iter().flatten().map(|&v| pit.positions[v as usize]);
-        let off = |p: Point3| (p.z - p.coords.xy().norm_squared() / 40.0).abs();
-        assert!(used.all(|p| off(p) < 0.4));
-        // Along the rim what is not seen stays.
-        let mut all = dome(|_| 0.0);
-        let rim: Vec<bool> = all.positions.iter().map(|p| p.coords.xy().norm() < 9.0).collect();
-        let before = all.faces.len();
-        cut_unseen(&mut all, &rim, 0, 3);
-        assert_eq!(all.faces.len(), before);
-    }
-
-    #[test]
-    fn a_hole_in_a_dome_is_closed_by_a_dome() {
-        // The hole's rim lies at 0.4.
-        let mut dome = dome(|r| r * r / 40.0);
+        let mut dome = Triangles { positions, faces };
         let first = dome.positions.len();
         close_small(&mut dome, 40);
         assert_eq!(simple_loops(&dome.faces).len(), 1);

@@ -86,11 +86,6 @@ fn without_handles(views: &[PosedFrame], maps: &[DepthMap], options: &DenseOptio
 /// How far, in edges, the surface goes on beyond what depth supports, for the rim to be chosen
 /// from.
 const BEYOND: usize = 6;
-/// What no frame sees is cut away from inside the surface but along so many edges of the rim, which
-/// is chosen later.
-const RIM: usize = BEYOND + 4;
-/// Edges of what is seen that go with it: the walls of a pit.
-const DOUBTFUL: usize = 2;
 /// Grids tried, at most: each has edges longer by √2 than the one before.
 const COARSER: usize = 5;
 
@@ -102,11 +97,6 @@ fn tidy(
     maps: &[DepthMap],
     options: &DenseOptions,
 ) -> usize {
-    clean::drop_small(triangles, DUST);
-    one_piece(triangles, options);
-    let seen: Vec<bool> =
-        triangles.positions.par_iter().map(|p| support(maps, p).frames > 0).collect();
-    holes::cut_unseen(triangles, &seen, DOUBTFUL, RIM);
     clean::drop_small(triangles, DUST);
     one_piece(triangles, options);
     holes::close_small(triangles, options.max_hole_edges);
