@@ -8,11 +8,15 @@ use dsfms::image::Frame;
 use dsfms::register::scene::visibility;
 use dsfms::template::Template;
 use dsfms::track::{Origin, TrackStatus, Tracked};
-use dsfms::video::watched::{SILENCE, Watched};
+use dsfms::video::watched::Watched;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::time::Duration;
+
+/// How long ffmpeg may take nothing of the film: the last pictures are coded when all are taken, large ones slowly.
+const FILM_SILENCE: Duration = Duration::from_secs(300);
 
 /// First line of `summary.csv`.
 pub const COLUMNS: &str = "frame,input,status,way,reasons,matches,matches_kept,residual_px,\
@@ -110,7 +114,8 @@ pub fn film(folder: &Path, pictures: &[PathBuf], rate: f64) -> Result<(), String
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(said.reopen().map_err(|error| error.to_string())?);
-    let child = Watched::spawn(&mut command, SILENCE).map_err(|_| "needs ffmpeg".to_owned())?;
+    let child =
+        Watched::spawn(&mut command, FILM_SILENCE).map_err(|_| "needs ffmpeg".to_owned())?;
     if let Some(mut input) = child.input() {
         let feed = |path| std::fs::read(path).and_then(|bytes| input.write_all(&bytes));
         // Where ffmpeg stopped reading, it says below why.
@@ -125,7 +130,7 @@ pub fn film(folder: &Path, pictures: &[PathBuf], rate: f64) -> Result<(), String
     if ended.is_none() {
         return Err(format!(
             "was not made; ffmpeg took nothing for {} s, and it was ended",
-            SILENCE.as_secs()
+            FILM_SILENCE.as_secs()
         ));
     }
     let said = std::fs::read_to_string(said.path()).unwrap_or_default();
