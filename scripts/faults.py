@@ -36,6 +36,8 @@ from pathlib import Path
 
 # What a run is allowed to leave under names of its own until the next run.
 PARTIAL = (".partial-", ".old-template-", ".tmp")
+# Finished stages of a template, with which the next run goes on.
+STAGES = ".template.partial"
 USERS = "the user's\n"
 # Files of all frames.
 FRAMES = ("frames.glb", "overlay.mp4", "vertices.npz")
@@ -143,7 +145,7 @@ def check_whole(path):
 
 
 def is_partial(path, root):
-    return any(part.startswith(PARTIAL) for part in path.relative_to(root).parts)
+    return any(part.startswith(PARTIAL) or part.endswith(STAGES) for part in path.relative_to(root).parts)
 
 
 def files(root):
@@ -370,7 +372,7 @@ def after_rerun(binary, command, out, done):
             except Broken as error:
                 check.append(str(error))
             wrong.extend(f"{name} after the rerun: {text}" for text in check)
-    left = [p.name for p in out.rglob("*") if p.name.startswith(PARTIAL)]
+    left = [p.name for p in out.rglob("*") if p.name.startswith(PARTIAL) or p.name.endswith(STAGES)]
     if left:
         wrong.append(f"the rerun leaves {left[:3]}")
     if command.log and not set(done) <= set(cases(out, command)):
