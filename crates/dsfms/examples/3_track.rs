@@ -1,5 +1,5 @@
-//! A video of the deforming organ, frame after frame: the template is found in the first frame by
-//! its descriptors and then followed by motion; a black frame is lost, and the next is found again.
+//! A video of the deforming organ: the template is found in the first frame by its descriptors and
+//! then followed by motion; a black frame is lost, and the next is found again.
 //!
 //!     cargo run --example 3_track
 
@@ -57,8 +57,7 @@ fn template(case: &Case) -> Result<Template, Box<dyn Error>> {
     Ok(built.template)
 }
 
-/// A frame of the video and the true vertices in camera axes: the camera moves sideways while the
-/// pull grows.
+/// A frame and its true vertices in camera axes: the camera moves sideways while the pull grows.
 fn frame(case: &Case, k: usize) -> (Frame, Vec<Point3>) {
     let pose = Isometry::new(Vector3::new(0.6 * k as f64, 0.0, 75.0), Vector3::zeros());
     let moved = case.template.mesh.positions.iter().zip(&case.deformation.vertices);

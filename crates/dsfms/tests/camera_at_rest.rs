@@ -8,6 +8,7 @@ use dsfms::register::{CameraMotion, Match, RegisterError};
 use dsfms::synth::{Case, Draw, Random, correspond, patch};
 use dsfms::template::{LengthUnit, TemplateView};
 use dsfms::track::TrackStatus;
+use dsfms::verdict::Reason;
 use dsfms::{
     Exploration, Method, Observation, ReconstructOptions, Silent, Template, TemplateOptions,
     TrackOptions, Tracker, reconstruct,
@@ -158,8 +159,8 @@ fn a_tracker_is_told_where_its_camera_stands() {
     // The case is seen from elsewhere than its exploration.
     let tracked = tracker.next(&case.frame, None).unwrap();
     assert_eq!(tracked.status, TrackStatus::Lost);
-    let why = format!("{:?}", tracked.reasons);
-    assert!(why.contains("said to be at rest"), "{why}");
+    let [Reason::NoSurface { why }] = &tracked.reasons[..] else { panic!("{:?}", tracked.reasons) };
+    assert!(why.to_string().contains("said to be at rest"), "{why}");
     // From a view of the exploration the surface is where that view has it.
     let tracked = tracker.next(&frames[0], None).unwrap();
     let surface = tracked.surface.unwrap();

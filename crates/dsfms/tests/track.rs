@@ -165,7 +165,7 @@ fn one_two_and_four_threads_track_to_the_same_bits() {
     clip.frames.truncate(2);
     clip.frames
         .push(Frame { rgb: vec![[2; 3]; clip.frames[0].rgb.len()], ..clip.frames[0].clone() });
-    for method in [Method::Dsfm, Method::Dsfms, Method::Joint] {
+    for method in [Method::Dsfm, Method::Joint] {
         let on = |threads: usize| -> Vec<String> {
             let tracked = tracked_by(method, TrackOptions::default(), &clip, threads);
             tracked.iter().map(bits).collect()

@@ -28,7 +28,7 @@ add(has((s, frame) => s.pixels && s.visible && frame.image), { id: "image", name
 add(data.albedo && atlas, { id: "albedo", name: "albedo", texture: true });
 add(true, { id: "shape", name: "shape" });
 add(data.truth !== undefined, { id: "error", name: "error", unit, per: "vertex", values: errors });
-add(has((s) => s.expectedError), { id: "expected_error", name: "expected error", unit, per: "vertex", values: (f, k) => surface(f, k).expectedError });
+add(has((s) => s.expected_error || s.confidence), { id: "expected_error", name: "expected error", unit, per: "vertex", values: (f, k) => surface(f, k).expectedError });
 add(has((s) => s.positions), { id: "strain", name: `strain against ${data.reference} (largest stretch of a face)`, unit: "%", per: "face", signed: true, least: 2, values: (f, k) => strainNow(surface(f, k).at) });
 add(has((s) => s.positions), { id: "depth", name: "depth from the camera", unit, per: "vertex", ranged: true, values: (f, k) => depths(surface(f, k).at) });
 add(has((s) => s.visible), { id: "seen", name: "seen or hidden", per: "vertex", flags: true, values: (f, k) => surface(f, k).visible });

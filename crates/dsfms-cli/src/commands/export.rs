@@ -30,8 +30,8 @@ Examples:
   # Pictures of flattening and albedo
   dsfms export organ.template --pictures pictures/
 
-Folders that hold files of these names are refused, unless their dsfms.json says
-that they are of an older export.";
+Folders that hold files of these names are refused, unless their dsfms.json
+says that they are of an older export.";
 
 /// What a folder of pictures holds.
 const PICTURES: [&str; 3] = ["flattening.png", "albedo.png", "albedo_spread.png"];
