@@ -38,10 +38,10 @@ Examples:
 
 Every finished case is appended to OUT/cases.csv. A run that was stopped goes
 on where it was; the same folder is refused for other parameters or another
-build of dsfms, unless --restart drops what runs wrote there, and so is one that
-holds files of these names without the dsfms.json of a run. Errors are absolute,
-in mm and px; nothing is aligned. OUT/report.html shows the plots, and one case
-of every extension in 3D.";
+build of dsfms, unless --restart drops what runs wrote there, and so is one
+that holds files of these names without the dsfms.json of a run. Errors are
+absolute, in mm and px; nothing is aligned. OUT/report.html shows the plots,
+and one case of every extension in 3D.";
 
 /// Run the methods on synthetic deformations of known truth.
 #[derive(Debug, Args)]
