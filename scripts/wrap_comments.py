@@ -79,4 +79,7 @@ def main(names):
             print(name)
 
 
-main(sys.argv[1:])
+if __name__ == "__main__":
+    if {"-h", "--help"} & set(sys.argv[1:]):
+        sys.exit(__doc__)
+    main(sys.argv[1:])

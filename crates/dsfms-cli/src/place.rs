@@ -4,7 +4,6 @@ pub mod mark;
 
 use crate::exit::{Usage, describe};
 use crate::outputs::{check_folder, prepare_folder};
-use anyhow::Context;
 use dsfms::image::names;
 use mark::{MARK, check_names, foreign};
 use std::ffi::OsStr;
@@ -55,9 +54,10 @@ pub fn check_apart(output: &Path, inputs: &[&Path]) -> anyhow::Result<()> {
     let out = real(output);
     for input in inputs {
         let within = input.is_dir() && out.starts_with(real(input));
+        let is_ours = || input.file_name().is_some_and(|n| is_our_name(&n.to_string_lossy()));
         let is_image = names::EXTENSIONS.iter().any(|e| input.extension() == Some(OsStr::new(e)));
         let beside =
-            input.is_file() && real(input).parent() == Some(&out) && (is_image || is_ours(input));
+            input.is_file() && real(input).parent() == Some(&out) && (is_image || is_ours());
         if within || beside {
             let text = format!(
                 "the output folder {} lies in the input ({}), where a next run would take results for input; \
@@ -119,21 +119,15 @@ pub fn renew(output: &Path, command: &str) -> anyhow::Result<()> {
     // First: where there is no room for it, what an older run left stays; and a removal that was
     // interrupted is taken up by the next run.
     mark::write(output, command)?;
-    let remove = |path: PathBuf| {
-        std::fs::remove_file(&path)
-            .with_context(|| format!("cannot remove {} of an older run", path.display()))
-    };
+    let of_frame = |name: &str| name.starts_with("frame_");
     for folder in FOLDERS.map(|name| output.join(name)) {
-        let mut frames = entries(&folder)?;
-        frames.retain(|path| name_of(path).starts_with("frame_"));
-        if !frames.is_empty() {
-            frames.into_iter().try_for_each(remove)?;
+        if mark::names(&folder)?.iter().any(|name| of_frame(name)) {
+            mark::remove(&folder, of_frame)?;
             // It stays where something else lies in it.
             let _ = std::fs::remove_dir(&folder);
         }
     }
-    let older = |path: &PathBuf| is_ours(path) && name_of(path) != MARK;
-    entries(output)?.into_iter().filter(older).try_for_each(remove)
+    mark::remove(output, |name| name != MARK && is_our_name(name))
 }
 
 /// An error before anything is written, with the word that what an older run left is still there.
@@ -145,11 +139,7 @@ pub fn untouched(output: &Path, error: anyhow::Error) -> anyhow::Error {
     error.context(text)
 }
 
-/// Whether a file has a name that runs give.
-fn is_ours(path: &Path) -> bool {
-    is_our_name(&name_of(path))
-}
-
+/// Whether runs give files this name.
 fn is_our_name(name: &str) -> bool {
     let of_frame = || {
         let rest = name.strip_prefix("frame_")?;
@@ -157,23 +147,6 @@ fn is_our_name(name: &str) -> bool {
         (digits >= 3).then(|| ENDINGS.contains(&&rest[digits..]))
     };
     FILES.contains(&name) || of_frame().unwrap_or(false)
-}
-
-fn name_of(path: &Path) -> String {
-    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-/// Files directly in a folder; none where it does not exist.
-fn entries(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    if !folder.is_dir() {
-        return Ok(Vec::new());
-    }
-    let unreadable = || format!("the output folder {} cannot be read", folder.display());
-    let found: std::io::Result<Vec<_>> =
-        std::fs::read_dir(folder).with_context(unreadable)?.map(|e| e.map(|e| e.path())).collect();
-    let mut found = found.with_context(unreadable)?;
-    found.retain(|path| !path.is_dir());
-    Ok(found)
 }
 
 /// A path without links, `.` and `..`, as far as it exists.

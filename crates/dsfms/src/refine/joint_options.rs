@@ -73,9 +73,9 @@ pub struct JointOptions {
 
 /// What of [`JointOptions`] is other where the light is near and the exposure is not known, and
 /// under a distant light where a frame is followed: a stronger prior holds what brightness cannot
-/// tell, and smooth errors of brightness are a field. Measured where the exposure is known, as what
-/// the defaults of [`JointOptions`] replaced (`docs/results/scenes.md`); other values where it is
-/// unknown are not measured.
+/// tell, and smooth errors of brightness are a field. Measured where the exposure is known, beside
+/// the defaults of [`JointOptions`] (`docs/results/scenes.md`); where it is unknown other values are
+/// not measured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExposureUnknown {

@@ -51,8 +51,8 @@ pub struct Thresholds {
     /// Largest photometric residual, in usual ones; above, degraded: through smoke, out of focus or
     /// beside new glare, shading misleads.
     pub photometric: f64,
-    /// The usual one of a single frame counts as so much at least (logarithms): a surface half a
-    /// millimetre off explains as much.
+    /// Lower bound of the usual residual that the residual of a single frame is divided by (log
+    /// brightness): a surface half a millimetre off explains as much.
     pub least_residual: f64,
     /// Least share of the comparable silhouette that shows the organ.
     pub shown: [f64; 2],
