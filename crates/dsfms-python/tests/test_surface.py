@@ -273,7 +273,9 @@ def test_a_surface_that_is_not_believed_is_lost(
 
 def test_every_reason_of_the_library_has_its_kind() -> None:
     text = (ROOT / "crates/dsfms/src/verdict/reason.rs").read_text()
-    variants = re.findall(r"^    ([A-Z][A-Za-z]+)(?:,| \{|\()", text, re.MULTILINE)
+    _, _, rest = text.partition("pub enum Reason {\n")
+    body, _, _ = rest.partition("\n}\n")
+    variants = re.findall(r"^    ([A-Z][A-Za-z]+)(?:,| \{|\()", body, re.MULTILINE)
     snake = {re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower() for name in variants}
     assert snake == {kind.value for kind in dsfms.ReasonKind} and len(snake) > 20
 
