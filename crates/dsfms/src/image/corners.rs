@@ -33,10 +33,10 @@ pub fn corners(plane: &Plane, known: &Mask, grid: &CornerGrid) -> Vec<[usize; 2]
         let line = |x: usize, y: usize| [x - R, x, x + R].into_iter().all(|x| known.at(x, y));
         let inside = |&[x, y]: &[usize; 2]| [y - R, y, y + R].into_iter().all(|y| line(x, y));
         let scored = places.filter(inside).map(|p| (texture(plane, p), p));
+        let scored = scored.filter(|(texture, _)| *texture > 1e-6);
         scored.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)))
     };
     let mut found: Vec<(f32, [usize; 2])> = cells.par_iter().filter_map(best_of).collect();
-    found.retain(|c| c.0 > 1e-6);
     found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     found.truncate(grid.most);
     found.into_iter().map(|c| c.1).collect()

@@ -2,6 +2,7 @@
 
 use crate::geometry::Point2;
 
+pub(crate) mod affine;
 mod bilinear;
 pub mod clahe;
 pub mod corners;

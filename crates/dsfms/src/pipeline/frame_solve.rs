@@ -8,7 +8,7 @@ use crate::geometry::Point3;
 use crate::image::diagonal;
 use crate::image::segment::{Segment, segment};
 use crate::raster::rasterize;
-use crate::refine::{Joined, Photograph, Refined, join, refine, refine_printed};
+use crate::refine::{Joined, Photograph, Refined, grown, join, refine, refine_printed};
 use crate::register::scene::visibility;
 use crate::register::solve::{explained, kept_matches};
 use crate::register::{
@@ -93,8 +93,8 @@ impl FrameSolve<'_> {
     }
 
     /// Motion and shading in one problem: by the coarse blurs from the shape of eq. 3, and by the
-    /// fine ones from where that leads, with the matches that are found about it and the outline
-    /// about its silhouette.
+    /// fine ones from where that leads, with the matches that are found about it, the outline about
+    /// its silhouette, and before either look the texture that moved farther than blurs reach.
     fn joint(
         &self,
         coarse: &Registered,
@@ -114,8 +114,9 @@ impl FrameSolve<'_> {
         look(&second).join_from(coarse, &found, photo, result, log, true);
     }
 
-    /// The joint solve after `coarse`, from `start`, by the matches of `result` that are kept; into
-    /// `result`; whether it is the `last` of the frame.
+    /// The joint solve after `coarse`, from `start`, by the matches of `result` that are kept and
+    /// the texture that is followed from its shape; into `result`; whether it is the `last` of the
+    /// frame.
     fn join_from(
         &self,
         coarse: &Registered,
@@ -126,7 +127,11 @@ impl FrameSolve<'_> {
         last: bool,
     ) {
         let Self { sight, body, options, .. } = self;
-        let kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
+        let mut kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
+        if options.joint.follow_texture {
+            let mesh = &sight.template.mesh;
+            kept.extend(log.time("texture", || grown(mesh, &result.vertices, photo)));
+        }
         let kept = body.matches(&kept);
         let found = log.time("outline", || self.segmented(&result.vertices, photo));
         let photo = match &found {

@@ -11,10 +11,10 @@ use serde::{Deserialize, Serialize};
 /// contour points and vertices.
 ///
 /// Measured on choosing scenes and clips (`docs/results/choices.md`): `shading` (half), `outline`,
-/// `find_outline`, `highlights` (none), `robust` (6, 12), `strain`, `near_depth_hold`,
-/// `near_depth_motion`, `smooth_gain`, `blurs`, `look_again`, `mirrors`; smoothing and blurs also
-/// in `docs/results/scenes.md`. Other values of `match_px`, `silhouette_px`, `smooth_length` and
-/// `max_samples` are not measured.
+/// `find_outline`, `follow_texture`, `highlights` (none), `robust` (6, 12), `strain`,
+/// `near_depth_hold`, `near_depth_motion`, `smooth_gain`, `blurs`, `look_again`, `mirrors`;
+/// smoothing and blurs also in `docs/results/scenes.md`. Other values of `match_px`,
+/// `silhouette_px`, `smooth_length` and `max_samples` are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointOptions {
@@ -30,6 +30,9 @@ pub struct JointOptions {
     /// Whether the outline is found by colour where no organ mask is given (one frame alone; not in
     /// tracking).
     pub find_outline: bool,
+    /// Whether texture that moved farther than the blurs reach is followed, from the tissue that
+    /// did not (one frame alone; a followed frame begins near its shape).
+    pub follow_texture: bool,
     /// Weight of saturated vertices under a near light, over all that are seen. Under a distant
     /// light, where only the matches tell distance, highlights are no cue.
     pub highlights: f64,
@@ -74,8 +77,8 @@ pub struct JointOptions {
 /// What of [`JointOptions`] is other where the light is near and the exposure is not known, and
 /// under a distant light where a frame is followed: a stronger prior holds what brightness cannot
 /// tell, and smooth errors of brightness are a field. Measured where the exposure is known, beside
-/// the defaults of [`JointOptions`] (`docs/results/scenes.md`); where it is unknown other values are
-/// not measured.
+/// the defaults of [`JointOptions`] (`docs/results/scenes.md`); where it is unknown other values
+/// are not measured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExposureUnknown {
@@ -160,6 +163,7 @@ impl Default for JointOptions {
             shading: 1336.0,
             outline: 100.0,
             find_outline: true,
+            follow_texture: true,
             highlights: 334.0,
             image: PhotometricModel::default(),
             robust: 3.0,

@@ -15,7 +15,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-/// How long ffmpeg may take nothing of the film: the last pictures are coded when all are taken, large ones slowly.
+/// How long ffmpeg may take nothing of the film: the last pictures are coded when all are taken,
+/// large ones slowly.
 const FILM_SILENCE: Duration = Duration::from_secs(300);
 
 /// First line of `summary.csv`.
