@@ -2,7 +2,7 @@
 //!
 //! Patches of the rendered shape are found in the frame: first where the shape shows them, then,
 //! ring by ring, from where a neighbour was found, turned and stretched as that one is (affine
-//! match propagation; Ferrari, Tuytelaars, Van Gool 2006). Each step is short, so that a pulled tip
+//! match propagation; Ferrari et al. 2006). Each step is short, so that a pulled tip
 //! is reached along the tissue that leads to it.
 
 use super::Photograph;
