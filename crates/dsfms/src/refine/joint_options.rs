@@ -31,7 +31,8 @@ pub struct JointOptions {
     /// tracking).
     pub find_outline: bool,
     /// Whether texture that moved farther than the blurs reach is followed, from the tissue that
-    /// did not (one frame alone; a followed frame begins near its shape).
+    /// did not (one frame alone; not in tracking). It brings long pulls of textured tissue home,
+    /// and misleads on bare tissue.
     pub follow_texture: bool,
     /// Weight of saturated vertices under a near light, over all that are seen. Under a distant
     /// light, where only the matches tell distance, highlights are no cue.
@@ -163,7 +164,7 @@ impl Default for JointOptions {
             shading: 1336.0,
             outline: 100.0,
             find_outline: true,
-            follow_texture: true,
+            follow_texture: false,
             highlights: 334.0,
             image: PhotometricModel::default(),
             robust: 3.0,
