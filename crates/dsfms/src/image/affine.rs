@@ -2,11 +2,11 @@
 //! map, indifferent to brightness and contrast (Shi and Tomasi 1994).
 
 use super::Plane;
+use super::flow::RADIUS;
 use crate::geometry::{Point2, Vector2};
 use nalgebra::{Matrix2, SMatrix, SVector};
 
-/// Half the side of a patch less the centre, px of the first image.
-const RADIUS: i32 = 8;
+/// Side of a patch, and its pixels, in px of the first image.
 const SIDE: usize = 2 * RADIUS as usize + 1;
 const COUNT: usize = SIDE * SIDE;
 /// Steps at most.

@@ -33,6 +33,7 @@ pub fn corners(plane: &Plane, known: &Mask, grid: &CornerGrid) -> Vec<[usize; 2]
         let line = |x: usize, y: usize| [x - R, x, x + R].into_iter().all(|x| known.at(x, y));
         let inside = |&[x, y]: &[usize; 2]| [y - R, y, y + R].into_iter().all(|y| line(x, y));
         let scored = places.filter(inside).map(|p| (texture(plane, p), p));
+        // NaN, where part of the patch is, is the largest of all numbers.
         let scored = scored.filter(|(texture, _)| *texture > 1e-6);
         scored.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)))
     };

@@ -8,7 +8,7 @@ use crate::geometry::Point3;
 use crate::image::diagonal;
 use crate::image::segment::{Segment, segment};
 use crate::raster::rasterize;
-use crate::refine::{Joined, Photograph, Refined, grown, join, refine, refine_printed};
+use crate::refine::{Joined, Photograph, Refined, join, moved_texture, refine, refine_printed};
 use crate::register::scene::visibility;
 use crate::register::solve::{explained, kept_matches};
 use crate::register::{
@@ -94,7 +94,8 @@ impl FrameSolve<'_> {
 
     /// Motion and shading in one problem: by the coarse blurs from the shape of eq. 3, and by the
     /// fine ones from where that leads, with the matches that are found about it, the outline about
-    /// its silhouette, and before either look the texture that moved farther than blurs reach.
+    /// its silhouette; before either look, where asked for, the texture that moved farther than
+    /// blurs reach.
     fn joint(
         &self,
         coarse: &Registered,
@@ -115,8 +116,8 @@ impl FrameSolve<'_> {
     }
 
     /// The joint solve after `coarse`, from `start`, by the matches of `result` that are kept and
-    /// the texture that is followed from its shape; into `result`; whether it is the `last` of the
-    /// frame.
+    /// the texture that is followed from its shape, if asked for; into `result`; whether it is the
+    /// `last` of the frame.
     fn join_from(
         &self,
         coarse: &Registered,
@@ -130,7 +131,7 @@ impl FrameSolve<'_> {
         let mut kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
         if options.joint.follow_texture {
             let mesh = &sight.template.mesh;
-            kept.extend(log.time("texture", || grown(mesh, &result.vertices, photo)));
+            kept.extend(log.time("texture", || moved_texture(mesh, &result.vertices, photo)));
         }
         let kept = body.matches(&kept);
         let found = log.time("outline", || self.segmented(&result.vertices, photo));

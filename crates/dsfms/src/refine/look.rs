@@ -8,9 +8,9 @@ use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point2, Point3, Vector3, point_at};
 use crate::image::filter::blur_masked_all;
 use crate::image::{ColorImage, Mask, Plane};
-use crate::light::Light;
-use crate::mesh::Mesh;
+use crate::light::{Coated, Light};
 use crate::mesh::normals::vertex_normals;
+use crate::mesh::{Mesh, Topology};
 use crate::raster::{Raster, rasterize};
 use rayon::prelude::*;
 
@@ -123,14 +123,8 @@ impl<'a> FrameLook<'a> {
         Plane { size: self.raster.size, data }
     }
 
-    /// Diffuse shading of the shape at every pixel; 0 where there is none.
     fn shading(&self) -> Vec<f64> {
-        let light = |(p, n)| self.photo.light.shade(p, n).value.max(0.0);
-        let lit: Vec<f64> = self.shape.iter().zip(&self.normals).map(light).collect();
-        self.raster.render(0.0, |face, b| {
-            let corners = self.rest.topology.faces[face];
-            (0..3).map(|k| b[k] * lit[corners[k] as usize]).sum()
-        })
+        shading(self.photo.light, &self.rest.topology, self.shape, &self.normals, &self.raster)
     }
 
     /// Pixels that may be glare, where their colour does not tell: they must not reach their
@@ -217,6 +211,22 @@ impl<'a> FrameLook<'a> {
             maybe_glare: self.mirrors(point, normal) || self.in_halo(i),
         })
     }
+}
+
+/// Diffuse shading of a shape (camera axes) at every pixel; 0 where there is none.
+pub(super) fn shading(
+    light: &Coated,
+    topology: &Topology,
+    shape: &[Point3],
+    normals: &[Vector3],
+    raster: &Raster,
+) -> Vec<f64> {
+    let light = |(p, n)| light.shade(p, n).value.max(0.0);
+    let lit: Vec<f64> = shape.iter().zip(normals).map(light).collect();
+    raster.render(0.0, |face, b| {
+        let corners = topology.faces[face];
+        (0..3).map(|k| b[k] * lit[corners[k] as usize]).sum()
+    })
 }
 
 #[cfg(test)]

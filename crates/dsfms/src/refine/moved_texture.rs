@@ -6,12 +6,12 @@
 //! is reached along the tissue that leads to it.
 
 use super::Photograph;
-use crate::geometry::{Neighbours, Point2, Point3, Vector2, Vector3};
+use super::look::shading;
+use crate::geometry::{Neighbours, Point2, Point3, Vector2};
 use crate::image::affine::{PlacedPatch, align};
 use crate::image::corners::{CornerGrid, corners};
 use crate::image::filter::halve;
 use crate::image::{Mask, Plane, diagonal};
-use crate::light::Light;
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
 use crate::raster::{Raster, rasterize};
@@ -20,7 +20,9 @@ use crate::register::find::agreeing;
 use nalgebra::Matrix2;
 use rayon::prelude::*;
 
-/// The picture is halved until its diagonal is no longer, px: patches are of one size in it.
+/// `DOUBT` is measured on scenes, `ALIKE`, `REACH` and `NEAR` on six frames, the others are not
+/// (`docs/results/choices.md`). The picture is halved until its diagonal is no longer, px: patches
+/// are of one size in it.
 const DIAGONAL: f64 = 1000.0;
 /// Places: one in every square of this side, px.
 const GRID: CornerGrid = CornerGrid { cell: 5, stride: 2, most: 4000 };
@@ -48,7 +50,7 @@ const MOVED: f64 = 3.0;
 /// Matches of places that the frame shows more than a blur away from where `shape` (camera axes)
 /// has them.
 #[doc(alias("match propagation", "dense matching"))]
-pub(crate) fn grown(rest: &Mesh, shape: &[Point3], photo: &Photograph) -> Vec<Match> {
+pub(crate) fn moved_texture(rest: &Mesh, shape: &[Point3], photo: &Photograph) -> Vec<Match> {
     let working = WorkingImages::new(rest, shape, photo);
     let found: Vec<Option<PlacedPatch>> = working.found();
     let offsets: Vec<Option<Vector2>> = (working.places.iter().zip(&found))
@@ -194,17 +196,11 @@ fn photographed(photo: &Photograph) -> Plane {
 
 /// Brightness of the shape; NaN where the albedo was not observed.
 fn rendered(rest: &Mesh, shape: &[Point3], photo: &Photograph, raster: &Raster) -> Plane {
-    let topology = &rest.topology;
-    let normals = vertex_normals(topology, shape);
-    let lit = |(p, n): (&Point3, &Vector3)| photo.light.shade(p, n).value.max(0.0);
-    let lit: Vec<f64> = shape.iter().zip(&normals).map(lit).collect();
-    let shade = raster.render(0.0, |face, b| {
-        let corners = topology.faces[face];
-        (0..3).map(|k| b[k] * lit[corners[k] as usize]).sum::<f64>() as f32
-    });
+    let normals = vertex_normals(&rest.topology, shape);
+    let shade = shading(photo.light, &rest.topology, shape, &normals, raster);
     let mean = |face, quarters| photo.albedo.observed_mean(face, quarters);
     let albedo = raster.render_quarters([f32::NAN; 3], mean);
-    let data = albedo.into_iter().zip(shade).map(|(a, s)| brightness(a, s)).collect();
+    let data = albedo.into_iter().zip(shade).map(|(a, s)| brightness(a, s as f32)).collect();
     Plane { size: raster.size, data }
 }
 
@@ -212,6 +208,7 @@ fn rendered(rest: &Mesh, shape: &[Point3], photo: &Photograph, raster: &Raster) 
 mod tests {
     use super::*;
     use crate::camera::Camera;
+    use crate::geometry::Vector3;
     use crate::image::Picture;
     use crate::synth::Case;
 
@@ -233,7 +230,7 @@ mod tests {
             let point = rest.topology.point(m.face, m.barycentric, shape);
             (case.camera.project(&point).unwrap().pixel - m.pixel).norm()
         };
-        let found = grown(rest, shape, photo);
+        let found = moved_texture(rest, shape, photo);
         found.iter().map(|m| [away(m, &case.truth), away(m, shape)]).collect()
     }
 
