@@ -137,12 +137,12 @@ fn a_running_video_shows_its_verdict_and_its_curves() {
         assert!(share > 0.45, "image and 3D view take {share} of {size:?}");
         keep(&mut browser, &format!("live-{}x{}", size[0], size[1]));
     }
-    // A picture that shows nothing: the light turns, and says why.
+    // A picture that shows nothing: the light turns, and says why. On a slow machine, where
+    // frames are left out, one may be lost for another reason before the first black one comes.
     feed.black.store(true, Ordering::SeqCst);
-    minutes(&mut browser, "document.getElementById('verdict').className === 'failed'");
+    minutes(&mut browser, "document.querySelector('#verdict span').textContent.includes('black')");
     let lost = browser.eval(VERDICT);
-    assert_eq!(lost[2], "lost");
-    assert!(lost[3].as_str().unwrap().contains("black") && lost[4] != good[4], "{lost}");
+    assert!(lost[1] == "failed" && lost[2] == "lost" && lost[4] != good[4], "{lost}");
     keep(&mut browser, "live-lost");
     // The run ends: its curves give way to the charts of all frames.
     feed.end();
