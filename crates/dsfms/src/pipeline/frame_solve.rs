@@ -94,8 +94,8 @@ impl FrameSolve<'_> {
 
     /// Motion and shading in one problem: by the coarse blurs from the shape of eq. 3, and by the
     /// fine ones from where that leads, with the matches that are found about it, the outline about
-    /// its silhouette; before either look, where asked for, the texture that moved farther than
-    /// blurs reach.
+    /// its silhouette. Texture that moved farther than blurs reach leads the first look alone: what
+    /// was followed wrong the second one need not explain.
     fn joint(
         &self,
         coarse: &Registered,
@@ -115,9 +115,9 @@ impl FrameSolve<'_> {
         look(&second).join_from(coarse, &found, photo, result, log, true);
     }
 
-    /// The joint solve after `coarse`, from `start`, by the matches of `result` that are kept and
-    /// the texture that is followed from its shape, if asked for; into `result`; whether it is the
-    /// `last` of the frame.
+    /// The joint solve after `coarse`, from `start`, by the matches of `result` that are kept, and
+    /// before the `last` look of a frame by the texture that is followed from its shape; into
+    /// `result`.
     fn join_from(
         &self,
         coarse: &Registered,
@@ -129,7 +129,7 @@ impl FrameSolve<'_> {
     ) {
         let Self { sight, body, options, .. } = self;
         let mut kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
-        if options.joint.follow_texture {
+        if options.joint.follow_texture && !last {
             let mesh = &sight.template.mesh;
             kept.extend(log.time("texture", || moved_texture(mesh, &result.vertices, photo)));
         }

@@ -31,8 +31,7 @@ pub struct JointOptions {
     /// tracking).
     pub find_outline: bool,
     /// Whether texture that moved farther than the blurs reach is followed, from the tissue that
-    /// did not (one frame alone; not in tracking). It brings long pulls of textured tissue home,
-    /// and misleads on bare tissue.
+    /// did not, before the first of two looks (one frame alone; not in tracking).
     pub follow_texture: bool,
     /// Weight of saturated vertices under a near light, over all that are seen. Under a distant
     /// light, where only the matches tell distance, highlights are no cue.
