@@ -94,8 +94,8 @@ impl FrameSolve<'_> {
 
     /// Motion and shading in one problem: by the coarse blurs from the shape of eq. 3, and by the
     /// fine ones from where that leads, with the matches that are found about it, the outline about
-    /// its silhouette. Texture that moved farther than blurs reach leads the first look alone: what
-    /// was followed wrong the second one need not explain.
+    /// its silhouette. Where asked for, texture that moved farther than blurs reach leads the first
+    /// look; the second does not go by it, so that what is followed wrong does not hold the shape.
     fn joint(
         &self,
         coarse: &Registered,
@@ -115,9 +115,9 @@ impl FrameSolve<'_> {
         look(&second).join_from(coarse, &found, photo, result, log, true);
     }
 
-    /// The joint solve after `coarse`, from `start`, by the matches of `result` that are kept, and
-    /// before the `last` look of a frame by the texture that is followed from its shape; into
-    /// `result`.
+    /// The joint solve after `coarse`, from `start`, by the matches of `result` that are kept
+    /// and, if asked for and this is not the `last` look of the frame, by the texture that is
+    /// followed from its shape; into `result`.
     fn join_from(
         &self,
         coarse: &Registered,
