@@ -4,7 +4,7 @@
 use super::Plane;
 use super::flow::RADIUS;
 use crate::geometry::{Point2, Vector2};
-use nalgebra::{Matrix2, SMatrix, SVector};
+use nalgebra::{Matrix2, Matrix6, SVector, Vector6};
 
 /// Side of a patch, and its pixels, in px of the first image.
 const SIDE: usize = 2 * RADIUS as usize + 1;
@@ -41,71 +41,93 @@ pub(crate) struct PlacedPatch {
     pub(crate) sigma: f64,
 }
 
-/// What the second image shows of a patch: its mean, values less that, and gradients, per px.
+/// A patch of an image: its values less their mean, row by row, and the sum of their squares.
+pub(crate) struct TexturePatch {
+    values: [f64; COUNT],
+    square: f64,
+}
+
+/// What another image shows of a patch: its mean, values less that, and gradients, per px.
 struct ShownPatch {
     mean: f64,
     values: [f64; COUNT],
     gradients: [Vector2; COUNT],
 }
 
-/// Place and columns of the map.
-type AffineStep = SVector<f64, 6>;
+impl TexturePatch {
+    /// The patch about `at`; `None` beside the image, where a pixel does not count (NaN) and
+    /// without texture.
+    pub(crate) fn of(image: &Plane, at: Point2) -> Option<Self> {
+        let mut values = [0.0; COUNT];
+        for (value, from) in values.iter_mut().zip(offsets()) {
+            *value = image.sample(&(at + from))?.0;
+        }
+        centre(&mut values);
+        let square = values.iter().map(|v| v * v).sum::<f64>();
+        (square >= COUNT as f64 * FLAT * FLAT).then_some(Self { values, square })
+    }
 
-/// Where `seen` shows the patch of `image` about `at`, from `start`; both are NaN where they do not
-/// count. `None` where it leaves what counts, has no texture or does not settle.
-pub(crate) fn align(
-    image: &Plane,
-    at: Point2,
-    seen: &Plane,
-    start: &PlacedPatch,
-) -> Option<PlacedPatch> {
-    let patch = patch(image, at)?;
-    let own: f64 = patch.iter().map(|v| v * v).sum();
-    if own.is_nan() || own < COUNT as f64 * FLAT * FLAT {
-        return None;
+    /// Where `seen`, NaN where it does not count, shows the patch, from `start`. `None` where it
+    /// leaves what counts or does not settle.
+    pub(crate) fn found(&self, seen: &Plane, start: &PlacedPatch) -> Option<PlacedPatch> {
+        let (mut found, mut moved) = (*start, f64::INFINITY);
+        for _ in 0..STEPS {
+            let shown = shown(seen, &found)?;
+            let square: f64 = shown.values.iter().map(|v| v * v).sum();
+            let cross: f64 = self.values.iter().zip(&shown.values).map(|(a, b)| a * b).sum();
+            found.alike = cross / (self.square * square).sqrt();
+            if moved < SETTLED {
+                return Some(found);
+            }
+            if found.alike.is_nan() || found.alike <= 0.0 {
+                return None;
+            }
+            let (off, map) = (found.at - start.at, found.affine - start.affine);
+            let change = Vector6::new(off.x, off.y, map[0], map[1], map[2], map[3]);
+            let (step, sigma) = self.step(cross / self.square, &shown, &change)?;
+            found.sigma = sigma;
+            let turn = Matrix2::from_column_slice(&step.as_slice()[2..]);
+            found.at -= step.fixed_rows::<2>(0);
+            found.affine -= turn;
+            moved = step.fixed_rows::<2>(0).norm() + f64::from(RADIUS) * turn.norm();
+            let near = (found.at - start.at).norm() < LOST;
+            if !near || !AREA.contains(&found.affine.determinant()) {
+                return None;
+            }
+        }
+        None
     }
-    let (mut found, mut moved) = (*start, f64::INFINITY);
-    for _ in 0..STEPS {
-        let shown = shown(seen, &found)?;
-        let square: f64 = shown.values.iter().map(|v| v * v).sum();
-        let cross: f64 = patch.iter().zip(&shown.values).map(|(a, b)| a * b).sum();
-        found.alike = cross / (own * square).sqrt();
-        if moved < SETTLED {
-            return Some(found);
+
+    /// The step of place and columns of the map by which `gain` times the patch is shown better,
+    /// and the standard deviation of the place; `change`: that of both since the start, which is
+    /// held.
+    fn step(
+        &self,
+        gain: f64,
+        shown: &ShownPatch,
+        change: &Vector6<f64>,
+    ) -> Option<(Vector6<f64>, f64)> {
+        let mut left = shown.values;
+        left.iter_mut().zip(&self.values).for_each(|(left, own)| *left -= gain * own);
+        let squares: f64 = left.iter().map(|v| v * v).sum();
+        let noise = ALIKE_PX * (squares / COUNT as f64).max((MODEL * shown.mean).powi(2));
+        let (mut normal, mut right) = normal_equations(&shown.gradients, &left);
+        for (k, change) in change.iter().enumerate() {
+            let spread = if k < 2 { OFF } else { CHANGE };
+            let hold = noise / (spread * spread);
+            normal[(k, k)] += hold;
+            right[k] += hold * change;
         }
-        if found.alike.is_nan() || found.alike <= 0.0 {
-            return None;
-        }
-        let (off, map) = (found.at - start.at, found.affine - start.affine);
-        let change = AffineStep::from([off.x, off.y, map[0], map[1], map[2], map[3]]);
-        let (step, sigma) = step(&patch, cross / own, &shown, &change)?;
-        found.sigma = sigma;
-        let turn = Matrix2::from_column_slice(&step.as_slice()[2..]);
-        found.at -= step.fixed_rows::<2>(0);
-        found.affine -= turn;
-        moved = step.fixed_rows::<2>(0).norm() + f64::from(RADIUS) * turn.norm();
-        let near = (found.at - start.at).norm() < LOST;
-        if !near || !AREA.contains(&found.affine.determinant()) {
-            return None;
-        }
+        let normal = normal.cholesky()?;
+        let place: Matrix2<f64> = normal.inverse().fixed_view::<2, 2>(0, 0).into();
+        Some((normal.solve(&right), (noise * place.symmetric_eigenvalues().max()).sqrt()))
     }
-    None
 }
 
-/// Pixels of a patch from its centre, in the order of [`patch`].
+/// Pixels of a patch from its centre, row by row.
 fn offsets() -> impl Iterator<Item = Vector2> {
     let all = (-RADIUS..=RADIUS).flat_map(|y| (-RADIUS..=RADIUS).map(move |x| (x, y)));
     all.map(|(x, y)| Vector2::new(f64::from(x), f64::from(y)))
-}
-
-/// Values of a patch less their mean.
-fn patch(image: &Plane, at: Point2) -> Option<[f64; COUNT]> {
-    let mut values = [0.0; COUNT];
-    for (value, from) in values.iter_mut().zip(offsets()) {
-        *value = image.sample(&(at + from))?.0;
-    }
-    centre(&mut values);
-    Some(values)
 }
 
 /// Take the mean away; what it was.
@@ -119,44 +141,39 @@ fn shown(seen: &Plane, placed: &PlacedPatch) -> Option<ShownPatch> {
     let (mut values, mut gradients) = ([0.0; COUNT], [Vector2::zeros(); COUNT]);
     for ((value, gradient), from) in values.iter_mut().zip(&mut gradients).zip(offsets()) {
         (*value, *gradient) = seen.sample(&(placed.at + placed.affine * from))?;
-        if value.is_nan() {
-            return None;
-        }
     }
-    Some(ShownPatch { mean: centre(&mut values), values, gradients })
+    let mean = centre(&mut values);
+    (!mean.is_nan()).then_some(ShownPatch { mean, values, gradients })
 }
 
-/// The step of place and map by which `gain` times the patch is shown better, and the standard
-/// deviation of the place; `change`: that of the map since the start, which is held.
-fn step(
-    patch: &[f64; COUNT],
-    gain: f64,
-    shown: &ShownPatch,
-    change: &AffineStep,
-) -> Option<(AffineStep, f64)> {
-    let (mut normal, mut right) = (SMatrix::<f64, 6, 6>::zeros(), AffineStep::zeros());
-    let (mut sum, mut squares) = (AffineStep::zeros(), 0.0);
-    for (((from, g), value), own) in offsets().zip(&shown.gradients).zip(&shown.values).zip(patch) {
-        let left = value - gain * own;
-        let row =
-            AffineStep::from([g.x, g.y, g.x * from.x, g.y * from.x, g.x * from.y, g.y * from.y]);
-        normal.ger(1.0, &row, &row, 1.0);
-        right.axpy(left, &row, 1.0);
-        sum += row;
-        squares += left * left;
+/// The normal matrix and right side of place and columns of the map: a pixel at `[x, y]` from the
+/// centre has the Jacobian `(1, x, y)` ⊗ gradient, so that sums of seven products weighed by 1, x,
+/// x², y, xy and y² hold all of both.
+fn normal_equations(
+    gradients: &[Vector2; COUNT],
+    left: &[f64; COUNT],
+) -> (Matrix6<f64>, Vector6<f64>) {
+    const WEIGHTS: [[usize; 3]; 3] = [[0, 1, 3], [1, 2, 4], [3, 4, 5]];
+    let mut sums = [SVector::<f64, 7>::zeros(); 6];
+    for (y, (gradients, left)) in (-RADIUS..).zip(gradients.chunks(SIDE).zip(left.chunks(SIDE))) {
+        let mut row = [SVector::<f64, 7>::zeros(); 3];
+        for (x, (g, left)) in (-RADIUS..).map(f64::from).zip(gradients.iter().zip(left)) {
+            let of =
+                SVector::from([g.x * g.x, g.x * g.y, g.y * g.y, left * g.x, left * g.y, g.x, g.y]);
+            row[0] += of;
+            row[1] += of * x;
+            row[2] += of * (x * x);
+        }
+        let y = f64::from(y);
+        let [ones, xs, squares] = row;
+        let weighed = [ones, xs, squares, ones * y, xs * y, ones * (y * y)];
+        sums.iter_mut().zip(weighed).for_each(|(sum, row)| *sum += row);
     }
+    let right = Vector6::from_fn(|k, _| sums[WEIGHTS[0][k / 2]][3 + k % 2]);
+    let sum = Vector6::from_fn(|k, _| sums[WEIGHTS[0][k / 2]][5 + k % 2]);
+    let products = Matrix6::from_fn(|a, b| sums[WEIGHTS[a / 2][b / 2]][a % 2 + b % 2]);
     // Values have lost their means, and so must the rows.
-    normal.ger(-1.0 / COUNT as f64, &sum, &sum, 1.0);
-    let noise = ALIKE_PX * (squares / COUNT as f64).max((MODEL * shown.mean).powi(2));
-    for (k, change) in change.iter().enumerate() {
-        let spread = if k < 2 { OFF } else { CHANGE };
-        let hold = noise / (spread * spread);
-        normal[(k, k)] += hold;
-        right[k] += hold * change;
-    }
-    let normal = normal.cholesky()?;
-    let place: Matrix2<f64> = normal.inverse().fixed_view::<2, 2>(0, 0).into();
-    Some((normal.solve(&right), (noise * place.symmetric_eigenvalues().max()).sqrt()))
+    (products - sum * sum.transpose() / COUNT as f64, right)
 }
 
 #[cfg(test)]
@@ -186,15 +203,41 @@ mod tests {
         let near = Matrix2::new(1.15, 0.1, 0.0, 1.0);
         let start =
             PlacedPatch { at: Point2::new(64.5, 46.5), affine: near, alike: 0.0, sigma: 0.0 };
-        let found = align(&of, at, &seen, &start).unwrap();
+        let find = |of: &Plane, at, seen: &Plane, start: &PlacedPatch| {
+            TexturePatch::of(of, at)?.found(seen, start)
+        };
+        let found = find(&of, at, &seen, &start).unwrap();
         assert!((found.at - place).norm() < 0.1, "{found:?}");
         assert!((found.affine - affine).norm() < 0.03 && found.alike > 0.99, "{found:?}");
         // Where a pixel does not count, beside the image, without texture: not found.
         let beside = Point2::new(3.0, 50.0);
-        assert!(align(&of, beside, &seen, &PlacedPatch { at: beside, ..start }).is_none());
+        assert!(find(&of, beside, &seen, &PlacedPatch { at: beside, ..start }).is_none());
         let flat = Plane::filled(of.size, 0.4);
-        assert!(align(&flat, at, &seen, &start).is_none());
+        assert!(find(&flat, at, &seen, &start).is_none());
         seen.data[45 * 120 + 66] = f32::NAN;
-        assert!(align(&of, at, &seen, &start).is_none());
+        assert!(find(&of, at, &seen, &start).is_none());
+    }
+
+    #[test]
+    fn sums_of_products_are_the_normal_equations_of_the_pixels() {
+        let placed = PlacedPatch {
+            at: Point2::new(60.3, 50.8),
+            affine: Matrix2::new(1.1, 0.2, -0.1, 0.9),
+            alike: 0.0,
+            sigma: 0.0,
+        };
+        let ShownPatch { values, gradients, .. } = shown(&waves(|p| p), &placed).unwrap();
+        let rows: Vec<Vector6<f64>> = (gradients.iter().zip(offsets()))
+            .map(|(g, p)| Vector6::new(g.x, g.y, g.x * p.x, g.y * p.x, g.x * p.y, g.y * p.y))
+            .collect();
+        let mean = rows.iter().sum::<Vector6<f64>>() / COUNT as f64;
+        let (mut normal, mut right) = (Matrix6::zeros(), Vector6::zeros());
+        for (row, value) in rows.iter().zip(&values) {
+            normal += (row - mean) * (row - mean).transpose();
+            right += row * *value;
+        }
+        let found = normal_equations(&gradients, &values);
+        assert!((found.0 - normal).norm() < 1e-9 * normal.norm(), "{} {normal}", found.0);
+        assert!((found.1 - right).norm() < 1e-9 * right.norm(), "{} {right}", found.1);
     }
 }

@@ -94,8 +94,9 @@ impl FrameSolve<'_> {
 
     /// Motion and shading in one problem: by the coarse blurs from the shape of eq. 3, and by the
     /// fine ones from where that leads, with the matches that are found about it, the outline about
-    /// its silhouette. Where asked for, texture that moved farther than blurs reach leads the first
-    /// look; the second does not go by it, so that what is followed wrong does not hold the shape.
+    /// its silhouette. Texture that moved farther than blurs reach leads the first look, if it is
+    /// to be followed; the second does not go by it, so that what is followed wrong does not hold
+    /// the shape.
     fn joint(
         &self,
         coarse: &Registered,

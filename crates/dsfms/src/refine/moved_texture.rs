@@ -8,7 +8,7 @@
 use super::Photograph;
 use super::look::shading;
 use crate::geometry::{Neighbours, Point2, Point3, Vector2};
-use crate::image::affine::{PlacedPatch, align};
+use crate::image::affine::{PlacedPatch, TexturePatch};
 use crate::image::corners::{CornerGrid, corners};
 use crate::image::filter::halve;
 use crate::image::{Mask, Plane, diagonal};
@@ -116,8 +116,9 @@ impl WorkingImages {
         };
         let all = || (0..self.places.len()).into_par_iter();
         let nearest: Vec<Vec<usize>> = all().map(nearest).collect();
-        let mut found: Vec<Option<PlacedPatch>> = all().map(|i| self.where_shown(i)).collect();
-        let mut tried: Vec<Vec<PlacedPatch>> = vec![Vec::new(); found.len()];
+        let mut found: Vec<Option<PlacedPatch>> =
+            all().map(|i| self.best(i, &[self.as_shown(i)], ALIKE[0])).collect();
+        let mut tried: Vec<Vec<PlacedPatch>> = all().map(|i| vec![self.as_shown(i)]).collect();
         for _ in 0..ROUNDS {
             let starts: Vec<Vec<PlacedPatch>> = all()
                 .map(|i| match found[i] {
@@ -125,12 +126,8 @@ impl WorkingImages {
                     Some(_) => Vec::new(),
                 })
                 .collect();
-            let new: Vec<Option<PlacedPatch>> = all()
-                .map(|i| {
-                    let led = starts[i].iter().filter_map(|start| self.near(i, start, ALIKE[1]));
-                    led.max_by(|a, b| a.alike.total_cmp(&b.alike))
-                })
-                .collect();
+            let new: Vec<Option<PlacedPatch>> =
+                all().map(|i| self.best(i, &starts[i], ALIKE[1])).collect();
             if new.iter().all(Option::is_none) {
                 break;
             }
@@ -140,10 +137,10 @@ impl WorkingImages {
         found
     }
 
-    /// A place that the frame shows where the shape does.
-    fn where_shown(&self, i: usize) -> Option<PlacedPatch> {
+    /// Place `i` as the shape shows it.
+    fn as_shown(&self, i: usize) -> PlacedPatch {
         let (at, affine) = (self.places[i].pixel, Matrix2::identity());
-        self.near(i, &PlacedPatch { at, affine, alike: 0.0, sigma: 0.0 }, ALIKE[0])
+        PlacedPatch { at, affine, alike: 0.0, sigma: 0.0 }
     }
 
     /// Where the nearest neighbours that are found lead place `i`, but for what was tried.
@@ -168,11 +165,18 @@ impl WorkingImages {
         starts
     }
 
-    /// Place `i` near where it is expected.
-    fn near(&self, i: usize, expected: &PlacedPatch, alike: f64) -> Option<PlacedPatch> {
-        let found = align(&self.render, self.places[i].pixel, &self.frame, expected)?;
-        let near = (found.at - expected.at).norm() < REACH;
-        (near && found.alike >= alike && found.sigma < DOUBT).then_some(found)
+    /// Place `i` near where one of `starts` has it: where it is most alike, and that at least.
+    fn best(&self, i: usize, starts: &[PlacedPatch], alike: f64) -> Option<PlacedPatch> {
+        if starts.is_empty() {
+            return None;
+        }
+        let patch = TexturePatch::of(&self.render, self.places[i].pixel)?;
+        let found = starts.iter().filter_map(|start| {
+            let found = patch.found(&self.frame, start)?;
+            let near = (found.at - start.at).norm() < REACH;
+            (near && found.alike >= alike && found.sigma < DOUBT).then_some(found)
+        });
+        found.max_by(|a, b| a.alike.total_cmp(&b.alike))
     }
 }
 
