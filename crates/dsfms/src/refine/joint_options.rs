@@ -31,8 +31,9 @@ pub struct JointOptions {
     /// tracking).
     pub find_outline: bool,
     /// Whether texture that moved farther than the blurs reach is followed, from the tissue that
-    /// did not, before the first of two looks (one frame alone; not in tracking). Where there is
-    /// one look (`look_again` of 0, a template without descriptors) nothing is followed.
+    /// did not, where two looks leave brightness unexplained: they are done once more, the first
+    /// by what is followed, and the lower cost stays (one frame alone; not in tracking). Where
+    /// there is one look (`look_again` of 0, a template without descriptors) nothing is followed.
     pub follow_texture: bool,
     /// Weight of saturated vertices under a near light, over all that are seen. Under a distant
     /// light, where only the matches tell distance, highlights are no cue.
