@@ -149,7 +149,7 @@ fn costs(method: &str, rows: &[Row]) -> String {
 }
 
 fn after(summary: &Summary, label: &str) -> Option<f64> {
-    summary.terms.iter().find(|t| t.label == label).map(|t| t.after)
+    summary.term(label).map(|t| t.after)
 }
 
 /// Bars of one frame, lines over several.
@@ -198,7 +198,7 @@ fn cost_table(found: &[Solved], labels: &[&str]) -> String {
     for (name, summary) in found {
         html += &format!("<tr><th scope=\"row\">{}</th>", escape(name));
         for label in labels {
-            html += &match summary.terms.iter().find(|t| t.label == *label) {
+            html += &match summary.term(label) {
                 Some(t) => format!("<td>{} → {}</td>", figure(t.before), figure(t.after)),
                 None => "<td>–</td>".into(),
             };

@@ -22,9 +22,11 @@ use crate::solver::Summary;
 const REACH: f64 = 0.03;
 
 /// Brightness is unexplained where it costs more than this fraction of its weight after the second
-/// look: of 77 looks at seven scenes, texture that is followed mends those alone (0.41 and more).
+/// look: of seven frames that followed texture mends, six are at 0.43 and more
+/// (`docs/results/choices.md`).
 const UNEXPLAINED: f64 = 0.4;
-/// Fewer places are not followed: what slides on bare tissue comes in tens. Not measured.
+/// Fewer places that moved are not followed: on a bare sheet at its true shape five slide. Other
+/// values are not measured.
 const FOLLOWED: usize = 20;
 
 /// The solves of one frame, on the mesh of `body`.
@@ -39,10 +41,10 @@ pub(super) struct FrameSolve<'a> {
 /// One look at a frame by the joint solve.
 struct JointLook<'a> {
     options: &'a ReconstructOptions,
-    /// Matches beside those of the frame. Of the first of two looks alone, so that what is followed
-    /// wrong does not hold the shape.
+    /// Matches of followed texture beside those of the frame; none in the second of two looks, so
+    /// that what is followed wrong does not hold the shape.
     followed: &'a [Match],
-    /// Of the frame.
+    /// Whether it is the last of the frame.
     last: bool,
 }
 
@@ -132,8 +134,8 @@ impl FrameSolve<'_> {
         };
         let by_texture = self.options.joint.follow_texture.then(|| result.clone());
         let found = self.look_twice(described, looks(&[]), coarse, photo, result, log);
-        let shading = found.terms.iter().filter(|t| t.label == "shading").map(|t| t.after);
-        let unexplained = shading.sum::<f64>() > UNEXPLAINED * self.options.joint.shading;
+        let shading = found.term("shading").map_or(0.0, |t| t.after);
+        let unexplained = shading > UNEXPLAINED * self.options.joint.shading;
         let Some(mut led) = by_texture.filter(|_| unexplained) else { return };
         let mesh = &self.sight.template.mesh;
         let moved = log.time("texture", || moved_texture(mesh, &led.vertices, photo));

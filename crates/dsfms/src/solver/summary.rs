@@ -55,4 +55,9 @@ impl Summary {
         }
         self.terms.iter().fold((0.0, 0.0), |(b, a), t| (b + t.before, a + t.after))
     }
+
+    /// The term of a label; `None` where the solve had none of it.
+    pub fn term(&self, label: &str) -> Option<&TermCost> {
+        self.terms.iter().find(|t| t.label == label)
+    }
 }
