@@ -10,8 +10,9 @@ use dsfms::io::images::{find_frames, read_size};
 use dsfms::io::masks::{MaskKind, read_masks};
 use dsfms::io::matches::{all_matches, find_matches, read_matches};
 use dsfms::pipeline::inputs::frames_camera;
-pub use dsfms::pipeline::inputs::{
-    CameraInput, Purpose, Source, check_size, mask_of, predicted_from, rest_lost, sources,
+pub use dsfms::pipeline::inputs::{CameraInput, check_size, mask_of};
+pub use dsfms::pipeline::sources::{
+    Purpose, Source, each_source, predicted_from, rest_lost, sources,
 };
 use dsfms::template::Template;
 use dsfms::video::{each_frame, is_video};
@@ -54,7 +55,7 @@ pub fn check_sizes(sources: &[Source], camera: &CameraModel, path: &Path) -> any
     let mut sizes = Vec::new();
     let mut unread = None;
     for source in some(sources.iter().filter(|s| !matches!(s, Source::Lost(..)))) {
-        match size_of(source) {
+        match source.size() {
             Ok(size) => sizes.push((source, size)),
             Err(error) => unread = unread.or(Some(error)),
         }
@@ -73,14 +74,6 @@ pub fn check_sizes(sources: &[Source], camera: &CameraModel, path: &Path) -> any
 
 /// What is said of a file that is given as a frame.
 const NO_IMAGE: &str = "neither a video nor an image";
-
-/// Width and height of a frame, of a file by its head.
-fn size_of(source: &Source) -> Result<[usize; 2], InputError> {
-    match source {
-        Source::File(path) => read_size(path),
-        other => other.frame().map(|frame| frame.size),
-    }
-}
 
 /// A few, evenly spaced.
 fn some<T>(all: impl Iterator<Item = T>) -> impl Iterator<Item = T> {

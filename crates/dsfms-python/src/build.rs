@@ -11,7 +11,8 @@ use dsfms::io::InputError;
 use dsfms::io::masks::MaskKind;
 use dsfms::io::poses::{PoseList, match_poses, read_poses};
 use dsfms::mesh::Mesh;
-use dsfms::pipeline::inputs::{CameraInput, Purpose, Source, check_size, mask_of, sources};
+use dsfms::pipeline::inputs::{CameraInput, check_size, mask_of};
+use dsfms::pipeline::sources::{Purpose, Source, sources};
 use dsfms::pipeline::{
     BuiltTemplate, OrganClick, OrganOptions, Progress, TemplateOptions, template_from_frames,
     template_from_posed_frames, template_from_poses,

@@ -5,7 +5,7 @@ use dsfms::eval::EvaluateError;
 use dsfms::experiment::ExperimentError;
 use dsfms::io::InputError;
 use dsfms::io::template::TemplateFileError;
-use dsfms::pipeline::inputs::SourceError;
+use dsfms::pipeline::sources::SourceError;
 use dsfms::pipeline::{ReconstructError, TemplateError};
 use dsfms::track::TrackError;
 use dsfms::video::VideoError;

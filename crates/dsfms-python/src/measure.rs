@@ -12,7 +12,7 @@ use dsfms::eval::{Alignment, EvaluateOptions, Truth, deformed_zone, evaluate as 
 use dsfms::experiment::SeriesOrgan;
 use dsfms::image::ToneCurve;
 use dsfms::io::camera::CameraFile;
-use dsfms::pipeline::inputs::Purpose;
+use dsfms::pipeline::sources::Purpose;
 use dsfms::synth::{Cell, LightKind, Protocol};
 use dsfms::video::SelectOptions;
 use numpy::PyArrayMethods;

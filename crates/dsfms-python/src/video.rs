@@ -5,7 +5,7 @@ use crate::errors::{IntoPython, wrong};
 use crate::work::{receive, warn};
 use dsfms::image::Frame;
 use dsfms::pipeline::Silent;
-use dsfms::pipeline::inputs::{Purpose, predicted_from, rest_lost, sources};
+use dsfms::pipeline::sources::{Purpose, predicted_from, rest_lost, sources};
 use dsfms::video::{VideoFrame, each_frame, frame_name, is_video};
 use numpy::{PyArray3, PyArrayMethods};
 use pyo3::prelude::*;

@@ -3,6 +3,8 @@
 #[path = "common/mp4.rs"]
 mod mp4;
 
+use dsfms::pipeline::Silent;
+use dsfms::pipeline::sources::{Purpose, Source, each_source, sources};
 use dsfms::video::{
     SelectOptions, VideoFrame, count_frames, each_frame, frame_rate, select_frames,
 };
@@ -125,6 +127,50 @@ fn what_is_predicted_from_a_lost_picture_says_so() {
     let names: Vec<_> =
         select_frames(&path, &options).unwrap().into_iter().map(|f| f.name).collect();
     assert_eq!(names, ["frame_000", "frame_004", "frame_005"]);
+}
+
+/// Name and grey value of what a list of sources gives; -1 where it is lost.
+fn given(sources: &[Source]) -> Vec<(usize, String, i64)> {
+    let mut given = Vec::new();
+    each_source(sources, &mut |place, source| {
+        let value = source.frame().map(|f| (f64::from(f.rgb[0][0]) - 40.0) / 12.0);
+        given.push((place, source.name(), value.map_or(-1, |v| v.round() as i64)));
+        true
+    });
+    given
+}
+
+#[test]
+fn a_video_is_listed_without_its_pictures_and_decoded_once_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mp4");
+    let mut cut = clip(6);
+    let third = cut.samples[2].clone();
+    cut.bytes[third.start + 5..third.start + 9].fill(0);
+    std::fs::write(&path, &cut.bytes).unwrap();
+    let listed = sources(&[path.clone(), path.clone()], Purpose::Reconstruct, &Silent).unwrap();
+    assert!(listed.iter().all(|s| matches!(s, Source::Video(_) | Source::Lost(..))));
+    assert_eq!(listed[1].size().unwrap(), SIZE);
+    let expected = |k: usize| (k, format!("frame_{:03}", k % 6), [0, 1, -1, 3, 4, 5][k % 6]);
+    assert_eq!(given(&listed), (0..12).map(expected).collect::<Vec<_>>());
+    // Some of them, one alone, and no more than is asked for.
+    let some: Vec<Source> = listed[..6].iter().skip(1).step_by(2).cloned().collect();
+    assert_eq!(given(&some).iter().map(|g| g.2).collect::<Vec<_>>(), [1, 3, 5]);
+    assert_eq!(listed[4].frame().unwrap().name, "frame_004");
+    let mut asked = 0;
+    each_source(&listed, &mut |_, _| {
+        asked += 1;
+        asked < 4
+    });
+    assert_eq!(asked, 4);
+    // A video that became shorter in between, and one that is gone.
+    let whole = listed.iter().map(Source::name).collect::<Vec<_>>();
+    std::fs::write(&path, clip(4).bytes).unwrap();
+    let short = given(&listed);
+    assert_eq!(short.iter().map(|g| g.1.clone()).collect::<Vec<_>>(), whole);
+    assert_eq!(short.iter().map(|g| g.2).take(6).collect::<Vec<_>>(), [0, 1, -1, 3, -1, -1]);
+    std::fs::remove_file(&path).unwrap();
+    assert!(given(&listed).iter().all(|g| g.2 == -1));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! `dsfms reconstruct`: frames of the deformed organ to surfaces.
 
 mod args;
+mod beside;
 mod page;
 
 use crate::args::Global;
@@ -17,6 +18,7 @@ use crate::report::template::{MOST_FRAMES, chosen};
 use crate::structures::{Placed, Structures};
 use crate::volume::CarriedVolume;
 pub use args::{MethodName, ReconstructArgs};
+use beside::each_beside;
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
 use dsfms::image::{Frame, Mask, ToneCurve, diagonal};
@@ -32,7 +34,6 @@ use dsfms::template::Template;
 use dsfms::verdict::intrinsics::apart_px;
 use dsfms::verdict::{Reason, Thresholds};
 use page::{Paged, failed_frame};
-use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -78,31 +79,23 @@ pub fn run(
     let beside = !args.no_report && sources.len() > MOST_FRAMES;
     reporter.step("frames", 0, sources.len());
     interrupt::end_softly();
-    let done_frames: Vec<Option<anyhow::Result<Done>>> = sources
-        .par_iter()
-        .zip(&names)
-        .enumerate()
-        .map(|(i, (source, name))| {
-            if interrupt::asked() {
-                return None;
-            }
-            let page = Paged { holds: shown.contains(&i), beside };
-            let report = job.frame(source, name, i, page);
-            reporter.step("frames", done.fetch_add(1, Ordering::Relaxed) + 1, sources.len());
-            Some(report)
-        })
-        .collect();
+    let done_frames = each_beside(&sources, |i, source| {
+        let page = Paged { holds: shown.contains(&i), beside };
+        let report = job.frame(source, &names[i], i, page);
+        reporter.step("frames", done.fetch_add(1, Ordering::Relaxed) + 1, sources.len());
+        report
+    });
     let (mut rows, mut frames, mut shapes) = (Vec::new(), Vec::new(), Vec::new());
     let mut failure = None;
-    for (i, (name, done)) in names.into_iter().zip(done_frames).enumerate() {
+    for (i, done) in done_frames {
+        let name = names[i].clone();
         let done = match done {
-            Some(Ok(done)) => done,
+            Ok(done) => done,
             // Its files could not be written; those of the others are not to be lost with it.
-            Some(Err(error)) => {
+            Err(error) => {
                 failure.get_or_insert(error);
                 continue;
             }
-            None => continue,
         };
         shapes.extend(done.shape.map(|s| (name.clone(), i as f64, s)));
         frames.extend(done.page);

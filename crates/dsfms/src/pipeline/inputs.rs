@@ -1,17 +1,14 @@
-//! What every front end does with what a user points at: frames of files, folders and videos, the
-//! camera file and what it says of a template, masks by name.
+//! What every front end does with the camera file that a user points at, what it says of a template,
+//! and with masks by name.
 
 use super::{Exploration, Observation, Progress};
 use crate::camera::CameraModel;
 use crate::image::{Frame, Mask, ToneCurve};
 use crate::io::InputError;
 use crate::io::camera::{CameraFile, read_camera};
-use crate::io::images::{check_camera_size, find_frames, read_frame};
+use crate::io::images::check_camera_size;
 use crate::io::masks::{MaskKind, read_masks};
 use crate::template::Template;
-use crate::video::{
-    SelectOptions, VideoError, VideoFrame, each_frame, frame_name, is_video, select_reporting,
-};
 use std::path::{Path, PathBuf};
 
 /// A camera file with the tone curve that counts.
@@ -75,147 +72,6 @@ pub fn frames_camera(
     }
     let camera = template.camera.clone()?;
     Some((camera, tone.unwrap_or_else(|| template.tone.clone())))
-}
-
-/// One frame to work on, not yet decoded where it is a file.
-#[derive(Clone, Debug)]
-pub enum Source {
-    /// An image file.
-    File(PathBuf),
-    /// A frame of a video, and a reservation: the lost one that it is predicted from.
-    Decoded(Frame, Option<String>),
-    /// A frame of a video that cannot be decoded: its name, and why.
-    Lost(String, String),
-}
-
-impl Source {
-    /// File stem, or the name that a video frame was given.
-    pub fn name(&self) -> String {
-        match self {
-            Self::File(path) => path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-            Self::Decoded(frame, _) => frame.name.clone(),
-            Self::Lost(name, _) => name.clone(),
-        }
-    }
-
-    /// The file a frame came from.
-    pub fn path(&self) -> Option<&Path> {
-        match self {
-            Self::File(path) => Some(path),
-            Self::Decoded(..) | Self::Lost(..) => None,
-        }
-    }
-
-    /// Decode.
-    ///
-    /// # Errors
-    /// As [`read_frame`]; a lost frame is an [`InputError::Image`].
-    pub fn frame(&self) -> Result<Frame, InputError> {
-        match self {
-            Self::File(path) => read_frame(path),
-            Self::Decoded(frame, _) => Ok(frame.clone()),
-            Self::Lost(name, reason) => {
-                Err(InputError::Image { path: name.into(), reason: reason.clone() })
-            }
-        }
-    }
-
-    /// What else must be said of it.
-    pub fn reservation(&self) -> Option<&str> {
-        match self {
-            Self::Decoded(_, rests_on) => rests_on.as_deref(),
-            _ => None,
-        }
-    }
-}
-
-/// Why no list of frames came of what a user pointed at.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum SourceError {
-    /// A file or folder.
-    #[error(transparent)]
-    Input(#[from] InputError),
-    /// A video.
-    #[error(transparent)]
-    Video(#[from] VideoError),
-}
-
-/// What frames are wanted for: it decides which frames of a video are taken.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Purpose<'a> {
-    /// Sharp frames with parallax between them.
-    Template(&'a SelectOptions),
-    /// Every frame.
-    Reconstruct,
-}
-
-/// Frames of files, folders, patterns and videos, in order.
-///
-/// # Errors
-/// A path that does not exist, a folder without frames, a video that cannot be decoded.
-pub fn sources(
-    inputs: &[PathBuf],
-    purpose: Purpose,
-    progress: &dyn Progress,
-) -> Result<Vec<Source>, SourceError> {
-    let mut sources = Vec::new();
-    for input in inputs {
-        if input.is_file() && is_video(input) {
-            sources.extend(video_frames(input, purpose, progress)?);
-        } else {
-            let found = find_frames(std::slice::from_ref(input))?;
-            sources.extend(found.into_iter().map(Source::File));
-        }
-    }
-    Ok(sources)
-}
-
-fn video_frames(
-    path: &Path,
-    purpose: Purpose,
-    progress: &dyn Progress,
-) -> Result<Vec<Source>, VideoError> {
-    let report = |done: usize, total: Option<usize>| {
-        progress.step("video", done, total.unwrap_or(done));
-    };
-    if let Purpose::Template(options) = purpose {
-        let mut shown = 0;
-        let mut report = |done: usize, total: Option<usize>| {
-            shown = shown.max(done);
-            report(done, total);
-        };
-        let frames = select_reporting(path, options, &mut report)?;
-        progress.note(&format!("{} frames chosen of {shown}", frames.len()));
-        return Ok(frames.into_iter().map(|frame| Source::Decoded(frame, None)).collect());
-    }
-    let mut sources = Vec::new();
-    let read = each_frame(path, &mut |VideoFrame { number, total, content, rests_on }| {
-        report(number + 1, total);
-        sources.push(match content {
-            Ok(frame) => Source::Decoded(frame, rests_on.map(predicted_from)),
-            Err(reason) => Source::Lost(frame_name(number), reason),
-        });
-        true
-    });
-    match read {
-        Err(error) if sources.is_empty() => return Err(error),
-        // What was decoded before is not lost.
-        Err(error) => sources.push(Source::Lost(frame_name(sources.len()), rest_lost(&error))),
-        Ok(()) => {}
-    }
-    Ok(sources)
-}
-
-/// Of a frame that a decoder predicted from a lost one.
-pub fn predicted_from(lost: usize) -> String {
-    let name = frame_name(lost);
-    format!("the picture is predicted from {name}, which is lost: parts of it may be older")
-}
-
-/// Of a video that ends too early.
-pub fn rest_lost(error: &VideoError) -> String {
-    format!("this and all later frames are lost: {error}")
 }
 
 /// Check a frame against the camera it is said to come from.

@@ -8,6 +8,7 @@ pub mod progress;
 pub mod reconstruct;
 mod reconstruct_options;
 mod sight;
+pub mod sources;
 mod stage_log;
 mod surroundings;
 pub mod template;

@@ -149,13 +149,15 @@ pub fn load_also(
     }
     let sources = inputs::sources(&args.organ.also, inputs::Purpose::Reconstruct, reporter)?;
     let every = sources.len().div_ceil(ALSO).max(1);
+    let some: Vec<Source> = sources.into_iter().step_by(every).collect();
     let mut frames = Vec::new();
-    for source in sources.iter().step_by(every) {
-        match load_frame(source, &cameras.common.file.camera, camera_path) {
+    inputs::each_source(&some, &mut |_, source| {
+        match load_frame(&source, &cameras.common.file.camera, camera_path) {
             Ok(frame) => frames.push(frame),
             Err(error) => reporter.warn(&format!("--also: {error}; the frame is left out")),
         }
-    }
+        true
+    });
     Ok(frames)
 }
 
