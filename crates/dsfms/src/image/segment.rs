@@ -48,6 +48,7 @@ const UNIT: f64 = 1.0 / 64.0;
 const KEPT: f64 = 1e4;
 
 /// An organ that its colours part from its surroundings.
+#[derive(Clone)]
 pub(crate) struct Segment {
     /// Its outline, known where colours mark it.
     pub(crate) outline: Outline,

@@ -44,8 +44,21 @@ struct JointLook<'a> {
     /// Matches of followed texture beside those of the frame; none in the second of two looks, so
     /// that what is followed wrong does not hold the shape.
     followed: &'a [Match],
+    /// The organ about the shape that the frame is known by so far.
+    outline: Option<Segment>,
     /// Whether it is the last of the frame.
     last: bool,
+}
+
+/// What two looks from the shape of eq. 3 begin with.
+struct TwoLooks<'a> {
+    described: &'a Described<'a>,
+    coarse: &'a Registered,
+    photo: &'a Photograph<'a>,
+    /// Of the first and of the second.
+    options: [ReconstructOptions; 2],
+    /// The organ about the shape of eq. 3.
+    outline: Option<Segment>,
 }
 
 impl FrameSolve<'_> {
@@ -121,19 +134,16 @@ impl FrameSolve<'_> {
         result: &mut Reconstruction,
         log: &mut StageLog,
     ) {
+        let outline = self.segmented(&result.vertices, photo, log);
         let Some((described, looks)) = self.described.zip(self.options.joint.looks()) else {
-            let look = JointLook { options: self.options, followed: &[], last: true };
+            let look = JointLook { options: self.options, followed: &[], outline, last: true };
             self.join_from(coarse, &coarse.vertices, photo, look, result, log);
             return;
         };
-        let [first, second] =
-            &looks.map(|joint| ReconstructOptions { joint, ..self.options.clone() });
-        let looks = |followed| {
-            let second = JointLook { options: second, followed: &[], last: true };
-            [JointLook { options: first, followed, last: false }, second]
-        };
+        let options = looks.map(|joint| ReconstructOptions { joint, ..self.options.clone() });
+        let two = TwoLooks { described, coarse, photo, options, outline };
         let by_texture = self.options.joint.follow_texture.then(|| result.clone());
-        let found = self.look_twice(described, looks(&[]), coarse, photo, result, log);
+        let found = self.look_twice(&two, &[], result, log);
         let shading = found.term("shading").map_or(0.0, |t| t.after);
         let unexplained = shading > UNEXPLAINED * self.options.joint.shading;
         let Some(mut led) = by_texture.filter(|_| unexplained) else { return };
@@ -142,28 +152,31 @@ impl FrameSolve<'_> {
         if moved.len() < FOLLOWED {
             return;
         }
-        let other = self.look_twice(described, looks(&moved), coarse, photo, &mut led, log);
+        let other = self.look_twice(&two, &moved, &mut led, log);
         if other.cost().1 < found.cost().1 {
             *result = led;
         }
     }
 
-    /// Two looks: by the coarse blurs from the shape of eq. 3, and by the fine ones from where that
-    /// leads, with the matches that are found about it, the outline about its silhouette. The
-    /// report of the second.
+    /// By the coarse blurs from the shape of eq. 3, led by what is `followed`; then by the fine ones
+    /// from where that leads, with the matches that are found about it, the outline about its
+    /// silhouette. The report of the second.
     fn look_twice(
         &self,
-        described: &Described,
-        [first, second]: [JointLook; 2],
-        coarse: &Registered,
-        photo: &Photograph,
+        two: &TwoLooks,
+        followed: &[Match],
         result: &mut Reconstruction,
         log: &mut StageLog,
     ) -> Summary {
-        self.join_from(coarse, &coarse.vertices, photo, first, result, log);
+        let TwoLooks { described, coarse, photo, options: [first, second], outline } = two;
+        let outline = outline.clone();
+        let look = JointLook { options: first, followed, outline, last: false };
+        self.join_from(coarse, &coarse.vertices, photo, look, result, log);
         log.time("matching again", || self.match_again(described, result));
+        let outline = self.segmented(&result.vertices, photo, log);
+        let look = JointLook { options: second, followed: &[], outline, last: true };
         let found = self.body.restricted(&result.vertices).into_owned();
-        self.join_from(coarse, &found, photo, second, result, log)
+        self.join_from(coarse, &found, photo, look, result, log)
     }
 
     /// The joint solve of a look after `coarse`, from `start`, by the matches of `result` that are
@@ -173,18 +186,16 @@ impl FrameSolve<'_> {
         coarse: &Registered,
         start: &[Point3],
         photo: &Photograph,
-        JointLook { options, followed, last }: JointLook,
+        JointLook { options, followed, outline, last }: JointLook,
         result: &mut Reconstruction,
         log: &mut StageLog,
     ) -> Summary {
-        let Self { sight, body, .. } = self;
+        let body = self.body;
         let mut kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
         kept.extend(followed);
         let kept = body.matches(&kept);
-        let found = log.time("outline", || self.segmented(&result.vertices, photo));
-        let photo = match &found {
-            Some(Segment { outline, usable, marked }) => {
-                logging::outline(sight.observation.frame, *marked);
+        let photo = match &outline {
+            Some(Segment { outline, usable, .. }) => {
                 Photograph { outline: Some(outline), usable, ..*photo }
             }
             None => *photo,
@@ -195,7 +206,7 @@ impl FrameSolve<'_> {
         result.vertices = joined.vertices;
         (result.gain, result.ambient) = (joined.gain, joined.ambient);
         result.shaded = Some(joined.samples);
-        result.outline = found.map(|segment| segment.outline);
+        result.outline = outline.map(|segment| segment.outline);
         joined.summary
     }
 
@@ -222,13 +233,22 @@ impl FrameSolve<'_> {
 
     /// The organ by its colours, about the silhouette of `shape` (camera axes), if it is asked for
     /// and no mask says.
-    fn segmented(&self, shape: &[Point3], photo: &Photograph) -> Option<Segment> {
-        if !self.options.joint.find_outline || self.sight.observation.organ.is_some() {
+    fn segmented(
+        &self,
+        shape: &[Point3],
+        photo: &Photograph,
+        log: &mut StageLog,
+    ) -> Option<Segment> {
+        let Self { sight, options, .. } = self;
+        if !options.joint.find_outline || sight.observation.organ.is_some() {
             return None;
         }
-        let topology = &self.sight.template.mesh.topology;
-        let rough = rasterize(photo.camera, topology, shape).silhouette();
-        segment(&photo.picture.linear, &rough, photo.usable)
+        let found = log.time("outline", || {
+            let rough = rasterize(photo.camera, &sight.template.mesh.topology, shape).silhouette();
+            segment(&photo.picture.linear, &rough, photo.usable)
+        })?;
+        logging::outline(sight.observation.frame, found.marked);
+        Some(found)
     }
 }
 

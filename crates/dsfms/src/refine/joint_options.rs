@@ -165,7 +165,7 @@ impl Default for JointOptions {
             shading: 1336.0,
             outline: 100.0,
             find_outline: true,
-            follow_texture: false,
+            follow_texture: true,
             highlights: 334.0,
             image: PhotometricModel::default(),
             robust: 3.0,
