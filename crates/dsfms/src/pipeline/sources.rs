@@ -30,7 +30,7 @@ pub enum Source {
 #[derive(Clone, Debug, PartialEq)]
 pub struct VideoPlace {
     video: Arc<Path>,
-    /// From 0.
+    /// In display order, from 0.
     number: usize,
     /// Width and height in px.
     size: [usize; 2],
@@ -76,12 +76,12 @@ impl Source {
         match self {
             Self::File(path) => read_frame(path),
             Self::Video(_) => {
-                let mut found = None;
+                let mut found = Err(lost(&self.name(), NOT_AGAIN));
                 each_source(std::slice::from_ref(self), &mut |_, decoded| {
-                    found = Some(decoded);
+                    found = decoded.frame();
                     false
                 });
-                found.map_or_else(|| Err(lost(&self.name(), NOT_AGAIN)), |found| found.frame())
+                found
             }
             Self::Decoded(frame, _) => Ok(frame.clone()),
             Self::Lost(name, reason) => Err(lost(name, reason)),
@@ -187,15 +187,14 @@ fn listed(path: &Path, progress: &dyn Progress) -> Result<Vec<Source>, VideoErro
 /// Of a frame that was there when the video was listed.
 const NOT_AGAIN: &str = "it is not decoded a second time: did the video change?";
 
-/// Every source with its place in the list, frames of videos decoded, until `each` wants no more.
-/// Frames of one video that follow each other are decoded in one pass, one at a time.
+/// Every source with its place in the list, frames of videos decoded, until `each` says that it
+/// wants no more. Frames of one video that follow each other are decoded in one pass, one at a
+/// time; one that was there when the video was listed and is not now is [`Source::Lost`].
 pub fn each_source(sources: &[Source], each: &mut dyn FnMut(usize, Source) -> bool) {
     let mut next = 0;
-    let mut wants_more = true;
     let mut give = |source| {
         next += 1;
-        wants_more = each(next - 1, source);
-        wants_more
+        each(next - 1, source)
     };
     let mut rest = sources;
     while let [first, others @ ..] = rest {
