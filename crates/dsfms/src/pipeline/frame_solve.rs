@@ -158,8 +158,8 @@ impl FrameSolve<'_> {
         }
     }
 
-    /// By the coarse blurs from the shape of eq. 3, led by what is `followed`; then by the fine ones
-    /// from where that leads, with the matches that are found about it, the outline about its
+    /// By the coarse blurs from the shape of eq. 3, led by what is `followed`; then by the fine
+    /// ones from where that leads, with the matches that are found about it, the outline about its
     /// silhouette. The report of the second.
     fn look_twice(
         &self,

@@ -1,5 +1,5 @@
-//! What every front end does with the camera file that a user points at, what it says of a template,
-//! and with masks by name.
+//! What every front end does with the camera file that a user points at, what it says of a
+//! template, and with masks by name.
 
 use super::{Exploration, Observation, Progress};
 use crate::camera::CameraModel;
