@@ -1,7 +1,7 @@
 //! Which vertices show shading, which mirror the light, and what albedo they have.
 
 use super::glare::weigh;
-use super::look::{FrameLook, LookOptions, Varied};
+use super::look::{FrameLook, LookOptions};
 use super::{Photograph, RefineOptions};
 use crate::camera::Camera;
 use crate::energy::diffuse::DiffuseVertex;
@@ -58,7 +58,7 @@ pub fn gather_pointwise(
     shape: &[Point3],
     options: &RefineOptions,
 ) -> ShadingEvidence {
-    let seen = LookOptions { varied: Varied::Ignored, ..look_options(photo, options) };
+    let seen = LookOptions { blur_shade: false, ..look_options(photo, options) };
     gather_by(photo, rest, shape, options, seen)
 }
 

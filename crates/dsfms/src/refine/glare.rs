@@ -18,8 +18,6 @@ pub(super) struct Channels {
     pub(super) shade: f64,
     /// What the blur adds to it, since shading varies within the blur.
     pub(super) added_shade: f64,
-    /// The same, where the prediction leaves it out.
-    pub(super) omitted_shade: f64,
     /// Near a highlight, or turned so that it mirrors the light.
     pub(super) maybe_glare: bool,
 }
@@ -81,8 +79,7 @@ pub(super) fn weigh(points: &[Channels], options: &NoiseOptions) -> Weighed {
     let relative = spread.clamp(options.relative[0], options.relative[1]);
     let brightness = |(i, mix): (usize, Mix)| {
         let Mix { weights, image, albedo, white, noise } = mix;
-        let omitted = image * points[i].omitted_shade / points[i].shade.max(f64::MIN_POSITIVE);
-        let sigma = (relative * image).hypot(options.absolute).hypot(noise).hypot(omitted);
+        let sigma = (relative * image).hypot(options.absolute).hypot(noise);
         (i, Brightness { weights, albedo, added_shade: points[i].added_shade, white, sigma })
     };
     Weighed { brightness: mixes.into_iter().map(brightness).collect(), log_gain }
@@ -249,14 +246,7 @@ mod tests {
             // A little noise of its own in every channel.
             let noise = |c: usize| 1.0 + 0.004 * ((7 * k + 3 * c) % 5) as f64 - 0.008;
             let image = [0, 1, 2].map(|c| 1.3 * shade * albedo[c] * noise(c) + 0.01 + glare(k));
-            Channels {
-                image,
-                albedo,
-                shade,
-                added_shade: 0.0,
-                omitted_shade: 0.0,
-                maybe_glare: k < 10,
-            }
+            Channels { image, albedo, shade, added_shade: 0.0, maybe_glare: k < 10 }
         };
         (0..60).map(point).collect()
     }
@@ -281,21 +271,6 @@ mod tests {
     }
 
     #[test]
-    fn what_the_prediction_leaves_out_is_noise() {
-        let tissue = |k: usize| [0.5 + 0.01 * (k % 7) as f64, 0.2, 0.15];
-        let mut points = points(|_| 0.0, tissue);
-        let usual = weigh(&points, &OPTIONS).brightness;
-        // A tenth of the shading of 0.8, with either sign.
-        points.iter_mut().step_by(2).for_each(|p| p.omitted_shade = -0.08);
-        points.iter_mut().skip(1).step_by(2).for_each(|p| p.omitted_shade = 0.08);
-        for ((i, b), (_, usual)) in weigh(&points, &OPTIONS).brightness.iter().zip(&usual) {
-            let image: f64 = (0..3).map(|c| b.weights[c] * points[*i].image[c]).sum();
-            let expected = usual.sigma.hypot(0.1 * image);
-            assert!((b.sigma - expected).abs() < 1e-12, "{i}: {} {expected}", b.sigma);
-        }
-    }
-
-    #[test]
     fn what_may_be_glare_is_left_out_on_white_tissue() {
         let points = points(|k| if k < 5 { 0.3 } else { 0.0 }, |_| [0.5, 0.5, 0.5]);
         let found = weigh(&points, &OPTIONS);
@@ -311,7 +286,6 @@ mod tests {
                 albedo,
                 shade: 0.8,
                 added_shade: 0.0,
-                omitted_shade: 0.0,
                 maybe_glare: false,
             };
             white_part(&point).is_some()

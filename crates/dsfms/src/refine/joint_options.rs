@@ -158,7 +158,7 @@ impl Default for JointOptions {
         Self {
             prior: PriorWeights {
                 conformal: 1e4,
-                stretch: 3e3,
+                stretch: 3e2,
                 smoothing: 30.0,
                 ..PriorWeights::default()
             },

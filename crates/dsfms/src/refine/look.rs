@@ -28,21 +28,8 @@ pub(super) struct LookOptions {
     pub(super) mirror_deg: f64,
     /// Colours tell glare and instruments from tissue.
     pub(super) colour: bool,
-    /// What is made of shading that varies within the blur.
-    pub(super) varied: Varied,
-}
-
-/// What is made of shading that varies within the blur: a blurred image shows a curved surface
-/// flatter than its points are shaded.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Varied {
-    /// Nothing: shading is that of the points.
-    Ignored,
-    /// What the blur adds to it is noise: the shape is not yet that of the frame, which its own
-    /// shading would hold.
-    Noise,
-    /// It is blurred as the image is: the shape is near that of the frame.
-    Blurred,
+    /// Shading is blurred as the image is: the shape is near that of the frame.
+    pub(super) blur_shade: bool,
 }
 
 /// A photograph with a shape in front of it.
@@ -107,8 +94,7 @@ impl<'a> FrameLook<'a> {
             |i: usize| known[i] && photo.usable.data[i] && picture.clipped[i] == [false; 3];
         let counts: Vec<bool> = (0..known.len()).map(counts).collect();
         let told = look.options.colour && !pale(&look.albedo, &known);
-        let varied = look.options.varied != Varied::Ignored;
-        let shade = if told || varied { look.shading() } else { Vec::new() };
+        let shade = if told || look.options.blur_shade { look.shading() } else { Vec::new() };
         let covered = match told {
             true => occluders(&picture.linear, &look.albedo, &shade, &counts),
             false => look.possible_glare(),
@@ -118,13 +104,13 @@ impl<'a> FrameLook<'a> {
         let channels = [0, 1, 2].map(|c| (&picture.linear, c)).into_par_iter();
         let channels = channels.chain([0, 1, 2].map(|c| (&look.albedo, c)));
         let mut planes: Vec<Plane> = channels.map(|(of, c)| of.channel(c)).collect();
-        if varied {
+        if look.options.blur_shade {
             planes.push(look.lit(&shade));
         }
         let (mut blurred, support) = blur_masked_all(&planes, &mask, look.options.blur);
         look.image = ColorImage::of_channels([&blurred[0], &blurred[1], &blurred[2]]);
         look.albedo = ColorImage::of_channels([&blurred[3], &blurred[4], &blurred[5]]);
-        look.diffuse = varied.then(|| blurred.pop()).flatten();
+        look.diffuse = look.options.blur_shade.then(|| blurred.pop()).flatten();
         let here = support.data.iter().zip(&mask.data);
         look.support.data = here.map(|(&s, &here)| if here { s } else { 0.0 }).collect();
         look
@@ -217,15 +203,11 @@ impl<'a> FrameLook<'a> {
         }
         let shade = self.photo.light.shade(point, normal).value;
         let albedo = self.albedo.sampled(pixel)?;
-        let added = self.added_shade(pixel, &albedo, shade);
-        let blurred = self.options.varied == Varied::Blurred;
-        let [added_shade, omitted_shade] = if blurred { [added, 0.0] } else { [0.0, added] };
         Some(Channels {
             image: self.image.sampled(pixel)?,
             albedo,
             shade,
-            added_shade,
-            omitted_shade,
+            added_shade: self.added_shade(pixel, &albedo, shade),
             maybe_glare: self.mirrors(point, normal) || self.in_halo(i),
         })
     }
@@ -256,7 +238,7 @@ mod tests {
     use crate::synth::Case;
 
     /// Median size of the log ratio of image and prediction at the true shape, where no glare is.
-    fn left(case: &Case, varied: Varied) -> f64 {
+    fn left(case: &Case, blur_shade: bool) -> f64 {
         let photo = &Photograph {
             camera: &case.camera,
             picture: &Picture::of(&case.frame, &case.template.tone),
@@ -268,7 +250,7 @@ mod tests {
         };
         let diagonal = diagonal(case.camera.size);
         let options = JointOptions::default().image.look(0.018 * diagonal, diagonal);
-        let options = LookOptions { varied, ..options };
+        let options = LookOptions { blur_shade, ..options };
         let look = FrameLook::new(photo, &case.template.mesh, &case.truth, options);
         let one = |v: usize| {
             let pixel = look.project(&case.truth[v])?;
@@ -283,7 +265,7 @@ mod tests {
     #[test]
     fn shading_that_varies_within_the_blur_is_foretold() {
         let case = Case::example(1);
-        let (with, without) = (left(&case, Varied::Blurred), left(&case, Varied::Ignored));
+        let (with, without) = (left(&case, true), left(&case, false));
         assert!(with < 0.6 * without, "{with}, without {without}");
     }
 }

@@ -2,7 +2,7 @@
 //! out.
 
 use super::glare::NoiseOptions;
-use super::look::{LookOptions, Varied};
+use super::look::LookOptions;
 use crate::options::{OptionError, check, from_zero, positive};
 use serde::{Deserialize, Serialize};
 
@@ -43,9 +43,8 @@ pub struct PhotometricModel {
 
 /// In a blur of no more than this part of the diagonal shading is blurred as the image is: in the
 /// coarse stages the shape is not yet that of the frame, and its shading holds it where it is. On
-/// five drawn scenes, where coarse stages took what they leave out for no noise, the zone is 1.88
-/// mm off without, 1.76 with this, 1.77 with 0.009, 2.03 with every stage
-/// (`docs/results/choices.md`).
+/// five drawn scenes the zone is 1.88 mm off without, 1.76 with this, 1.77 with 0.009, 2.03 with
+/// every stage (`docs/results/scenes.md`).
 const FINE: f64 = 0.006;
 
 impl Default for PhotometricModel {
@@ -75,7 +74,7 @@ impl PhotometricModel {
             halo: self.halo * diagonal,
             mirror_deg: self.specular_deg,
             colour: self.colour,
-            varied: if blur <= FINE * diagonal { Varied::Blurred } else { Varied::Noise },
+            blur_shade: blur <= FINE * diagonal,
         }
     }
 
