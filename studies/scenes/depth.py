@@ -1,17 +1,14 @@
 """How much of a pull or a push is followed, and is what is wrong along the sightline? usage: depth.py SCENES WORK RUN [--half choose|held|drawn|all]
 
-RUN names the folders that score.py left in WORK/SCENE, as `mesh-joint-*` (of several the newest); the rigid pose is that of the newest `mesh-rigid-*`
-(or of the same road). Of every deformed frame, over the visible part of the zone of measure.py: the movement along the sightline from the rigid pose,
+RUN names the folders that score.py left in WORK/SCENE, as `mesh-joint-*` (of several the newest); the rigid pose is that of the newest
+`mesh-rigid-*`, or of the road of RUN. Of every deformed frame, over the visible part of the zone of measure.py: the movement along the sightline from the rigid pose,
 true and found, the slope of the latter on the former (1: followed whole), and the error along and across the sightline (root mean squares, mm).
 A pull comes nearer to the camera by more than 2 mm in the mean, a push goes farther. Needs numpy."""
 
-import argparse
-from pathlib import Path
-
 import numpy as np
 
-from measure import judged, read_ply
-from stated import places, read_table
+from measure import finished, judged, read_ply
+from stated import places, read_table, scored_runs
 
 LARGE = 2.0  # mm: smaller movements say little about the share that is followed
 
@@ -40,14 +37,9 @@ def row(scene, work, run, i):
 
 
 def main():
-    ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ap.add_argument("scenes", type=Path)
-    ap.add_argument("work", type=Path)
-    ap.add_argument("run")
-    ap.add_argument("--half", default="all", choices=["choose", "held", "drawn", "all"])
-    a = ap.parse_args()
+    a = scored_runs(__doc__).parse_args()
     rows = []
-    for scene in sorted(s for s in a.scenes.iterdir() if (s / "DONE").exists() and (a.half == "all" or a.half in s.name)):
+    for scene in finished(a.scenes, a.half):
         for i in range(1, len(list((scene / "ground_truth/deformed_meshes_cam").glob("frame_*.ply")))):
             if (found := row(scene, a.work, a.run, i)) is not None:
                 rows.append((scene.name, i, *found))

@@ -47,6 +47,11 @@ def read_ply(path):
     return np.stack([v["x"], v["y"], v["z"]], -1).astype(float), found["face"][lists[0]].astype(int)
 
 
+def finished(folder, half="all"):
+    """Folders of the scenes that make.py finished, in order; `half` is a word of their names, or `all`."""
+    return sorted(done.parent for done in folder.glob("*/DONE") if half == "all" or half in done.parent.name)
+
+
 def nearest_on_triangle(p, a, b, c):
     """Closest points of triangles (a, b, c) to points p, all (n, 3)."""
     n = np.cross(b - a, c - a)

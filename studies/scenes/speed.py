@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from measure import read_ply
+from measure import finished, read_ply
 from score import given, template
 
 COLUMNS = {
@@ -61,7 +61,7 @@ def main():
     a = ap.parse_args()
     columns = [*COLUMNS, "frame", "setup"]
     print("| scene | vertices | " + " | ".join(columns) + " |\n" + "| --- " * (len(columns) + 2) + "|")
-    for scene in sorted(s for s in a.scenes.iterdir() if (s / "DONE").exists() and (a.half == "all" or a.half in s.name)):
+    for scene in finished(a.scenes, a.half):
         made = template(a, scene, "mesh")
         rows = []
         for number in map(int, a.frames.split(",")):

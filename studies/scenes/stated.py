@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from measure import judged, read_ply
+from measure import finished, judged, read_ply
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 from wrong_as_good import places, read_table  # noqa: E402
@@ -43,16 +43,22 @@ def rows_of(scene, out):
         yield row
 
 
-def main():
-    ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def scored_runs(doc):
+    """Arguments that name the folders which score.py left of a run: SCENES WORK RUN [--half]."""
+    ap = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
     ap.add_argument("scenes", type=Path)
     ap.add_argument("work", type=Path)
     ap.add_argument("run")
     ap.add_argument("--half", default="all", choices=["choose", "held", "drawn", "all"])
+    return ap
+
+
+def main():
+    ap = scored_runs(__doc__)
     ap.add_argument("--json", type=Path)
     a = ap.parse_args()
     rows = []
-    for scene in sorted(s for s in a.scenes.iterdir() if (s / "DONE").exists() and (a.half == "all" or a.half in s.name)):
+    for scene in finished(a.scenes, a.half):
         for out in sorted(a.work.glob(f"{scene.name}/{a.run}/out")):
             rows += rows_of(scene, out)
     if a.json:
