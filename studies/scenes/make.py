@@ -1,6 +1,7 @@
-"""Make development scenes. usage: make.py OUT [INDEX ...] [--data DIR] [--force]
+"""Make development scenes. usage: make.py OUT [INDEX ...] [--data DIR] [--force] [--without gloss bounced]
 
-No index: all sixteen; an index from 300 on is a scene drawn with that seed.
+No index: all sixteen; an index from 300 on is a scene drawn with that seed. --without leaves an effect of light out, to see what it
+costs: give it a folder of its own.
 
 OUT/NAME gets the layout of ../shared/data/rendered_scene; a finished scene holds a file DONE."""
 
@@ -76,8 +77,8 @@ class Organ:
         return v[self.index], self.wedge, n[self.index], self.uv
 
 
-def make(index, out, data):
-    """Write scene `index` under `out`."""
+def make(index, out, data, without=()):
+    """Write scene `index` under `out`, `without` some effects of light (`render.Stage`)."""
     spec, begin = spec_of(index), time.process_time()
     rng = np.random.default_rng(spec.seed)
     organ = Organ(spec, data, rng)
@@ -95,7 +96,7 @@ def make(index, out, data):
     print(f"  deformed after {time.process_time() - begin:.0f} s", flush=True)
 
     def stage(v, tool):
-        return Stage([organ.part(v), (wv, wf, wn, wuv), tools.build(tool)], textures, spec.alpha, 0.05)
+        return Stage([organ.part(v), (wv, wf, wn, wuv), tools.build(tool)], textures, spec.alpha, 0.05, without)
 
     truth.write(out / name(index), spec, organ, cam, explore, still, shape, held, frames, stage, rng)
     (out / name(index) / "spec.json").write_text(json.dumps(dataclasses.asdict(spec), indent=1))
@@ -111,10 +112,11 @@ def main():
         "--data", type=Path, default=HERE.parents[2] / "shared/data", help="folder of organs_hra and organs_ucl"
     )
     ap.add_argument("--force", action="store_true", help="make finished scenes again")
+    ap.add_argument("--without", nargs="+", choices=["gloss", "bounced"], default=[], help="effects of light to leave out")
     a = ap.parse_args()
     for i in a.index or range(len(SPECS)):
         if a.force or not (a.out / name(i) / "DONE").exists():
-            make(i, a.out, a.data)
+            make(i, a.out, a.data, a.without)
 
 
 if __name__ == "__main__":

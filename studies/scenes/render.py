@@ -111,9 +111,11 @@ def trace(scene, origin, directions):
 
 
 class Stage:
-    """Organ, wall and tools of one frame. `parts`: three tuples (V, F, N, uv) in world mm."""
+    """Organ, wall and tools of one frame. `parts`: three tuples (V, F, N, uv) in world mm.
 
-    def __init__(self, parts, textures, alpha, film):
+    `without`: effects that are left out, of "gloss" (what the coat mirrors) and "bounced" (light between surfaces)."""
+
+    def __init__(self, parts, textures, alpha, film, without=()):
         v, f, n, uv, at, first = [], [], [], [], 0, [0]
         for pv, pf, pn, puv in parts:
             v, f, n, uv = v + [pv], f + [pf + at], n + [pn], uv + [puv]
@@ -122,7 +124,7 @@ class Stage:
         self.first = first
         self.scene = mi.load_dict(dict(type="scene", m=mesh(np.vstack(v), np.vstack(f), np.vstack(n), np.vstack(uv))))
         self.organ = mi.load_dict(dict(type="scene", m=mesh(*parts[0][:2])))
-        self.textures, self.alpha, self.film = textures, alpha, film
+        self.textures, self.alpha, self.film, self.without = textures, alpha, film, without
         self.bounds = [dr.opaque(mi.UInt32, k) for k in first[1:3]]
 
     def surface(self, si):
@@ -159,7 +161,7 @@ class Stage:
             seen &= ~self.scene.ray_test(si.spawn_ray_to(light), seen)
             through = (1 - fresnel(cos_i)) * ((1 - fresnel(cos_o)) if coat else (1 - f0)) / (1 - f0) ** 2
             radiance = base * (through / dr.pi)
-            if coat:
+            if coat and "gloss" not in self.without:
                 h = dr.normalize(w + view)
                 ch, a2 = atleast(dr.dot(wet, h), 0), alpha * alpha
                 ggx = a2 / (dr.pi * dr.square(ch * ch * (a2 - 1) + 1))
@@ -199,6 +201,8 @@ class Stage:
         image, base, normal, depth = means(
             [self.lit(si, lights, rot[2], si.is_valid(), True), self.surface(si)[0], si.sh_frame.n, [si.t]], direct, 1
         )
+        if "bounced" in self.without:
+            return image * LIGHT * 3600
         fine = guide(normal, depth)
         ray, rng = rays(bounced, 1, 2)  # bounced light is smooth: half the resolution carries it
         si = self.scene.ray_intersect(ray)
