@@ -14,6 +14,7 @@ pub mod options;
 pub mod pose;
 mod printed;
 pub mod scene;
+mod smooth_carry;
 pub mod solve;
 mod starts;
 mod terms;
