@@ -4,8 +4,7 @@ use super::coat::WET_TISSUE;
 use super::{Coat, Coated, Light, LightModel, PointLight, RingLight, Spot, specular_angle};
 use crate::geometry::{Point3, Vector3};
 
-const WET: Coat =
-    Coat { refractive_index: WET_TISSUE, ambient: 0.05, oblique: [0.3, -0.4], vignetting: 0.0 };
+const WET: Coat = Coat { refractive_index: WET_TISSUE, ambient: 0.05, vignetting: 0.0 };
 const DARK_CORNERS: Coat = Coat { vignetting: -0.7, ..WET };
 
 /// `d_normal` and `d_point` at scattered points with scattered normals, and darkness behind.

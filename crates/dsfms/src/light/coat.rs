@@ -7,8 +7,7 @@
 //!
 //! `T` is what passes the film on the way in and out relative to normal incidence (Fresnel): 1 face
 //! on, 0.98 at 45 degrees, 0.9 at 60, 0.74 at 70 for a refractive index of 1.4 and a light at the
-//! camera, times what oblique tissue sends beyond it, as the exploration shows ([`Coat::oblique`]).
-//! `a` is the light that the surroundings throw back, in units of the shading. `V` is the
+//! camera. `a` is the light that the surroundings throw back, in units of the shading. `V` is the
 //! vignetting of the lens ([`vignetting`]).
 
 use super::vignetting::{BOUNDS, vignetting};
@@ -32,10 +31,6 @@ pub struct Coat {
     pub refractive_index: f64,
     /// Light from all around, in units of the shading.
     pub ambient: f64,
-    /// What oblique tissue sends to the camera beyond the film, `exp(o₁ u² + o₂ u⁵)` with `u` one
-    /// less the cosine towards the camera; 0 = nothing.
-    #[serde(default, skip_serializing_if = "are_zero")]
-    pub oblique: [f64; 2],
     /// Vignetting `a` of the lens, `V = 1 + a r²` with r in focal lengths from the principal point;
     /// 0 = none.
     #[serde(default, skip_serializing_if = "is_zero")]
@@ -47,14 +42,9 @@ fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
 
-/// So that what knows nothing of oblique tissue reads a template without.
-fn are_zero(values: &[f64; 2]) -> bool {
-    *values == [0.0; 2]
-}
-
 impl Default for Coat {
     fn default() -> Self {
-        Self { refractive_index: 1.0, ambient: 0.0, oblique: [0.0; 2], vignetting: 0.0 }
+        Self { refractive_index: 1.0, ambient: 0.0, vignetting: 0.0 }
     }
 }
 
@@ -80,11 +70,10 @@ impl Light for Coated {
 impl Coat {
     /// Whether its figures can be those of tissue and a lens: [`PLAUSIBLE`].
     pub(crate) fn is_plausible(&self) -> bool {
-        let Self { refractive_index, ambient, oblique, vignetting } = *self;
+        let Self { refractive_index, ambient, vignetting } = *self;
         let [least, most] = BOUNDS;
         (1.0..4.0).contains(&refractive_index)
             && ambient.is_finite()
-            && oblique.iter().all(|o| o.is_finite())
             && (least..=most).contains(&vignetting)
     }
 
@@ -111,8 +100,6 @@ impl Coat {
         let seen = Cosine::towards(&Point3::origin(), point, normal);
         let lit = light.cosine(point, normal);
         let [into, out] = [&lit, &seen].map(|c| transmission(self.refractive_index, c.value));
-        let (beyond, slope) = oblique(self.oblique, seen.value);
-        let out = (out.0 * beyond, out.1 * beyond + out.0 * slope);
         // Face on: (1 − ((n − 1)/(n + 1))²)².
         let mirrored = (self.refractive_index - 1.0) / (self.refractive_index + 1.0);
         let whole = (1.0 - mirrored * mirrored).powi(2);
@@ -126,15 +113,6 @@ impl Coat {
             d_point: bare.d_point * passed + (lit.d_point * d_lit + seen.d_point * d_seen) * light,
         }
     }
-}
-
-/// `exp(o₁ u² + o₂ u⁵)`, `u = 1 − cosine`, and its derivative; the cosine is clamped to `[0, 1]`, outside
-/// of which the derivative is 0.
-fn oblique([a, b]: [f64; 2], cosine: f64) -> (f64, f64) {
-    let u = 1.0 - cosine.clamp(0.0, 1.0);
-    let value = (a * u * u + b * u.powi(5)).exp();
-    let inside = (0.0..=1.0).contains(&cosine);
-    (value, if inside { -value * (2.0 * a * u + 5.0 * b * u.powi(4)) } else { 0.0 })
 }
 
 /// Share of unpolarised light that passes a smooth dielectric surface of the given refractive
@@ -173,19 +151,6 @@ mod tests {
     }
 
     #[test]
-    fn oblique_by_hand() {
-        assert_eq!(oblique([0.4, -0.3], 1.0), (1.0, 0.0));
-        let (value, slope) = oblique([0.4, -0.32], 0.5);
-        // exp(0.4 / 4 − 0.32 / 32); −(2 · 0.4 / 2 − 5 · 0.32 / 16) of it.
-        assert!((value - 0.09_f64.exp()).abs() < 1e-12 && (slope + 0.3 * value).abs() < 1e-12);
-        let coat = Coat { oblique: [0.4, -0.32], ..Coat::default() };
-        let (point, normal) =
-            (Point3::new(0.0, 0.0, 60.0), Vector3::new(0.75_f64.sqrt(), 0.0, -0.5));
-        let shade = coat.shade(&LightModel::Collinear, &point, &normal);
-        assert!((shade.value - 0.5 * value).abs() < 1e-12);
-    }
-
-    #[test]
     fn ambient_light_adds_to_the_shading() {
         let coat = Coat { ambient: 0.25, ..Coat::default() };
         let (point, normal) = (Point3::new(0.0, 0.0, 60.0), Vector3::new(0.6, 0.0, -0.8));
@@ -195,12 +160,10 @@ mod tests {
     }
 
     #[test]
-    fn what_is_0_is_not_written() {
-        let written = |coat: Coat, name| serde_json::to_string(&coat).unwrap().contains(name);
-        for (vignetting, oblique) in [(-0.3, [0.1, 0.0]), (0.0, [0.0; 2])] {
-            let coat = Coat { vignetting, oblique, ..Coat::default() };
-            assert_eq!(written(coat, "vignetting"), vignetting != 0.0);
-            assert_eq!(written(coat, "oblique"), oblique != [0.0; 2]);
-        }
+    fn vignetting_is_written_only_where_there_is_some() {
+        let written = |vignetting| {
+            serde_json::to_string(&Coat { vignetting, ..Coat::default() }).unwrap().contains("vign")
+        };
+        assert!(written(-0.3) && !written(0.0));
     }
 }

@@ -30,8 +30,6 @@ pub struct AlbedoOptions {
     pub gain_spots: usize,
     /// Light from all around that the organ reflects, in units of the shading (0 = none).
     pub ambient: f64,
-    /// What oblique tissue sends to the camera ([`Coat::oblique`]).
-    pub oblique: [f64; 2],
     /// Vignetting `a` of the lens, `1 + a r²` with r in focal lengths from the principal point (0 =
     /// none).
     pub vignetting: f64,
@@ -52,7 +50,6 @@ impl Default for AlbedoOptions {
             gain_sigma: 0.3,
             gain_spots: 6000,
             ambient: 0.0,
-            oblique: [0.0; 2],
             vignetting: 0.0,
             refractive_index: WET_TISSUE,
         }
@@ -78,7 +75,7 @@ impl AlbedoOptions {
 
     /// Tissue and lens as the options describe them.
     pub fn coat(&self) -> Coat {
-        let Self { refractive_index, ambient, oblique, vignetting, .. } = *self;
-        Coat { refractive_index, ambient, oblique, vignetting }
+        let Self { refractive_index, ambient, vignetting, .. } = *self;
+        Coat { refractive_index, ambient, vignetting }
     }
 }

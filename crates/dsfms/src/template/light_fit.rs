@@ -37,8 +37,6 @@ pub struct LightFitOptions {
     pub gain_sigma: f64,
     /// Whether light reflected from all around is estimated too.
     pub ambient: bool,
-    /// Whether what oblique tissue sends to the camera is estimated too.
-    pub oblique: bool,
     /// Prior standard deviation of the light's offset from its initial place, relative to the
     /// median distance of the surface.
     pub offset_sigma: f64,
@@ -73,7 +71,6 @@ impl Default for LightFitOptions {
             spots: 3000,
             gain_sigma: 0.3,
             ambient: true,
-            oblique: true,
             offset_sigma: 0.1,
             refractive_index: WET_TISSUE,
             vignetting: Vignetting::default(),
@@ -91,7 +88,7 @@ impl LightFitOptions {
             Vignetting::Known(a) => a,
             Vignetting::Estimated => 0.0,
         };
-        let coat = Coat { refractive_index: self.refractive_index, vignetting, ..Coat::default() };
+        let coat = Coat { refractive_index: self.refractive_index, ambient: 0.0, vignetting };
         check(&[
             ("light.bounds", self.bounds.are_valid(), VALID_BOUNDS),
             ("light.spots", self.spots >= 100, "at least 100"),
@@ -114,8 +111,6 @@ pub struct LightCandidate {
     pub light: LightModel,
     /// Light from all around that the surface reflects, in units of the shading.
     pub ambient: f64,
-    /// What oblique tissue sends to the camera ([`Coat::oblique`]).
-    pub oblique: [f64; 2],
     /// Vignetting `a` of the lens.
     pub vignetting: f64,
     /// Robust relative standard deviation of one observation.
@@ -133,8 +128,6 @@ pub struct LightFit {
     pub light: LightModel,
     /// The best candidate's ambient part, in units of the shading: `I = gain · α · (s + ambient)`.
     pub ambient: f64,
-    /// The best candidate's [`Coat::oblique`].
-    pub oblique: [f64; 2],
     /// The best candidate's vignetting `a` of the lens.
     pub vignetting: f64,
     /// Its robust relative residual.
@@ -207,7 +200,6 @@ fn assumed(
     LightFit {
         light: initial.cloned().unwrap_or_else(at_camera),
         ambient: 0.0,
-        oblique: [0.0; 2],
         vignetting: match options.vignetting {
             Vignetting::Known(a) => a,
             _ => 0.0,
@@ -239,7 +231,6 @@ fn choose(fits: &[(ParametricLight, LogFit)], spots: &[Vec<SpotObservation>]) ->
     LightFit {
         light: best.light.clone(),
         ambient: best.ambient,
-        oblique: best.oblique,
         vignetting: best.vignetting,
         relative_residual: best.relative_residual,
         gains: centred_gains(&fit.log_gains),

@@ -58,7 +58,7 @@ fn tiny() -> Template {
             reference_distance: 50.0,
             spot: Spot::Linear { inner_deg: 10.0, outer_deg: 52.0 },
         })),
-        coat: Coat { refractive_index: 1.4, ambient: 0.03, oblique: [0.1, -0.2], vignetting: -0.2 },
+        coat: Coat { refractive_index: 1.4, ambient: 0.03, vignetting: -0.2 },
         usual: Some(Usual {
             frames: 12,
             appearance: Appearance {

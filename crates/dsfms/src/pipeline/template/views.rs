@@ -67,8 +67,8 @@ impl Views<'_> {
             );
         }
         progress.step("light and albedo", 1, 2);
-        let (ambient, oblique, vignetting) = (light.ambient, light.oblique, light.vignetting);
-        let shading = AlbedoOptions { ambient, oblique, vignetting, ..options.albedo.clone() };
+        let (ambient, vignetting) = (light.ambient, light.vignetting);
+        let shading = AlbedoOptions { ambient, vignetting, ..options.albedo.clone() };
         if let (Some(sigma), true) = (sigma, options.refine_by_shading) {
             mesh = refine_by_shading(&mesh, sigma, &views, &light.light, &shading)?;
         }

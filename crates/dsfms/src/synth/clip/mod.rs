@@ -133,10 +133,8 @@ impl Clip {
         });
         // A film a little thinner than the calibration takes for granted (1.4), and a cavity that
         // throws some light back.
-        let light = Coated {
-            light,
-            coat: Coat { refractive_index: 1.37, ambient: 0.04, ..Coat::default() },
-        };
+        let light =
+            Coated { light, coat: Coat { refractive_index: 1.37, ambient: 0.04, vignetting: 0.0 } };
         let set = set(&rest, seed);
         let path = CameraPath::new(script.cut, seed);
         Self { rest, camera, light, script, options: options.clone(), path, manipulations, set }

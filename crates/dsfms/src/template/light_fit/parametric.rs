@@ -9,9 +9,6 @@ use crate::light::{Coat, LightModel, PointLight, Spot, vignetting};
 /// Prior standard deviation of the vignetting.
 const VIGNETTING_SIGMA: f64 = 0.5;
 
-/// Prior standard deviation of what oblique tissue sends beyond the film.
-const OBLIQUE_SIGMA: f64 = 0.2;
-
 /// Which family of lights.
 #[derive(Clone, Debug)]
 enum Family {
@@ -33,7 +30,6 @@ enum SpotFamily {
 pub(super) struct ParametricLight {
     family: Family,
     ambient: bool,
-    oblique: bool,
     vignetting: Vignetting,
     /// Positions are in units of this; also the reference distance.
     distance: f64,
@@ -70,7 +66,6 @@ pub(super) fn models(
         .map(|(family, vignetting)| ParametricLight {
             family,
             ambient: options.ambient,
-            oblique: options.oblique,
             vignetting,
             distance,
             origin,
@@ -101,9 +96,6 @@ impl ParametricLight {
         if self.ambient {
             theta.push(0.02);
         }
-        if self.oblique {
-            theta.extend([0.0; 2]);
-        }
         if self.vignetting == Vignetting::Estimated {
             theta.push(0.0);
         }
@@ -114,10 +106,6 @@ impl ParametricLight {
     fn decode(&self, theta: &[f64]) -> (LightModel, Coat) {
         let after = self.spot_range().end;
         let ambient = if self.ambient { theta[after] } else { 0.0 };
-        let oblique = match self.oblique_range() {
-            range if range.is_empty() => [0.0; 2],
-            range => [theta[range.start], theta[range.start + 1]],
-        };
         let vignetting = match self.vignetting {
             Vignetting::Known(a) => a,
             Vignetting::Estimated => theta[theta.len() - 1],
@@ -134,7 +122,7 @@ impl ParametricLight {
                 PointLight { positions, reference_distance: self.distance, spot }.into()
             }
         };
-        (light, Coat { refractive_index: self.refractive_index, ambient, oblique, vignetting })
+        (light, Coat { refractive_index: self.refractive_index, ambient, vignetting })
     }
 
     fn name(&self) -> String {
@@ -159,17 +147,11 @@ impl ParametricLight {
             name: self.name(),
             light,
             ambient: coat.ambient,
-            oblique: coat.oblique,
             vignetting: coat.vignetting,
             relative_residual: fit.scale,
             parameters: fit.theta.len(),
             bic,
         }
-    }
-
-    fn oblique_range(&self) -> std::ops::Range<usize> {
-        let first = self.spot_range().end + usize::from(self.ambient);
-        first..first + if self.oblique { 2 } else { 0 }
     }
 
     fn spot_range(&self) -> std::ops::Range<usize> {
@@ -213,7 +195,6 @@ impl ShadingModel for ParametricLight {
             _ if spot.contains(&i) => 1.0,
             _ if i < spot.start => self.offset_sigma,
             _ if ambient == Some(i) => 0.05,
-            _ if self.oblique_range().contains(&i) => OBLIQUE_SIGMA,
             _ => VIGNETTING_SIGMA,
         };
         let mean = |i: usize, s: f64| if ambient == Some(i) { 0.0 } else { s };
@@ -233,9 +214,6 @@ impl ShadingModel for ParametricLight {
         }
         if self.ambient {
             theta[spot.end] = theta[spot.end].clamp(0.0, 1.0);
-        }
-        for o in &mut theta[self.oblique_range()] {
-            *o = o.clamp(-2.0, 2.0);
         }
         if let (Vignetting::Estimated, Some(a)) = (self.vignetting, theta.last_mut()) {
             *a = a.clamp(vignetting::BOUNDS[0], vignetting::BOUNDS[1]);

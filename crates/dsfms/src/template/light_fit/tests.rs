@@ -67,26 +67,6 @@ fn a_lens_without_vignetting_is_left_so() {
     assert_eq!(fit.candidates[0].name, "given");
 }
 
-/// What oblique tissue sends to the camera at a cosine of 0.7 beyond the film, of its logarithm, as
-/// the fit finds it in pictures of such tissue.
-fn oblique_found(oblique: [f64; 2]) -> f64 {
-    let coat = Coat { oblique, ..AlbedoOptions::default().coat() };
-    let pictures = pictures_of(&patch(), &known_light(), coat, [1.0, 1.1, 0.95, 1.0, 0.9]);
-    let views: Vec<_> = pictures.iter().map(|p| p.view()).collect();
-    let options =
-        LightFitOptions { bounds: bounds(), normal_smoothing: 0, spots: 300, ..Default::default() };
-    let [a, b] = fit_light(&patch(), &views, Some(&known_light()), &options).unwrap().oblique;
-    a * 0.3_f64.powi(2) + b * 0.3_f64.powi(5)
-}
-
-#[test]
-fn what_oblique_tissue_sends_is_recovered() {
-    for oblique in [0.0, 0.8, -0.8] {
-        let (found, right) = (oblique_found([oblique, 0.0]), oblique * 0.3_f64.powi(2));
-        assert!((found - right).abs() < 0.02, "{found} for {right}");
-    }
-}
-
 #[test]
 fn finds_an_offset_light_from_nothing() {
     let mesh = patch();
