@@ -1,13 +1,12 @@
 //! The control mesh: about a thousand unknown points, and the user's mesh that follows them.
 //!
 //! What one frame tells of a surface does not grow with its vertices, so eqs. 3 and 4 and the joint
-//! problem are solved on a decimated mesh. The full mesh follows by fixed weights, as smoothly as can
-//! be (`register/smooth_carry.rs`), and what it has beyond the control mesh, its finer relief, is
-//! carried along ([`Lift`](crate::energy::Lift)).
+//! problem are solved on a decimated mesh. The full mesh follows by fixed weights (every vertex by
+//! the displacement of a face and its gradient, [`Decimated::prolong`]), and what it has beyond the
+//! control mesh, its finer relief, is carried along ([`Lift`](crate::energy::Lift)).
 
 use super::pose::rest_point;
 use super::scene::visibility;
-use super::smooth_carry::SmoothCarry;
 use super::{Match, Scene, Volume};
 use crate::camera::Camera;
 use crate::geometry::{Point3, Vector3};
@@ -30,7 +29,6 @@ pub struct Control {
     places: Vec<(u32, [f64; 3])>,
     /// Control vertex of every vertex of the full mesh that is one.
     numbers: Vec<Option<u32>>,
-    smooth: SmoothCarry,
 }
 
 impl Control {
@@ -47,8 +45,7 @@ impl Control {
         for (k, &v) in decimated.kept.iter().enumerate() {
             numbers[v as usize] = Some(k as u32);
         }
-        let smooth = SmoothCarry::of(mesh, &decimated.kept)?;
-        Some(Self { decimated, places, numbers, smooth })
+        Some(Self { decimated, places, numbers })
     }
 
     /// The control mesh at rest.
@@ -134,9 +131,7 @@ impl<'a> Body<'a> {
         let Some((control, scene)) = &self.control else { return Cow::Borrowed(shape) };
         let displacement: Vec<Vector3> =
             shape.iter().zip(&scene.posed).map(|(now, posed)| now - posed).collect();
-        // What is not finite stays so, and is told by the verdict.
-        let by_faces = || control.decimated.prolong(self.full.rest, &displacement);
-        let moved = control.smooth.carry(&displacement).unwrap_or_else(by_faces);
+        let moved = control.decimated.prolong(self.full.rest, &displacement);
         Cow::Owned(self.full.posed.iter().zip(moved).map(|(p, d)| p + d).collect())
     }
 

@@ -14,7 +14,6 @@ pub mod options;
 pub mod pose;
 mod printed;
 pub mod scene;
-mod smooth_carry;
 pub mod solve;
 mod starts;
 mod terms;
