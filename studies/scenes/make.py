@@ -1,7 +1,7 @@
 """Make development scenes. usage: make.py OUT [INDEX ...] [--data DIR] [--force] [--without gloss bounced]
 
 No index: all sixteen; an index from 300 on is a scene drawn with that seed. --without leaves an effect of light out, to see what it
-costs: give it a folder of its own.
+costs; spec.json says so. Give such scenes a folder of their own.
 
 OUT/NAME gets the layout of ../shared/data/rendered_scene; a finished scene holds a file DONE."""
 
@@ -99,7 +99,8 @@ def make(index, out, data, without=()):
         return Stage([organ.part(v), (wv, wf, wn, wuv), tools.build(tool)], textures, spec.alpha, 0.05, without)
 
     truth.write(out / name(index), spec, organ, cam, explore, still, shape, held, frames, stage, rng)
-    (out / name(index) / "spec.json").write_text(json.dumps(dataclasses.asdict(spec), indent=1))
+    said = dict(without=sorted(without)) if without else {}
+    (out / name(index) / "spec.json").write_text(json.dumps(dataclasses.asdict(spec) | said, indent=1))
     (out / name(index) / "DONE").write_text(f"{time.process_time() - begin:.0f} s of processor time\n")
     print(f"  done after {time.process_time() - begin:.0f} s", flush=True)
 
