@@ -84,6 +84,17 @@ fn umeyama(
     (scale > 0.0).then(|| Similarity::from_isometry(isometry, scale))
 }
 
+/// The shortest rotation of one direction to another, `I + [v]ₓ + [v]ₓ² / (1 + c)` with `v = a × b`
+/// and `c = a · b` of unit length: nalgebra's `Rotation3::rotation_between` takes the arc cosine of
+/// a `c` that is above 1 by its last bit, and is then not a number. `None` where the directions are
+/// opposite, or one of them is none.
+pub(crate) fn turn_between(a: &Vector3, b: &Vector3) -> Option<Matrix3<f64>> {
+    let (a, b) = (a.try_normalize(0.0)?, b.try_normalize(0.0)?);
+    let cross = a.cross(&b).cross_matrix();
+    let whole = 1.0 + a.dot(&b);
+    (whole > f64::EPSILON).then(|| Matrix3::identity() + cross + cross * cross / whole)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -122,5 +133,27 @@ mod tests {
     fn refuses_collinear_points() {
         let line: Vec<_> = (0..5).map(|i| Point3::new(i as f64, 0.0, 0.0)).collect();
         assert!(align_rigid(&line, &line).is_none());
+    }
+
+    #[test]
+    fn a_turn_between_directions_is_a_rotation_also_where_they_hardly_differ() {
+        let mut differ = 0;
+        for i in 0..2000 {
+            let t = f64::from(i);
+            let a = Vector3::new(t.sin(), (1.7 * t).cos(), (0.3 * t).sin() + 0.2);
+            let off = Vector3::new((2.3 * t).cos(), t.cos(), (0.9 * t).sin());
+            for size in [0.0, 1e-16, 1e-15, 1e-9, 1e-3, 1.0] {
+                let b = a * 3.0 + off * size;
+                let turn = turn_between(&a, &b).unwrap();
+                assert!((turn * a.normalize() - b.normalize()).norm() < 1e-14);
+                assert!((turn.transpose() * turn - Matrix3::identity()).norm() < 1e-13);
+                let theirs = nalgebra::Rotation3::rotation_between(&a, &b).unwrap();
+                differ += usize::from(theirs.matrix().iter().any(|x| x.is_nan()));
+            }
+        }
+        assert!(differ > 0, "nalgebra's is a number everywhere: use it");
+        let x = Vector3::x();
+        assert_eq!(turn_between(&x, &-x), None);
+        assert_eq!(turn_between(&x, &Vector3::zeros()), None);
     }
 }

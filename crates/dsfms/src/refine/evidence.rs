@@ -5,13 +5,13 @@ use super::look::{FrameLook, LookOptions};
 use super::{Photograph, RefineOptions};
 use crate::camera::Camera;
 use crate::energy::diffuse::DiffuseVertex;
-use crate::geometry::{Point3, Vector3};
+use crate::geometry::{Point3, Vector3, turn_between};
 use crate::image::{ColorImage, diagonal};
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
 use crate::raster::visible_vertices;
 use crate::register::Body;
-use nalgebra::{Matrix3, Rotation3};
+use nalgebra::Matrix3;
 
 /// What one shape makes of a photograph.
 #[derive(Clone, Debug)]
@@ -119,7 +119,7 @@ pub(super) fn gather_on(
     let lifted = |seen: DiffuseVertex| {
         let vertex = body.number(seen.vertex)?;
         let (under, over) = (&normals[vertex as usize], &turned[seen.vertex as usize]);
-        let turn = Rotation3::rotation_between(under, over)?.into_inner();
+        let turn = turn_between(under, over)?;
         Some(DiffuseVertex { vertex, turn, ..seen })
     };
     found.diffuse = found.diffuse.into_iter().filter_map(lifted).collect();

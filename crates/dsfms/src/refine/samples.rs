@@ -7,13 +7,12 @@ use super::joint_options::JointOptions;
 use super::look::FrameLook;
 use crate::energy::photometric::{Gain, Sample};
 use crate::energy::{Brightness, Lift};
-use crate::geometry::{Point3, Vector3};
+use crate::geometry::{Point3, Vector3, turn_between};
 use crate::image::{ColorImage, diagonal};
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
 use crate::raster::Raster;
 use crate::register::Body;
-use nalgebra::Rotation3;
 use rayon::prelude::*;
 
 /// Barycentrics of the samples of a face.
@@ -117,7 +116,7 @@ fn at_vertices(
         let (face, barycentric) = body.place(v)?;
         let corners = topology.faces[face as usize].map(|k| k as usize);
         let under: Vector3 = corners.iter().zip(barycentric).map(|(&k, b)| normals[k] * b).sum();
-        let turn = Rotation3::rotation_between(&under, &normal)?.into_inner();
+        let turn = turn_between(&under, &normal)?;
         let lift = Lift { offset: point - body.point((face, barycentric), shape), turn };
         Some((Place { face, barycentric, lift }, channels))
     };
