@@ -23,7 +23,7 @@ COLUMNS = {
     "matching": ["matching"],
     "pose": ["pose"],
     "eq. 3": ["register (eq. 3)"],
-    "joint": ["outline", "joint", "matching again"],
+    "joint": ["outline", "joint", "matching again", "finer control mesh"],
 }
 
 

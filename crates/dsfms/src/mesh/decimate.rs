@@ -22,8 +22,14 @@ const MAX_VALENCE: usize = 12;
 /// outline and orientation stay. `None` where the surface does not allow it.
 #[doc(alias("quadric error", "simplification"))]
 pub(crate) fn decimate(mesh: &Mesh, target: usize) -> Option<Decimated> {
+    decimate_finer(mesh, target, &vec![1.0; mesh.positions.len()])
+}
+
+/// The same, with edges shorter by the factors `fineness` of the vertices.
+pub(crate) fn decimate_finer(mesh: &Mesh, target: usize, fineness: &[f64]) -> Option<Decimated> {
     let mut work = Collapser {
         positions: &mesh.positions,
+        fineness,
         boundary: &mesh.topology.boundary,
         faces: mesh.topology.faces.clone(),
         around: mesh.topology.vertex_faces.clone(),
@@ -49,6 +55,8 @@ const GROWTH: f64 = 1.15;
 
 struct Collapser<'a> {
     positions: &'a [Point3],
+    /// Lengths at a vertex count as so many times longer.
+    fineness: &'a [f64],
     boundary: &'a [bool],
     faces: Vec<[u32; 3]>,
     /// Faces around every vertex; none around a vertex that is gone.
@@ -71,7 +79,10 @@ impl Collapser<'_> {
             let at = &self.positions[v as usize];
             let nearest = ring
                 .iter()
-                .map(|&u| ((self.positions[u as usize] - at).norm_squared(), u))
+                .map(|&u| {
+                    let fineness = self.fineness[u as usize] * self.fineness[v as usize];
+                    ((self.positions[u as usize] - at).norm_squared() * fineness, u)
+                })
                 .filter(|&(distance, u)| distance < limit && !touched[u as usize])
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             if nearest.is_some_and(|(_, u)| self.collapse(v, u)) {

@@ -12,7 +12,8 @@ use crate::refine::{Joined, Photograph, Refined, join, moved_texture, refine, re
 use crate::register::scene::visibility;
 use crate::register::solve::{explained, kept_matches};
 use crate::register::{
-    Body, Match, Posed, RegisterMemory, Registered, register, register_in, register_printed,
+    Body, Deformable, Match, Posed, RegisterMemory, Registered, register, register_in,
+    register_printed,
 };
 use crate::solver::Summary;
 
@@ -160,7 +161,8 @@ impl FrameSolve<'_> {
 
     /// By the coarse blurs from the shape of eq. 3, led by what is `followed`; then by the fine
     /// ones from where that leads, with the matches that are found about it, the outline about its
-    /// silhouette. The report of the second.
+    /// silhouette, on a control mesh that is finer where it bends if it is to be. The report of
+    /// the second.
     fn look_twice(
         &self,
         two: &TwoLooks,
@@ -175,8 +177,25 @@ impl FrameSolve<'_> {
         log.time("matching again", || self.match_again(described, result));
         let outline = self.segmented(&result.vertices, photo, log);
         let look = JointLook { options: second, followed: &[], outline, last: true };
-        let found = self.body.restricted(&result.vertices).into_owned();
-        self.join_from(coarse, &found, photo, look, result, log)
+        let finer = || log.time("finer control mesh", || self.finer(photo, result));
+        let finer = self.options.joint.finer_control.then(finer).flatten();
+        let body = |finer| Body::new(self.body.full(), finer, self.options.register.anchor);
+        let body = finer.as_ref().map(body);
+        let finer = FrameSolve { body: body.as_ref().unwrap_or(self.body), ..*self };
+        let on_finer = |full: &[Point3]| finer.body.restricted(full).into_owned();
+        let vertices = on_finer(&self.body.carried(&coarse.vertices));
+        let coarse = Registered { vertices, ..(*coarse).clone() };
+        finer.join_from(&coarse, &on_finer(&result.vertices), photo, look, result, log)
+    }
+
+    /// What deforms, its control mesh finer where the shape of `result` bends, as far as the frame
+    /// asks for that; `None` where it bends little, as at rest.
+    fn finer(&self, photo: &Photograph, result: &Reconstruction) -> Option<Deformable> {
+        let body = self.body;
+        let kept = body.matches(&matches_kept(result)).into_owned();
+        let found = body.restricted(&result.vertices).into_owned();
+        let comparison = self.options.comparison(body, &kept, photo);
+        body.finer(&comparison.kept(&body.scene().posed, found))
     }
 
     /// The joint solve of a look after `coarse`, from `start`, by the matches of `result` that are
@@ -191,7 +210,7 @@ impl FrameSolve<'_> {
         log: &mut StageLog,
     ) -> Summary {
         let body = self.body;
-        let mut kept: Vec<Match> = result.matches.iter().filter(|m| m.1).map(|m| m.0).collect();
+        let mut kept = matches_kept(result);
         kept.extend(followed);
         let kept = body.matches(&kept);
         let photo = match &outline {
@@ -250,6 +269,10 @@ impl FrameSolve<'_> {
         logging::outline(sight.observation.frame, found.marked);
         Some(found)
     }
+}
+
+fn matches_kept(result: &Reconstruction) -> Vec<Match> {
+    result.matches.iter().filter(|m| m.1).map(|m| m.0).collect()
 }
 
 /// Motion and shading in one problem, from `start`, after the shape of eq. 3; `kept`: the matches

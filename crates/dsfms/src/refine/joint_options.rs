@@ -35,6 +35,9 @@ pub struct JointOptions {
     /// by what is followed, and the lower cost stays (one frame alone; not in tracking). Where
     /// there is one look (`look_again` of 0, a template without descriptors) nothing is followed.
     pub follow_texture: bool,
+    /// The control mesh of the second look is finer where the first one bends it: its frame takes
+    /// half as long again. Not better on every kind of scene yet (`docs/results/choices.md`).
+    pub finer_control: bool,
     /// Weight of saturated vertices under a near light, over all that are seen. Under a distant
     /// light, where only the matches tell distance, highlights are no cue.
     pub highlights: f64,
@@ -166,6 +169,7 @@ impl Default for JointOptions {
             outline: 100.0,
             find_outline: true,
             follow_texture: true,
+            finer_control: false,
             highlights: 334.0,
             image: PhotometricModel::default(),
             robust: 3.0,

@@ -5,13 +5,14 @@
 //! the displacement of a face and its gradient, [`Decimated::prolong`]), and what it has beyond the
 //! control mesh, its finer relief, is carried along ([`Lift`](crate::energy::Lift)).
 
+use super::fineness::fineness;
 use super::pose::rest_point;
 use super::scene::visibility;
 use super::{Match, Scene, Volume};
 use crate::camera::Camera;
-use crate::geometry::{Point3, Vector3};
+use crate::geometry::Point3;
 use crate::mesh::Mesh;
-use crate::mesh::decimate::{Decimated, decimate};
+use crate::mesh::decimate::{Decimated, decimate, decimate_finer};
 use std::borrow::Cow;
 
 /// Meshes of more vertices are carried by a control mesh: below, it would be hardly coarser.
@@ -20,6 +21,15 @@ pub const CONTROL_ABOVE: usize = 1500;
 /// Vertices of a control mesh: on `rendered_scene` the deformed zone is 0.69 mm off, 0.60 mm solved
 /// on all 7,200 vertices, in a ninth of the time (`docs/results/scenes.md`).
 const CONTROL: usize = 1000;
+
+/// Vertices of a control mesh that is finer where the shape bends, at most: a bound on time.
+const MOST_CONTROL: f64 = 3000.0;
+
+/// A finer control mesh has this many times the vertices at least: it is not worth making for less.
+const FINER: f64 = 1.05;
+
+/// And at most this part of those of the full mesh, which cannot be made much coarser evenly.
+const COARSER: f64 = 0.9;
 
 /// A control mesh and where the vertices of the full mesh lie on it.
 #[derive(Clone, Debug)]
@@ -38,7 +48,10 @@ impl Control {
         if mesh.positions.len() <= CONTROL_ABOVE {
             return None;
         }
-        let decimated = decimate(mesh, CONTROL)?;
+        Self::on(mesh, decimate(mesh, CONTROL)?)
+    }
+
+    fn on(mesh: &Mesh, decimated: Decimated) -> Option<Self> {
         let at = |(v, p): (usize, &Point3)| decimated.locate(p, v as u32);
         let places = mesh.positions.iter().enumerate().map(at).collect::<Option<_>>()?;
         let mut numbers = vec![None; mesh.positions.len()];
@@ -46,6 +59,26 @@ impl Control {
             numbers[v as usize] = Some(k as u32);
         }
         Some(Self { decimated, places, numbers })
+    }
+
+    /// The control mesh of a rest shape, its edges shorter than here by the factors `fineness` of
+    /// its vertices; `None` where that is hardly finer, nearly as fine as the rest shape, or cannot
+    /// be made.
+    fn finer(&self, full: &Scene, fineness: &[f64]) -> Option<Self> {
+        let faces = &self.decimated.mesh.topology.faces;
+        let at = |&(face, b): &(u32, [f64; 3])| -> f64 {
+            let corners = faces[face as usize].map(|v| fineness[v as usize]);
+            corners.iter().zip(b).map(|(f, b)| f * b.max(0.0)).sum::<f64>().max(1.0)
+        };
+        let fineness: Vec<f64> = self.places.iter().map(at).collect();
+        let area = full.laplacian.mass.iter().zip(&fineness);
+        let share =
+            area.map(|(m, f)| m * f * f).sum::<f64>() / full.laplacian.mass.iter().sum::<f64>();
+        let count = (share * self.decimated.kept.len() as f64).min(MOST_CONTROL);
+        if share < FINER || count > COARSER * fineness.len() as f64 {
+            return None;
+        }
+        Self::on(full.rest, decimate_finer(full.rest, count as usize, &fineness)?)
     }
 
     /// The control mesh at rest.
@@ -98,6 +131,15 @@ impl<'a> Body<'a> {
         Self { full, control: control.as_ref().map(on), volume: volume.as_ref(), anchor }
     }
 
+    /// What deforms, with a control mesh that is finer where `shape` (of the mesh that is solved
+    /// on) bends; `None` where it bends little or nothing carries the full mesh.
+    pub fn finer(&self, shape: &[Point3]) -> Option<Deformable> {
+        let (control, scene) = self.control.as_ref()?;
+        let control = control.finer(self.full, &fineness(scene, &scene.displacement(shape)))?;
+        let volume = self.volume.and_then(|volume| volume.behind(control.mesh()));
+        Some(Deformable { control: Some(control), volume })
+    }
+
     /// The scene of the full mesh.
     pub fn full(&self) -> &Scene<'a> {
         self.full
@@ -129,8 +171,7 @@ impl<'a> Body<'a> {
     /// The full mesh where the mesh that is solved on is at `shape` (camera axes).
     pub fn carried<'s>(&self, shape: &'s [Point3]) -> Cow<'s, [Point3]> {
         let Some((control, scene)) = &self.control else { return Cow::Borrowed(shape) };
-        let displacement: Vec<Vector3> =
-            shape.iter().zip(&scene.posed).map(|(now, posed)| now - posed).collect();
+        let displacement = scene.displacement(shape);
         let moved = control.decimated.prolong(self.full.rest, &displacement);
         Cow::Owned(self.full.posed.iter().zip(moved).map(|(p, d)| p + d).collect())
     }
@@ -181,5 +222,52 @@ impl<'a> Body<'a> {
     /// The point of a shape of the mesh that is solved on, at a [`place`](Self::place).
     pub fn point(&self, (face, barycentric): (u32, [f64; 3]), shape: &[Point3]) -> Point3 {
         self.scene().rest.topology.point(face, barycentric, shape)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::CameraModel;
+    use crate::geometry::Vector3;
+    use crate::mesh::shapes;
+
+    /// A ball of 2,562 vertices before a camera, and its shape with a narrow pull towards it.
+    fn ball() -> (CameraModel, Mesh, Vec<Point3>, Vec<Point3>) {
+        let rest = shapes::icosphere(4, 20.0);
+        let posed: Vec<Point3> = rest.positions.iter().map(|p| p + Vector3::z() * 80.0).collect();
+        let top = Point3::new(0.0, 0.0, 60.0);
+        let pull = |p: &Point3| p - Vector3::z() * 8.0 * (-(p - top).norm_squared() / 36.0).exp();
+        let pulled = posed.iter().map(pull).collect();
+        (CameraModel::pinhole([640, 480], [600.0; 2], [319.5, 239.5]), rest, posed, pulled)
+    }
+
+    #[test]
+    fn the_control_mesh_is_finer_at_a_pull_and_carries_it_better() {
+        let (camera, rest, posed, pulled) = ball();
+        let full = Scene::new(&camera, &rest, posed.clone());
+        let even = Deformable::of(&rest);
+        let body = Body::new(&full, &even, 0.0);
+        assert!(body.finer(&body.restricted(&posed)).is_none(), "finer at rest");
+        let finer = body.finer(&body.restricted(&pulled)).unwrap();
+        let fine = Body::new(&full, &finer, 0.0);
+        let points = |body: &Body, near: bool| {
+            let at = |p: &&Point3| (p.z < 64.0) == near;
+            body.scene().posed.iter().filter(at).count() as f64
+        };
+        assert!(points(&fine, true) > 2.5 * points(&body, true));
+        assert!((points(&fine, false) / points(&body, false) - 1.0).abs() < 0.2);
+        let off = |body: &Body| {
+            let carried = body.carried(&body.restricted(&pulled)).into_owned();
+            carried.iter().zip(&pulled).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
+        };
+        assert!(off(&fine) < 0.3 * off(&body), "{} and {}", off(&fine), off(&body));
+        // What lies behind is carried along as before.
+        let hidden = |body: &Body| {
+            let shape = body.extrapolated(&body.restricted(&pulled)).unwrap();
+            let all = body.carried(&shape);
+            all.iter().zip(&posed).map(|(a, b)| (a - b).norm()).sum::<f64>() / all.len() as f64
+        };
+        assert!((hidden(&fine) / hidden(&body) - 1.0).abs() < 0.2);
     }
 }

@@ -9,6 +9,7 @@ mod at_rest;
 mod coarse;
 pub mod control;
 pub mod find;
+mod fineness;
 mod objective;
 pub mod options;
 pub mod pose;

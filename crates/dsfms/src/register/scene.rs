@@ -3,7 +3,7 @@
 use super::Match;
 use crate::camera::CameraModel;
 use crate::energy::RestFaces;
-use crate::geometry::{Point3, align_rigid_robust};
+use crate::geometry::{Point3, Vector3, align_rigid_robust};
 use crate::mesh::Mesh;
 use crate::mesh::laplacian::Laplacian;
 use crate::raster::{rasterize, visible_vertices};
@@ -83,6 +83,11 @@ impl<'a> Scene<'a> {
     /// Radius of a disc of the visible area: the length scale of the frame.
     pub fn radius(&self) -> f64 {
         (self.visible_area / std::f64::consts::PI).sqrt()
+    }
+
+    /// How far the vertices of a shape (camera axes) are from the posed rest shape.
+    pub fn displacement(&self, shape: &[Point3]) -> Vec<Vector3> {
+        shape.iter().zip(&self.posed).map(|(now, posed)| now - posed).collect()
     }
 
     /// Corner vertices of a match's face.

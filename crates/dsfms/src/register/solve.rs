@@ -6,7 +6,7 @@ use super::objective::{MotionProblem, hold};
 use super::{Match, Posed, RegisterOptions, Scene};
 use crate::camera::Camera;
 use crate::energy::{Unknowns, Workspace};
-use crate::geometry::{Point3, Vector3, median};
+use crate::geometry::{Point3, median};
 use crate::solver::{Loss, Options, Summary};
 
 /// The coarse shape V′.
@@ -191,9 +191,7 @@ impl MotionProblem<'_> {
         let matches = &on_coarser(decimated, scene.rest, self.matches);
         let problem = MotionProblem { scene: &coarse, matches, displacement, options };
         let (found, _) = problem.solve(memory, coarse.posed.clone(), losses, COARSE_TOLERANCE);
-        let moved: Vec<Vector3> =
-            found.iter().zip(&coarse.posed).map(|(now, posed)| now - posed).collect();
-        let carried = decimated.prolong(scene.rest, &moved);
+        let carried = decimated.prolong(scene.rest, &coarse.displacement(&found));
         Some(scene.posed.iter().zip(carried).map(|(p, d)| p + d).collect())
     }
 

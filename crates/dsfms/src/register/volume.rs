@@ -94,13 +94,25 @@ impl Volume {
         if spacing.is_nan() || spacing <= 0.0 {
             return None;
         }
-        let own = mesh.with_positions(own);
-        let mut points = mesh.positions.clone();
-        let inside = inside(&own, low, high, spacing);
-        points.extend(inside.iter().map(|p| Point3::from(axes * p.coords)));
-        if points.len() - mesh.positions.len() < LEAST {
+        let inside = inside(&mesh.with_positions(own), low, high, spacing);
+        let inside = inside.into_iter().map(|p| Point3::from(axes * p.coords)).collect();
+        Self::around(inside, mesh, spacing)
+    }
+
+    /// The same inside behind another mesh of the same surface; `None` where that leaves hardly
+    /// any.
+    pub(super) fn behind(&self, mesh: &Mesh) -> Option<Self> {
+        let free = |p: &&Point3| is_free(p, mesh, self.spacing);
+        let inside = self.points[self.surface..].iter().filter(free).copied().collect();
+        Self::around(inside, mesh, self.spacing)
+    }
+
+    fn around(inside: Vec<Point3>, mesh: &Mesh, spacing: f64) -> Option<Self> {
+        if inside.len() < LEAST {
             return None;
         }
+        let mut points = mesh.positions.clone();
+        points.extend(inside);
         let neighbours = Neighbours::of(points.iter().map(|p| p.coords.into()).collect());
         let near = |i: usize| neighbours.nearest(i, EDGES).into_iter().map(move |j| [i, j]);
         let near =
@@ -307,10 +319,14 @@ fn inside(mesh: &Mesh, low: Point3, high: Point3, spacing: f64) -> Vec<Point3> {
         let corner = Vector3::from([0, 1, 2].map(|c| (cell[c] - reach[c]) as f64));
         [0.0, 0.5].map(|half| middle + (corner + Vector3::repeat(half)) * side)
     };
-    let away = 0.25 * spacing * spacing;
-    let free = |p: &Point3| mesh.positions.iter().all(|q| (p - q).norm_squared() > away);
     let all = (0..count.iter().product::<i64>()).into_par_iter().flat_map_iter(at);
-    all.filter(|p| winding(mesh, p).abs() > 0.5 && free(p)).collect()
+    all.filter(|p| winding(mesh, p).abs() > 0.5 && is_free(p, mesh, spacing)).collect()
+}
+
+/// Whether a point is no nearer to a vertex than half a spacing.
+fn is_free(point: &Point3, mesh: &Mesh, spacing: f64) -> bool {
+    let away = 0.25 * spacing * spacing;
+    mesh.positions.iter().all(|q| (point - q).norm_squared() > away)
 }
 
 /// Winding number of a surface about a point (van Oosterom and Strackee 1983): of a closed one 0
