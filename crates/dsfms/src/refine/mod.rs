@@ -37,5 +37,5 @@ pub use photograph::Photograph;
 pub use photometric_model::PhotometricModel;
 pub use printed::refine_printed;
 pub use solve::{Refined, refine};
-pub use support::{Comparison, log_gain_of};
+pub use support::Comparison;
 pub use video::{Near, VideoMemory, VideoOptions, join_near};

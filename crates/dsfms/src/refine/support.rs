@@ -14,7 +14,6 @@ use super::joint_options::JointOptions;
 use super::samples::look;
 use crate::camera::Camera;
 use crate::geometry::Point3;
-use crate::mesh::Mesh;
 use crate::register::{Body, Match};
 use rayon::prelude::*;
 
@@ -85,7 +84,18 @@ impl Comparison<'_> {
     /// is seen.
     fn mean_square(&self, shape: &[Point3]) -> Option<f64> {
         let full = self.body.carried(shape);
-        let logs = log_ratios(self.photo, self.body.full().rest, &full, self.options);
+        let blur = *self.options.blurs.last()?;
+        let look = look(self.photo, self.body.full().rest, &full, blur, self.options);
+        let every = full.len().div_ceil(self.options.max_samples.max(1)).max(1);
+        let one = |i: usize| {
+            let v = i * every;
+            let seen = look.at(&full[v], &look.project(&full[v])?, &look.normals[v])?;
+            let log = seen.log_ratio();
+            (log.is_finite() && !seen.maybe_glare).then_some(log)
+        };
+        let logs = (0..full.len().div_ceil(every)).into_par_iter().filter_map(one);
+        let mut logs: Vec<f64> = logs.collect();
+        logs.sort_unstable_by(f64::total_cmp);
         let median = *logs.get(logs.len() / 2)?;
         let squares = logs.iter().map(|l| (l - median).clamp(-CLIP, CLIP).powi(2));
         Some(squares.sum::<f64>() / logs.len() as f64)
@@ -100,41 +110,6 @@ impl Comparison<'_> {
         let squares: Vec<f64> = self.matches.iter().filter_map(off).collect();
         squares.iter().sum::<f64>() / squares.len().max(1) as f64
     }
-}
-
-/// Median log ratio of image and prediction at a shape (camera axes), as the last blur shows it;
-/// `None` where nothing is seen.
-pub fn log_gain_of(
-    photo: &Photograph,
-    rest: &Mesh,
-    shape: &[Point3],
-    options: &JointOptions,
-) -> Option<f64> {
-    let logs = log_ratios(photo, rest, shape, options);
-    logs.get(logs.len() / 2).copied()
-}
-
-/// Log ratios of image and prediction at vertices, ascending; of very many one in several, and none
-/// that may be glare.
-fn log_ratios(
-    photo: &Photograph,
-    rest: &Mesh,
-    shape: &[Point3],
-    options: &JointOptions,
-) -> Vec<f64> {
-    let Some(&blur) = options.blurs.last() else { return Vec::new() };
-    let look = look(photo, rest, shape, blur, options);
-    let every = shape.len().div_ceil(options.max_samples.max(1)).max(1);
-    let one = |i: usize| {
-        let v = i * every;
-        let seen = look.at(&shape[v], &look.project(&shape[v])?, &look.normals[v])?;
-        let log = seen.log_ratio();
-        (log.is_finite() && !seen.maybe_glare).then_some(log)
-    };
-    let found = (0..shape.len().div_ceil(every)).into_par_iter().filter_map(one);
-    let mut logs: Vec<f64> = found.collect();
-    logs.sort_unstable_by(f64::total_cmp);
-    logs
 }
 
 /// Share of a deformation that a fit `q` times better keeps.

@@ -115,8 +115,7 @@ impl Template {
         let mean = logs.iter().sum::<f64>() / count;
         let variance = logs.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (count - 1.0);
         let spread = if logs.len() < TELLING { f64::INFINITY } else { variance.sqrt() };
-        let log_gain = self.usual.map_or(0.0, |usual| usual.log_gain);
-        (!logs.is_empty()).then_some(Exposure { log_gain, spread })
+        (!logs.is_empty()).then_some(Exposure { log_gain: 0.0, spread })
     }
 
     /// The light of a frame and the tissue it falls on.

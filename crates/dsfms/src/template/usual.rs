@@ -26,11 +26,6 @@ pub struct Appearance {
 pub struct Usual {
     /// Frames that were looked at.
     pub frames: usize,
-    /// Median log ratio of image and prediction, as frames are looked at; 0 in older templates. The
-    /// albedo is that of a mean of 0, but oblique tissue is a little brighter than predicted:
-    /// 0.000 to 0.008 on fourteen generated scenes.
-    #[serde(default)]
-    pub log_gain: f64,
     /// Medians over the frames.
     pub appearance: Appearance,
     /// Least and largest median depth of the visible surface, length units.
@@ -57,7 +52,6 @@ impl Usual {
         correlation.is_none_or(f64::is_finite)
             && contrast.is_none_or(f64::is_finite)
             && [shown, compared].iter().all(|x| (0.0..=1.0).contains(x))
-            && self.log_gain.is_finite()
             && [residual, near, far].into_iter().all(positive)
             && near <= far
     }

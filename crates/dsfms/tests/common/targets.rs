@@ -426,7 +426,7 @@ pub fn small_template() -> Template {
         albedo: SurfaceTexels::from_vertex_values(&mesh, &values, resolution).ok(),
         surroundings: Some(Surroundings { mesh: mesh.clone(), features: features.clone() }),
         features: Some(features),
-        usual: Some(Usual { frames: 12, log_gain: 0.004, appearance, depth: [40.0, 90.0] }),
+        usual: Some(Usual { frames: 12, appearance, depth: [40.0, 90.0] }),
         views: vec![view(0), view(1)],
         points: vec![SparsePoint { position, rgb: [180, 90, 70], error_px: 0.5, sightings }],
         mesh,

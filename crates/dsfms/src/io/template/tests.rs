@@ -61,7 +61,6 @@ fn tiny() -> Template {
         coat: Coat { refractive_index: 1.4, ambient: 0.03, vignetting: -0.2 },
         usual: Some(Usual {
             frames: 12,
-            log_gain: 0.004,
             appearance: Appearance {
                 correlation: Some(0.9),
                 contrast: None,

@@ -4,7 +4,6 @@
 use super::views::{RegisteredFrame, Views};
 use crate::geometry::{Point3, median};
 use crate::image::{Mask, Picture};
-use crate::refine::{JointOptions, Photograph, log_gain_of};
 use crate::template::Template;
 use crate::template::usual::{Appearance, Usual};
 use crate::verdict::{Compared, Thresholds, look};
@@ -22,17 +21,16 @@ impl Views<'_> {
     ) -> Option<Usual> {
         let every = registered.len().div_ceil(FRAMES).max(1);
         let some: Vec<&RegisteredFrame> = registered.iter().step_by(every).collect();
-        let seen = |r| self.seen(template, r);
-        let found: Vec<(Appearance, f64)> = some.into_par_iter().filter_map(seen).collect();
+        let found: Vec<Appearance> =
+            some.into_par_iter().filter_map(|r| self.appearance(template, r)).collect();
         let of = |value: &dyn Fn(&Appearance) -> Option<f64>| {
-            median(&mut found.iter().filter_map(|(a, _)| value(a)).collect::<Vec<f64>>())
+            median(&mut found.iter().filter_map(value).collect::<Vec<f64>>())
         };
         let depths: Vec<f64> = registered.iter().filter_map(|r| self.depth(template, r)).collect();
         let least = depths.iter().copied().fold(f64::INFINITY, f64::min);
         let most = depths.iter().copied().fold(0.0, f64::max);
         let usual = Usual {
             frames: found.len(),
-            log_gain: median(&mut found.iter().map(|f| f.1).collect::<Vec<f64>>())?,
             appearance: Appearance {
                 correlation: of(&|a| a.correlation),
                 contrast: of(&|a| a.contrast),
@@ -45,22 +43,22 @@ impl Views<'_> {
         usual.is_plausible().then_some(usual)
     }
 
-    /// How a frame looks, and its median log ratio of image and prediction.
-    fn seen(&self, template: &Template, r: &RegisteredFrame) -> Option<(Appearance, f64)> {
+    fn appearance(&self, template: &Template, r: &RegisteredFrame) -> Option<Appearance> {
         let camera = self.exploration.camera;
-        let picture = &Picture::of(&self.exploration.frames[r.frame], self.exploration.tone);
+        let picture = Picture::of(&self.exploration.frames[r.frame], self.exploration.tone);
         let whole = || Mask::filled(camera.size, true);
-        let usable = &self.usable[r.frame].clone().unwrap_or_else(whole);
-        let (albedo, light) = (template.albedo.as_ref()?, &template.lighting());
-        // The light's own ambient light, which the tissue reflects, is in the template's.
-        let compared = Compared { camera, picture, usable, albedo, ambient: 0.0 };
+        let compared = Compared {
+            camera,
+            picture: &picture,
+            usable: &self.usable[r.frame].clone().unwrap_or_else(whole),
+            albedo: template.albedo.as_ref()?,
+            // The light's own, which the tissue reflects, is in the template's.
+            ambient: 0.0,
+        };
         let shape: Vec<Point3> = template.mesh.positions.iter().map(|p| r.pose * p).collect();
         let limits = Thresholds::default().tile();
-        let looked = look(&compared, &template.mesh, &shape, light, &limits)?;
-        let photo =
-            Photograph { camera, picture, usable, outline: None, light, albedo, exposure: None };
-        let log_gain = log_gain_of(&photo, &template.mesh, &shape, &JointOptions::default())?;
-        Some((looked.appearance, log_gain))
+        let looked = look(&compared, &template.mesh, &shape, &template.lighting(), &limits);
+        looked.map(|l| l.appearance)
     }
 
     /// Median depth of what a frame sees.
