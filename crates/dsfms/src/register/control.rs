@@ -232,9 +232,9 @@ mod tests {
     use crate::geometry::Vector3;
     use crate::mesh::shapes;
 
-    /// A ball of 2,562 vertices before a camera, and its shape with a narrow pull towards it.
+    /// A ball of 10,242 vertices before a camera, and its shape with a narrow pull towards it.
     fn ball() -> (CameraModel, Mesh, Vec<Point3>, Vec<Point3>) {
-        let rest = shapes::icosphere(4, 20.0);
+        let rest = shapes::icosphere(5, 20.0);
         let posed: Vec<Point3> = rest.positions.iter().map(|p| p + Vector3::z() * 80.0).collect();
         let top = Point3::new(0.0, 0.0, 60.0);
         let pull = |p: &Point3| p - Vector3::z() * 8.0 * (-(p - top).norm_squared() / 36.0).exp();
@@ -251,23 +251,24 @@ mod tests {
         assert!(body.finer(&body.restricted(&posed)).is_none(), "finer at rest");
         let finer = body.finer(&body.restricted(&pulled)).unwrap();
         let fine = Body::new(&full, &finer, 0.0);
-        let points = |body: &Body, near: bool| {
-            let at = |p: &&Point3| (p.z < 64.0) == near;
-            body.scene().posed.iter().filter(at).count() as f64
+        let times = |at: &dyn Fn(f64) -> bool| {
+            let count = |body: &Body| body.scene().posed.iter().filter(|p| at(p.z)).count() as f64;
+            count(&fine) / count(&body)
         };
-        assert!(points(&fine, true) > 2.5 * points(&body, true));
-        assert!((points(&fine, false) / points(&body, false) - 1.0).abs() < 0.2);
+        let (near, behind) = (times(&|z| z < 64.0), times(&|z| z > 80.0));
+        assert!(near > 2.5 && (behind - 1.0).abs() < 0.3, "{near} and {behind} times the vertices");
         let off = |body: &Body| {
             let carried = body.carried(&body.restricted(&pulled)).into_owned();
             carried.iter().zip(&pulled).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
         };
-        assert!(off(&fine) < 0.3 * off(&body), "{} and {}", off(&fine), off(&body));
+        assert!(off(&fine) < 0.5 * off(&body), "{} and {}", off(&fine), off(&body));
         // What lies behind is carried along as before.
         let hidden = |body: &Body| {
             let shape = body.extrapolated(&body.restricted(&pulled)).unwrap();
             let all = body.carried(&shape);
             all.iter().zip(&posed).map(|(a, b)| (a - b).norm()).sum::<f64>() / all.len() as f64
         };
-        assert!((hidden(&fine) / hidden(&body) - 1.0).abs() < 0.2);
+        let hidden = hidden(&fine) / hidden(&body);
+        assert!((hidden - 1.0).abs() < 0.2, "{hidden} times the motion");
     }
 }

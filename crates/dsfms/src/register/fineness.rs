@@ -1,9 +1,9 @@
 //! Where a shape asks for a finer control mesh: where it bends within few control vertices.
 //!
-//! A displacement `d` that is carried between control vertices `h` apart is off in its gradient, and
-//! so the normals that brightness reads, by about `h ‖Lap d‖`. A narrow pull carried by a thousand
-//! control vertices has normals up to 6 degrees off, a ring of wrong brightness about it which the
-//! solve takes for shape (`docs/results/choices.md`).
+//! A displacement `d` that is carried between control vertices `h` apart is off in its gradient,
+//! and so the normals that brightness reads, by about `h ‖Lap d‖`. A narrow pull carried by a
+//! thousand control vertices has normals up to 6 degrees off, a ring of wrong brightness about it
+//! which the solve takes for shape (`docs/results/choices.md`).
 
 use super::Scene;
 use crate::geometry::Vector3;
