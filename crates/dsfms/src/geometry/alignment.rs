@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn a_turn_between_directions_is_a_rotation_also_where_they_hardly_differ() {
-        let mut differ = 0;
+        let mut not_numbers = 0;
         for i in 0..2000 {
             let t = f64::from(i);
             let a = Vector3::new(t.sin(), (1.7 * t).cos(), (0.3 * t).sin() + 0.2);
@@ -148,10 +148,10 @@ mod tests {
                 assert!((turn * a.normalize() - b.normalize()).norm() < 1e-14);
                 assert!((turn.transpose() * turn - Matrix3::identity()).norm() < 1e-13);
                 let theirs = nalgebra::Rotation3::rotation_between(&a, &b).unwrap();
-                differ += usize::from(theirs.matrix().iter().any(|x| x.is_nan()));
+                not_numbers += usize::from(theirs.matrix().iter().any(|x| x.is_nan()));
             }
         }
-        assert!(differ > 0, "nalgebra's is a number everywhere: use it");
+        assert!(not_numbers > 0, "nalgebra's is a number everywhere: use it");
         let x = Vector3::x();
         assert_eq!(turn_between(&x, &-x), None);
         assert_eq!(turn_between(&x, &Vector3::zeros()), None);

@@ -178,18 +178,20 @@ impl FrameSolve<'_> {
         let outline = self.segmented(&result.vertices, photo, log);
         let look = JointLook { options: second, followed: &[], outline, last: true };
         let finer = || log.time("finer control mesh", || self.finer(photo, result));
-        let finer = self.options.joint.finer_control.then(finer).flatten();
-        let body = |finer| Body::new(self.body.full(), finer, self.options.register.anchor);
-        let body = finer.as_ref().map(body);
-        let finer = FrameSolve { body: body.as_ref().unwrap_or(self.body), ..*self };
-        let on_finer = |full: &[Point3]| finer.body.restricted(full).into_owned();
+        let Some(finer) = self.options.joint.finer_control.then(finer).flatten() else {
+            let found = self.body.restricted(&result.vertices).into_owned();
+            return self.join_from(coarse, &found, photo, look, result, log);
+        };
+        let body = &Body::new(self.body.full(), &finer, self.options.register.anchor);
+        let on_finer = |full: &[Point3]| body.restricted(full).into_owned();
         let vertices = on_finer(&self.body.carried(&coarse.vertices));
         let coarse = Registered { vertices, ..(*coarse).clone() };
-        finer.join_from(&coarse, &on_finer(&result.vertices), photo, look, result, log)
+        let found = on_finer(&result.vertices);
+        FrameSolve { body, ..*self }.join_from(&coarse, &found, photo, look, result, log)
     }
 
     /// What deforms, its control mesh finer where the shape of `result` bends, as far as the frame
-    /// asks for that; `None` where it bends little, as at rest.
+    /// asks for that; `None` where it bends little, or explains no more than rest does.
     fn finer(&self, photo: &Photograph, result: &Reconstruction) -> Option<Deformable> {
         let body = self.body;
         let kept = body.matches(&matches_kept(result)).into_owned();
@@ -271,6 +273,7 @@ impl FrameSolve<'_> {
     }
 }
 
+/// The matches of a result that its shape explains.
 fn matches_kept(result: &Reconstruction) -> Vec<Match> {
     result.matches.iter().filter(|m| m.1).map(|m| m.0).collect()
 }

@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 /// contour points and vertices.
 ///
 /// Measured on choosing scenes and clips (`docs/results/choices.md`): `shading` (half), `outline`,
-/// `find_outline`, `follow_texture`, `highlights` (none), `robust` (6, 12), `strain`,
-/// `near_depth_hold`, `near_depth_motion`, `smooth_gain`, `blurs`, `look_again`, `mirrors`;
-/// smoothing and blurs also in `docs/results/scenes.md`. Other values of `match_px`,
+/// `find_outline`, `follow_texture`, `finer_control`, `highlights` (none), `robust` (6, 12),
+/// `strain`, `near_depth_hold`, `near_depth_motion`, `smooth_gain`, `blurs`, `look_again`,
+/// `mirrors`; smoothing and blurs also in `docs/results/scenes.md`. Other values of `match_px`,
 /// `silhouette_px`, `smooth_length` and `max_samples` are not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -35,8 +35,9 @@ pub struct JointOptions {
     /// by what is followed, and the lower cost stays (one frame alone; not in tracking). Where
     /// there is one look (`look_again` of 0, a template without descriptors) nothing is followed.
     pub follow_texture: bool,
-    /// The control mesh of the second look is finer where the first one bends it: its frame takes
-    /// half as long again. Not better on every kind of scene yet (`docs/results/choices.md`).
+    /// Whether the second look is solved on a control mesh that is finer where the first one bends
+    /// it (meshes of more than 1,500 vertices, one frame alone; not in tracking). A frame takes a
+    /// third longer; some scenes come nearer and some farther off (`docs/results/choices.md`).
     pub finer_control: bool,
     /// Weight of saturated vertices under a near light, over all that are seen. Under a distant
     /// light, where only the matches tell distance, highlights are no cue.

@@ -22,7 +22,8 @@ pub const CONTROL_ABOVE: usize = 1500;
 /// on all 7,200 vertices, in a ninth of the time (`docs/results/scenes.md`).
 const CONTROL: usize = 1000;
 
-/// Vertices of a control mesh that is finer where the shape bends, at most: a bound on time.
+/// Vertices of a control mesh that is finer where the shape bends, at most: a bound on time. This
+/// and the two below are not measured.
 const MOST_CONTROL: f64 = 3000.0;
 
 /// A finer control mesh has this many times the vertices at least: it is not worth making for less.

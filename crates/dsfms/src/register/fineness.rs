@@ -11,7 +11,8 @@ use crate::geometry::Vector3;
 /// `h ‖Lap d‖` that a control mesh may have. Other values are not measured.
 const BEND: f64 = 0.15;
 
-/// Edges are at most this much shorter than those of the control mesh: a bound on the work.
+/// Edges are at most this much shorter than those of the control mesh: a bound on the work. Other
+/// values are not measured.
 const FINEST: f64 = 3.0;
 
 /// How much shorter the edges of the mesh of `scene` should be at each of its vertices, 1 or more,
