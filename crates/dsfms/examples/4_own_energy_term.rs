@@ -61,7 +61,7 @@ pub fn run() -> Result<[f64; 2], Box<dyn Error>> {
         let (vertices, distances) = measured.map(|(v, p)| ([v], p.coords.norm())).unzip();
         let range = Range { vertices, distances, sigma: 0.05 };
         assert_jacobian(&range, &scene.posed, &[]);
-        let (prior, faces, area) = (&options.prior, &scene.faces, scene.visible_area);
+        let (prior, faces, area) = (&options.prior, scene.faces(), scene.visible_area);
         let smoothing = Smoothing::of_displacement(&scene.laplacian, &scene.posed, area);
         let start = Unknowns { vertices: scene.posed.clone(), globals: vec![] };
         let (found, report) = Objective::over(scene.posed.len(), 0)

@@ -42,7 +42,7 @@ const STRIPES: usize = 2;
 /// let pull = AnchorPrior { vertices: vec![[150]], reference: vec![pull], weights: vec![1.0], sigma: 0.1 };
 /// let start = Unknowns { vertices: posed.clone(), globals: vec![] };
 /// let (found, _) = Objective::over(posed.len(), 0)
-///     .plus("shearing", 3e4, Loss::Squared, Shearing { rest: &scene.faces })
+///     .plus("shearing", 3e4, Loss::Squared, Shearing { rest: scene.faces() })
 ///     .plus("smoothing", 100.0, Loss::Squared, smoothing)
 ///     .plus("pull", 1.0, Loss::Squared, pull)
 ///     .minimise(start, &Options::default());

@@ -38,6 +38,18 @@ pub fn align_rigid_robust(source: &[Point3], target: &[Point3]) -> Option<Isomet
     Some(motion)
 }
 
+/// [`align_rigid_robust`] of pairs evenly picked from very many: a few thousand tell a motion as
+/// well as all.
+///
+/// `None` as for [`align_rigid`].
+pub fn align_rigid_few(source: &[Point3], target: &[Point3]) -> Option<Isometry> {
+    const ENOUGH: usize = 2000;
+    let every = source.len().div_ceil(ENOUGH).max(1);
+    let few =
+        |points: &[Point3]| -> Vec<Point3> { points.iter().step_by(every).copied().collect() };
+    align_rigid_robust(&few(source), &few(target))
+}
+
 /// The similarity `S` that minimises `Σ‖S·sourceᵢ − targetᵢ‖²`; `None` as for [`align_rigid`].
 #[doc(alias("Umeyama", "Procrustes"))]
 pub fn align_similarity(source: &[Point3], target: &[Point3]) -> Option<Similarity> {
@@ -127,6 +139,25 @@ mod tests {
         let off = (found * source[29] - target[29]).norm();
         assert!(off < 1e-6, "{off}");
         assert!((align_rigid(&source, &target).unwrap() * source[29] - target[29]).norm() > 0.5);
+    }
+
+    #[test]
+    fn few_of_many_tell_the_motion_of_the_majority() {
+        let source: Vec<_> = (0..5000)
+            .map(|i| Point3::new((i % 71) as f64, (i / 71) as f64, (0.7 * i as f64).sin()))
+            .collect();
+        let truth = Isometry::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.2, 0.1, -0.3));
+        let pushed =
+            |i: usize| if i < 1000 { Vector3::new(0.0, 0.0, 9.0) } else { Vector3::zeros() };
+        let target: Vec<_> =
+            source.iter().enumerate().map(|(i, p)| truth * p + pushed(i)).collect();
+        let found = align_rigid_few(&source, &target).unwrap();
+        let off = |i: usize| (found * source[i] - target[i]).norm();
+        assert!(off(1001) < 1e-6 && off(4999) < 1e-6, "{} {}", off(1001), off(4999));
+        assert_eq!(
+            align_rigid_few(&source[..1500], &target[..1500]),
+            align_rigid_robust(&source[..1500], &target[..1500])
+        );
     }
 
     #[test]

@@ -9,7 +9,7 @@ pub mod statistics;
 pub mod triangle;
 
 pub(crate) use alignment::turn_between;
-pub use alignment::{align_rigid, align_rigid_robust, align_similarity};
+pub use alignment::{align_rigid, align_rigid_few, align_rigid_robust, align_similarity};
 pub use neighbours::Neighbours;
 pub use robust::Loss;
 pub use sets::DisjointSets;

@@ -5,6 +5,7 @@
 //! images and the energy cannot disagree about the physics.
 
 use crate::geometry::{Point3, Vector3};
+use rayon::prelude::*;
 
 /// Diffuse shading `s` of one surface point and its derivatives.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -57,6 +58,14 @@ pub(crate) trait LightSource: Send + Sync {
     fn validate(&self) -> Result<(), LightError>;
     /// In words; `unit` of its lengths.
     fn describe(&self, unit: &str) -> String;
+}
+
+/// Diffuse shading of every vertex of a shape, at least 0.
+pub(crate) fn lit(light: &impl Light, shape: &[Point3], normals: &[Vector3]) -> Vec<f64> {
+    /// Vertices that one task takes at least.
+    const MIN_LEN: usize = 256;
+    let lit = |(p, n): (&Point3, &Vector3)| light.shade(p, n).value.max(0.0);
+    shape.par_iter().zip(normals).with_min_len(MIN_LEN).map(lit).collect()
 }
 
 /// Angle in rad, `[0, π]`, between a unit normal and the one that would mirror the light into

@@ -3,6 +3,7 @@
 use super::Mesh;
 use crate::geometry::{Point3, Vector3, area_normal, barycentric};
 use nalgebra::Matrix3;
+use rayon::prelude::*;
 
 /// A decimated mesh and where the vertices of the original lie on it.
 #[derive(Clone, Debug)]
@@ -14,6 +15,9 @@ pub struct Decimated {
     /// Coarse vertex that every original vertex was merged into.
     owner: Vec<u32>,
 }
+
+/// Vertices that one task carries at least.
+const MIN_LEN: usize = 256;
 
 /// Vertices of more neighbours are not made.
 const MAX_VALENCE: usize = 12;
@@ -204,16 +208,27 @@ impl Decimated {
     /// estimate of its gradient, where the displacement is quadratic: the mean of linear
     /// interpolation and of the first-order expansions about the corners.
     pub fn prolong(&self, fine: &Mesh, displacement: &[Vector3]) -> Vec<Vector3> {
+        self.prolong_by(fine, displacement, |v| self.locate(&fine.positions[v], v as u32))
+    }
+
+    /// The same where it is known where the original vertices lie ([`locate`](Self::locate)).
+    pub(crate) fn prolong_by(
+        &self,
+        fine: &Mesh,
+        displacement: &[Vector3],
+        place: impl Fn(usize) -> Option<(u32, [f64; 3])> + Sync,
+    ) -> Vec<Vector3> {
+        let gradient = |v: usize| self.gradient(v, displacement);
         let gradients: Vec<Matrix3<f64>> =
-            (0..displacement.len()).map(|v| self.gradient(v, displacement)).collect();
-        let at = |(v, point): (usize, &Point3)| {
-            let Some((face, b)) = self.locate(point, v as u32) else { return Vector3::zeros() };
-            let corners = self.mesh.topology.faces[face as usize].map(|k| k as usize);
+            (0..displacement.len()).into_par_iter().with_min_len(MIN_LEN).map(gradient).collect();
+        let at = |v: usize| {
+            let Some((face, b)) = place(v) else { return Vector3::zeros() };
+            let (point, corners) = (&fine.positions[v], self.mesh.topology.faces[face as usize]);
             let expansion =
                 |k: usize| displacement[k] + gradients[k] * (point - self.mesh.positions[k]) * 0.5;
-            corners.into_iter().zip(b).map(|(k, w)| expansion(k) * w).sum()
+            corners.into_iter().zip(b).map(|(k, w)| expansion(k as usize) * w).sum()
         };
-        fine.positions.iter().enumerate().map(at).collect()
+        (0..fine.positions.len()).into_par_iter().with_min_len(MIN_LEN).map(at).collect()
     }
 
     /// Least-squares gradient over the ring, zero across the surface.

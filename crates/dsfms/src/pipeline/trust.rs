@@ -5,6 +5,8 @@ use super::{Method, ReconstructOptions, Reconstruction};
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point3, median};
 use crate::image::diagonal;
+use crate::light::lit;
+use crate::mesh::normals::vertex_normals;
 use crate::refine::outline_distance;
 use crate::register::{Match, Posed, Scene};
 use crate::verdict::evidence::{EXPECTED, Evidence, MatchCount};
@@ -62,7 +64,9 @@ impl Trusted<'_> {
             ambient: result.ambient / result.gain.max(f64::MIN_POSITIVE),
         };
         let limits = self.options.verdict.tile();
-        look(&compared, self.scene.rest, &result.vertices, &self.sight.light, &limits)
+        let (rest, shape) = (self.scene.rest, &result.vertices);
+        let lit = lit(&self.sight.light, shape, &vertex_normals(&rest.topology, shape));
+        look(&compared, rest, shape, &lit, &limits)
     }
 
     fn evidence(

@@ -7,14 +7,18 @@ use rayon::prelude::*;
 /// A projected vertex: pixel and `1/z`; `None` where it does not project.
 pub(super) type Corner = Option<(Point2, f64)>;
 
-/// A face on the screen, clipped to a range of pixel centres.
+/// The pixel centres that a face may cover. Small, since all faces of a mesh are listed.
 pub(super) struct ScreenFace {
     /// Index in the topology.
     pub index: u32,
     /// First and last column.
-    pub x: [usize; 2],
+    pub x: [u32; 2],
     /// First and last row.
-    pub y: [usize; 2],
+    pub y: [u32; 2],
+}
+
+/// The corners of a face on the screen.
+pub(super) struct ScreenCorners {
     /// `edges[k]` lies opposite corner `k`.
     edges: [Edge; 3],
     /// `1/z` of the corners.
@@ -49,7 +53,7 @@ impl Edge {
 
 /// A row of pixel centres across a face.
 pub(super) struct PixelRow<'a> {
-    face: &'a ScreenFace,
+    face: &'a ScreenCorners,
     edges: [f64; 3],
 }
 
@@ -68,7 +72,17 @@ impl Inside {
     }
 }
 
-impl ScreenFace {
+impl ScreenCorners {
+    /// Of a face whose corners all project.
+    pub(super) fn of(vertices: [u32; 3], corners: &[Corner]) -> Option<Self> {
+        let [a, b, c] = vertices.map(|v| corners[v as usize]);
+        let (a, b, c) = (a?, b?, c?);
+        let pixels = [a.0, b.0, c.0];
+        let corner = |k: usize| (vertices[k], pixels[k]);
+        let edges = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| Edge::new(corner(i), corner(j)));
+        Some(Self { edges, inverse_depth: [a.1, b.1, c.1] })
+    }
+
     /// A row of pixel centres.
     pub(super) fn row(&self, y: f64) -> PixelRow<'_> {
         PixelRow { face: self, edges: [0, 1, 2].map(|k| self.edges[k].row(y)) }
@@ -115,14 +129,12 @@ fn screen_face(
     let pixels = [a.0, b.0, c.0];
     let x = centres(pixels.map(|p| p.x), size[0])?;
     let y = centres(pixels.map(|p| p.y), size[1])?;
-    let corner = |k: usize| (vertices[k], pixels[k]);
-    let edges = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| Edge::new(corner(i), corner(j)));
-    Some(ScreenFace { index, x, y, edges, inverse_depth: [a.1, b.1, c.1] })
+    Some(ScreenFace { index, x, y })
 }
 
 /// First and last pixel centre within the span of three coordinates; `None` where there is none.
-fn centres(v: [f64; 3], count: usize) -> Option<[usize; 2]> {
+fn centres(v: [f64; 3], count: usize) -> Option<[u32; 2]> {
     let low = v[0].min(v[1]).min(v[2]).ceil().max(0.0);
     let high = v[0].max(v[1]).max(v[2]).floor().min(count as f64 - 1.0);
-    (low <= high).then_some([low as usize, high as usize])
+    (low <= high).then_some([low as u32, high as u32])
 }

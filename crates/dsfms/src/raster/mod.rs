@@ -11,11 +11,14 @@ use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point2, Point3, area_normal, point_at};
 use crate::image::{Mask, nearest_pixel};
 use crate::mesh::Topology;
-use coverage::{ScreenFace, screen_faces};
+use coverage::{ScreenCorners, ScreenFace, screen_faces};
 use rayon::prelude::*;
 
 /// Rows rendered by one task; fixed, so that the result never depends on the number of threads.
 const BAND_ROWS: usize = 32;
+
+/// Vertices or faces that one task takes at least.
+const MIN_LEN: usize = 256;
 
 /// A point counts as seen within this of the z-buffer, relative to its depth: more than a z-buffer
 /// is off by on the slope of a face, less than the next fold of an organ lies behind.
@@ -52,9 +55,10 @@ pub fn rasterize(camera: &CameraModel, topology: &Topology, positions: &[Point3]
     if n == 0 {
         return raster;
     }
-    let corners: Vec<_> =
-        positions.iter().map(|p| camera.project(p).map(|q| (q.pixel, 1.0 / p.z))).collect();
+    let corner = |p: &Point3| camera.project(p).map(|q| (q.pixel, 1.0 / p.z));
+    let corners: Vec<_> = positions.par_iter().with_min_len(MIN_LEN).map(corner).collect();
     let faces = screen_faces(topology, &corners, size);
+    let in_bands = by_band(&faces, size[1]);
     let chunk = BAND_ROWS * size[0];
     raster
         .depth
@@ -64,9 +68,24 @@ pub fn rasterize(camera: &CameraModel, topology: &Topology, positions: &[Point3]
         .enumerate()
         .for_each(|(band, ((depth, face), barycentric))| {
             let rows = [band * BAND_ROWS, band * BAND_ROWS + depth.len() / size[0]];
-            Band { rows, width: size[0], depth, face, barycentric }.draw(&faces);
+            let mut band_rows = Band { rows, width: size[0], depth, face, barycentric };
+            for face in in_bands[band].iter().map(|&f| &faces[f as usize]) {
+                if let Some(on) = ScreenCorners::of(topology.faces[face.index as usize], &corners) {
+                    band_rows.draw(face, &on);
+                }
+            }
         });
     raster
+}
+
+/// The faces that every band of rows may show, in their order.
+fn by_band(faces: &[ScreenFace], height: usize) -> Vec<Vec<u32>> {
+    let mut bands = vec![Vec::new(); height.div_ceil(BAND_ROWS)];
+    for (f, face) in faces.iter().enumerate() {
+        let [first, last] = face.y.map(|y| y as usize / BAND_ROWS);
+        bands[first..=last].iter_mut().for_each(|band| band.push(f as u32));
+    }
+    bands
 }
 
 /// A run of rows that one task fills.
@@ -79,20 +98,19 @@ struct Band<'a> {
 }
 
 impl Band<'_> {
-    fn draw(&mut self, faces: &[ScreenFace]) {
-        for face in faces {
-            let (first, last) = (face.y[0].max(self.rows[0]), face.y[1].min(self.rows[1] - 1));
-            for y in first..=last.min(face.y[1]) {
-                let (row, start) = (face.row(y as f64), (y - self.rows[0]) * self.width);
-                let columns = (face.x[0]..=face.x[1]).map(|x| (start + x, row.at(x as f64)));
-                // A row meets a triangle in one run.
-                let run = columns.skip_while(|c| c.1.is_none());
-                for (i, here) in run.map_while(|(i, here)| Some((i, here?))) {
-                    if here.depth < self.depth[i] {
-                        self.depth[i] = here.depth;
-                        self.face[i] = face.index;
-                        self.barycentric[i] = here.barycentric();
-                    }
+    fn draw(&mut self, face: &ScreenFace, corners: &ScreenCorners) {
+        let [first, last] = face.y.map(|y| y as usize);
+        for y in first.max(self.rows[0])..=last.min(self.rows[1] - 1) {
+            let (row, start) = (corners.row(y as f64), (y - self.rows[0]) * self.width);
+            let columns =
+                (face.x[0]..=face.x[1]).map(|x| (start + x as usize, row.at(f64::from(x))));
+            // A row meets a triangle in one run.
+            let run = columns.skip_while(|c| c.1.is_none());
+            for (i, here) in run.map_while(|(i, here)| Some((i, here?))) {
+                if here.depth < self.depth[i] {
+                    self.depth[i] = here.depth;
+                    self.face[i] = face.index;
+                    self.barycentric[i] = here.barycentric();
                 }
             }
         }
@@ -191,14 +209,12 @@ pub fn visible_vertices(
     raster: &Raster,
     tolerance: f64,
 ) -> Vec<bool> {
-    let faces_camera: Vec<bool> = topology
-        .faces
-        .iter()
-        .map(|face| {
-            let [a, b, c] = face.map(|v| &positions[v as usize]);
-            area_normal(a, b, c).dot(&(a.coords + b.coords + c.coords)) < 0.0
-        })
-        .collect();
+    let faces_camera = |face: &[u32; 3]| {
+        let [a, b, c] = face.map(|v| &positions[v as usize]);
+        area_normal(a, b, c).dot(&(a.coords + b.coords + c.coords)) < 0.0
+    };
+    let faces_camera: Vec<bool> =
+        topology.faces.par_iter().with_min_len(MIN_LEN).map(faces_camera).collect();
     (0..positions.len())
         .into_par_iter()
         .map(|v| {

@@ -79,7 +79,7 @@ impl<'a> JointProblem<'a, '_> {
     /// of the smooth gain.
     pub(super) fn objective(&self) -> Objective<'a> {
         let Self { scene, matches, match_px, gain, options, .. } = *self;
-        let (rest, posed) = (&scene.faces, &scene.posed);
+        let (rest, posed) = (scene.faces(), &scene.posed);
         let strain = GemanMcClure(options.strain);
         let prior = &options.prior;
         let smoothing = Smoothing::of_displacement(&scene.laplacian, posed, scene.visible_area);

@@ -8,7 +8,7 @@ use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Point2, Point3, Vector3, point_at};
 use crate::image::filter::blur_masked_all;
 use crate::image::{ColorImage, Mask, Plane};
-use crate::light::{Coated, Light};
+use crate::light::{Coated, Light, lit};
 use crate::mesh::normals::vertex_normals;
 use crate::mesh::{Mesh, Topology};
 use crate::raster::{Raster, rasterize};
@@ -221,8 +221,7 @@ pub(super) fn shading(
     normals: &[Vector3],
     raster: &Raster,
 ) -> Vec<f64> {
-    let light = |(p, n)| light.shade(p, n).value.max(0.0);
-    let lit: Vec<f64> = shape.iter().zip(normals).map(light).collect();
+    let lit = lit(light, shape, normals);
     raster.render(0.0, |face, b| {
         let corners = topology.faces[face];
         (0..3).map(|k| b[k] * lit[corners[k] as usize]).sum()

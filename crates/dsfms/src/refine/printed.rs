@@ -35,7 +35,7 @@ fn objective<'a>(
     evidence: &'a ShadingEvidence,
     options: &RefineOptions,
 ) -> Objective<'a> {
-    let (topology, laplacian) = (&scene.rest.topology, &scene.laplacian);
+    let (topology, laplacian) = (&scene.rest.topology, &*scene.laplacian);
     let depth_sigma = options.depth_hold * scene.radius();
     let boundary = scene.depth_of(matches, coarse, vec![depth_sigma; matches.len()]);
     let reprojection = Reprojection::at(scene.camera, coarse, evidence.seen());

@@ -25,6 +25,9 @@ const INSIDE: [[f64; 3]; 3] = [
 /// The one sample of a face on a fine mesh.
 const CENTRE: [[f64; 3]; 1] = [[1.0 / 3.0; 3]];
 
+/// Vertices that one task takes at least.
+const MIN_LEN: usize = 256;
+
 /// The photograph with the surface at `shape` (camera axes); `blur` as a fraction of the image
 /// diagonal.
 pub(super) fn look<'a>(
@@ -109,10 +112,12 @@ fn at_vertices(
 ) -> Vec<(Place, Channels)> {
     let topology = &body.scene().rest.topology;
     let normals = vertex_normals(topology, shape);
-    let one = |v: usize| {
+    let seen = |v: usize| {
+        let point = look.shape[v];
+        Some((v, look.at(&point, &look.project(&point)?, &look.normals[v])?))
+    };
+    let placed = |&(v, channels): &(usize, Channels)| {
         let (point, normal) = (look.shape[v], look.normals[v]);
-        let pixel = look.project(&point)?;
-        let channels = look.at(&point, &pixel, &normal)?;
         let (face, barycentric) = body.place(v)?;
         let corners = topology.faces[face as usize].map(|k| k as usize);
         let under: Vector3 = corners.iter().zip(barycentric).map(|(&k, b)| normals[k] * b).sum();
@@ -121,10 +126,11 @@ fn at_vertices(
         Some((Place { face, barycentric, lift }, channels))
     };
     let inner = |v: &usize| !look.rest.topology.boundary[*v];
-    let found: Vec<_> =
-        (0..look.shape.len()).into_par_iter().filter(inner).filter_map(one).collect();
+    let all = (0..look.shape.len()).into_par_iter().with_min_len(MIN_LEN);
+    let found: Vec<_> = all.filter(inner).filter_map(seen).collect();
     let every = found.len().div_ceil(options.max_samples.max(1)).max(1);
-    found.into_iter().step_by(every).collect()
+    let some: Vec<_> = found.into_iter().step_by(every).collect();
+    some.par_iter().with_min_len(MIN_LEN).filter_map(placed).collect()
 }
 
 /// Number of faces with at least one pixel.

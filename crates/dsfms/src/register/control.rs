@@ -13,6 +13,7 @@ use crate::camera::Camera;
 use crate::geometry::Point3;
 use crate::mesh::Mesh;
 use crate::mesh::decimate::{Decimated, decimate, decimate_finer};
+use crate::mesh::laplacian::Laplacian;
 use std::borrow::Cow;
 
 /// Meshes of more vertices are carried by a control mesh: below, it would be hardly coarser.
@@ -40,6 +41,8 @@ pub struct Control {
     places: Vec<(u32, [f64; 3])>,
     /// Control vertex of every vertex of the full mesh that is one.
     numbers: Vec<Option<u32>>,
+    /// Cotangent Laplacian of the control mesh at rest.
+    laplacian: Laplacian,
 }
 
 impl Control {
@@ -59,7 +62,8 @@ impl Control {
         for (k, &v) in decimated.kept.iter().enumerate() {
             numbers[v as usize] = Some(k as u32);
         }
-        Some(Self { decimated, places, numbers })
+        let laplacian = Laplacian::new(&decimated.mesh);
+        Some(Self { decimated, places, numbers, laplacian })
     }
 
     /// The control mesh of a rest shape, its edges shorter than here by the factors `fineness` of
@@ -126,7 +130,7 @@ impl<'a> Body<'a> {
     pub fn new(full: &'a Scene<'a>, deformable: &'a Deformable, anchor: f64) -> Self {
         let on = |control: &'a Control| {
             let Decimated { mesh, kept, .. } = &control.decimated;
-            (control, full.on_some(mesh, kept))
+            (control, full.on_some(mesh, kept, Cow::Borrowed(&control.laplacian)))
         };
         let Deformable { control, volume } = deformable;
         Self { full, control: control.as_ref().map(on), volume: volume.as_ref(), anchor }
@@ -173,7 +177,8 @@ impl<'a> Body<'a> {
     pub fn carried<'s>(&self, shape: &'s [Point3]) -> Cow<'s, [Point3]> {
         let Some((control, scene)) = &self.control else { return Cow::Borrowed(shape) };
         let displacement = scene.displacement(shape);
-        let moved = control.decimated.prolong(self.full.rest, &displacement);
+        let place = |v: usize| Some(control.places[v]);
+        let moved = control.decimated.prolong_by(self.full.rest, &displacement, place);
         Cow::Owned(self.full.posed.iter().zip(moved).map(|(p, d)| p + d).collect())
     }
 

@@ -53,7 +53,7 @@ impl MotionProblem<'_> {
     /// The lines that know nothing of a pose.
     fn motion_and_strain(&self, loss: Loss) -> Objective<'_> {
         let Self { scene, matches, options, .. } = *self;
-        let (rest, prior) = (&scene.faces, &options.prior);
+        let (rest, prior) = (scene.faces(), &options.prior);
         let motion = scene.motion(matches, options.match_sigma_px);
         Objective::over(scene.posed.len(), 0)
             .plus("motion (eq. 3)", 1.0, loss, motion)

@@ -21,7 +21,7 @@ use crate::solver::Options;
 
 /// The four lines of eq. 3.
 fn objective<'a>(scene: &'a Scene, matches: &[Match], options: &RegisterOptions) -> Objective<'a> {
-    let (rest, laplacian, area) = (&scene.faces, &scene.laplacian, scene.visible_area);
+    let (rest, laplacian, area) = (scene.faces(), &*scene.laplacian, scene.visible_area);
     let motion = scene.motion(matches, options.match_sigma_px);
     let (lambda_1, lambda_2) = (options.prior.conformal, options.prior.conformal);
     let lambda_3 = options.prior.smoothing;

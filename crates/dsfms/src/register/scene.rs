@@ -7,6 +7,8 @@ use crate::geometry::{Point3, Vector3, align_rigid_robust};
 use crate::mesh::Mesh;
 use crate::mesh::laplacian::Laplacian;
 use crate::raster::{rasterize, visible_vertices};
+use std::borrow::Cow;
+use std::sync::OnceLock;
 
 /// The posed template in one frame.
 pub struct Scene<'a> {
@@ -20,17 +22,16 @@ pub struct Scene<'a> {
     pub visible: Vec<bool>,
     /// Area of the rest surface that is seen.
     pub visible_area: f64,
-    /// Rest metric, weighted by visible area.
-    pub faces: RestFaces,
     /// Cotangent Laplacian of the rest shape.
-    pub laplacian: Laplacian,
+    pub laplacian: Cow<'a, Laplacian>,
+    faces: OnceLock<RestFaces>,
 }
 
 impl<'a> Scene<'a> {
     /// Look at the posed rest shape.
     pub fn new(camera: &'a CameraModel, rest: &'a Mesh, posed: Vec<Point3>) -> Self {
         let visible = visibility(camera, rest, &posed);
-        Self::seen(camera, rest, posed, visible, Laplacian::new(rest))
+        Self::seen(camera, rest, posed, visible, Cow::Owned(Laplacian::new(rest)))
     }
 
     /// The posed rest shape where it is known which vertices the camera sees; `laplacian` is that
@@ -40,7 +41,7 @@ impl<'a> Scene<'a> {
         rest: &'a Mesh,
         posed: Vec<Point3>,
         visible: Vec<bool>,
-        laplacian: Laplacian,
+        laplacian: Cow<'a, Laplacian>,
     ) -> Self {
         let total: f64 = laplacian.mass.iter().sum();
         let seen: f64 =
@@ -48,8 +49,12 @@ impl<'a> Scene<'a> {
         // Less than a tenth of the surface in view is a wrong pose or a close-up; either way the
         // prior must not be blown up without bound.
         let visible_area = seen.max(0.1 * total);
-        let faces = RestFaces::new(rest, visible_area);
-        Self { camera, rest, posed, visible, visible_area, faces, laplacian }
+        Self { camera, rest, posed, visible, visible_area, laplacian, faces: OnceLock::new() }
+    }
+
+    /// Rest metric, weighted by visible area.
+    pub fn faces(&self) -> &RestFaces {
+        self.faces.get_or_init(|| RestFaces::new(self.rest, self.visible_area))
     }
 
     /// The same frame with the rest shape posed again: where most of what is seen of `shape` lies.
@@ -64,8 +69,13 @@ impl<'a> Scene<'a> {
         Self::new(self.camera, self.rest, posed)
     }
 
-    /// The same frame for a coarser mesh on the vertices `kept`.
-    pub fn on_some<'b>(&self, rest: &'b Mesh, kept: &[u32]) -> Scene<'b>
+    /// The same frame for a coarser mesh on the vertices `kept`; `laplacian` is that of the mesh.
+    pub fn on_some<'b>(
+        &self,
+        rest: &'b Mesh,
+        kept: &[u32],
+        laplacian: Cow<'b, Laplacian>,
+    ) -> Scene<'b>
     where
         'a: 'b,
     {
@@ -75,8 +85,8 @@ impl<'a> Scene<'a> {
             posed: kept.iter().map(|&v| self.posed[v as usize]).collect(),
             visible: kept.iter().map(|&v| self.visible[v as usize]).collect(),
             visible_area: self.visible_area,
-            faces: RestFaces::new(rest, self.visible_area),
-            laplacian: Laplacian::new(rest),
+            laplacian,
+            faces: OnceLock::new(),
         }
     }
 

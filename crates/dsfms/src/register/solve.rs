@@ -7,7 +7,9 @@ use super::{Match, Posed, RegisterOptions, Scene};
 use crate::camera::Camera;
 use crate::energy::{Unknowns, Workspace};
 use crate::geometry::{Point3, median};
+use crate::mesh::laplacian::Laplacian;
 use crate::solver::{Loss, Options, Summary};
+use std::borrow::Cow;
 
 /// The coarse shape V′.
 #[derive(Clone, Debug)]
@@ -187,7 +189,8 @@ impl MotionProblem<'_> {
     fn coarse_start(&self, memory: &mut RegisterMemory, losses: &[Loss]) -> Option<Vec<Point3>> {
         let Self { scene, displacement, options, .. } = *self;
         let (decimated, memory) = coarser(&mut memory.coarse, scene)?;
-        let coarse = scene.on_some(&decimated.mesh, &decimated.kept);
+        let laplacian = Cow::Owned(Laplacian::new(&decimated.mesh));
+        let coarse = scene.on_some(&decimated.mesh, &decimated.kept, laplacian);
         let matches = &on_coarser(decimated, scene.rest, self.matches);
         let problem = MotionProblem { scene: &coarse, matches, displacement, options };
         let (found, _) = problem.solve(memory, coarse.posed.clone(), losses, COARSE_TOLERANCE);

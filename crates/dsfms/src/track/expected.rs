@@ -3,9 +3,10 @@
 use super::prepare::Prepared;
 use super::{Surface, Tracker};
 use crate::expected_error::{ExpectedErrors, Model, Solved, expected_errors};
-use crate::geometry::{Point3, align_rigid_robust};
+use crate::geometry::{Point3, align_rigid_few};
 use crate::pipeline::Method;
 use crate::register::Scene;
+use std::borrow::Cow;
 
 impl Tracker<'_> {
     /// Expected error of every vertex of the surface that [`solve`](Self::solve) gave for this
@@ -24,10 +25,10 @@ impl Tracker<'_> {
         if !visible.contains(&true) {
             return None;
         }
-        let base = align_rigid_robust(&seen(&rest.positions), &seen(&surface.vertices));
+        let base = align_rigid_few(&seen(&rest.positions), &seen(&surface.vertices));
         let base = base.unwrap_or(surface.pose);
         let rigid = rest.positions.iter().map(|p| base * p).collect();
-        let laplacian = self.laplacian.clone();
+        let laplacian = Cow::Borrowed(&self.laplacian);
         let scene = Scene::seen(self.camera, rest, rigid, visible.clone(), laplacian);
         let photo = self.photograph(view, &surface.vertices);
         let model = match self.method {

@@ -9,7 +9,7 @@ use super::places::{Earlier, FollowedPlace, stays};
 use super::prepare::View;
 use super::tracker::Tracker;
 use crate::camera::Camera;
-use crate::geometry::{Isometry, Neighbours, Point2, Point3, Vector2, align_rigid_robust, median};
+use crate::geometry::{Isometry, Neighbours, Point2, Point3, Vector2, align_rigid_few, median};
 use crate::image::Plane;
 use crate::image::flow::{correlation, follow, settle, whole};
 use crate::register::Match;
@@ -209,14 +209,14 @@ impl Tracker<'_> {
     ) -> Option<Vec<TrackedPlace>> {
         let motion = self.motion(start, tracks)?;
         let shape: Vec<Point3> = start.iter().map(|v| motion * v).collect();
-        let whole = align_rigid_robust(&last.vertices, &shape)?;
+        let whole = align_rigid_few(&last.vertices, &shape)?;
         let depth = |s: &[Point3]| s.iter().map(|p| p.z).sum::<f64>() / s.len().max(1) as f64;
         let nearer = (depth(&shape) / depth(&last.vertices) - 1.0).abs() > NEARER;
         if whole.rotation.angle() < TURNED && !nearer {
             return None;
         }
         let rest = &self.template.mesh;
-        let look = Look::new(&self.working, rest, &shape, &self.albedo, &self.light);
+        let look = Look::new(&self.working, rest, &shape, &self.lit(&shape), &self.albedo);
         Some(self.by_look(view, last, &ShownLook { look: &look, start: &shape }))
     }
 
@@ -270,7 +270,7 @@ impl Tracker<'_> {
         tracks: &[TrackedPlace],
     ) -> Vec<(TrackedPlace, FollowedPlace)> {
         let rest = &self.template.mesh;
-        let moved = align_rigid_robust(&last.vertices, start).unwrap_or_default();
+        let moved = align_rigid_few(&last.vertices, start).unwrap_or_default();
         let pose = moved * last.pose;
         // A motion that nobody expected is that of the anchors.
         let shifts: Vec<Option<Vector2>> = tracks

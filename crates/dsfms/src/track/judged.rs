@@ -8,6 +8,8 @@ use super::tracker::{Draft, Tracker};
 use super::verdict::{Known, evidence};
 use super::{Origin, Surface};
 use crate::geometry::Point3;
+use crate::light::lit;
+use crate::mesh::normals::vertex_normals;
 use crate::verdict::{Compared, Looked, Says, judge, look, regions};
 use std::sync::Arc;
 
@@ -21,13 +23,13 @@ impl Tracker<'_> {
         clock: &mut Clock,
     ) -> Candidate {
         let rest = &self.template.mesh;
-        let look = clock.time("look", || {
-            Look::new(&self.working, rest, &draft.vertices, &self.albedo, &self.light)
-        });
+        let lit = clock.time("look", || self.lit(&draft.vertices));
+        let look = clock
+            .time("look", || Look::new(&self.working, rest, &draft.vertices, &lit, &self.albedo));
         let [agreeing, places] =
             clock.time("agree", || look.agreement(&view.seen, self.limits().correlation));
         let Draft { ambient, shown, jumped, .. } = draft;
-        let looked = clock.time("compare", || self.compared(view, &draft));
+        let looked = clock.time("compare", || self.compared(view, &draft, &lit));
         let camera = &self.working.compared;
         let says = |p: &Point3| looked.as_ref().map_or(Says::Nothing, |l| l.at(camera, p));
         let (regions, folds) = regions(rest, &draft.vertices, &look.visible, says, None);
@@ -59,8 +61,13 @@ impl Tracker<'_> {
         Candidate { verdict, surface, look, ambient, shown, jumped, places }
     }
 
+    /// Diffuse shading of the vertices of a shape.
+    pub(super) fn lit(&self, shape: &[Point3]) -> Vec<f64> {
+        lit(&self.light, shape, &vertex_normals(&self.template.mesh.topology, shape))
+    }
+
     /// Image beside prediction, as single frames are looked at.
-    fn compared(&self, view: &View, draft: &Draft) -> Option<Looked> {
+    fn compared(&self, view: &View, draft: &Draft, lit: &[f64]) -> Option<Looked> {
         let (camera, rest) = (&self.working.compared, &self.template.mesh);
         let shot = view.compared();
         let edge = edge_px(camera, rest.mean_edge_length(), &draft.vertices);
@@ -72,6 +79,6 @@ impl Tracker<'_> {
             // What veils the frame must not pass for light that the camera adds.
             ambient: 0.0,
         };
-        look(&compared, rest, &draft.vertices, &self.light, &self.limits().tile())
+        look(&compared, rest, &draft.vertices, lit, &self.limits().tile())
     }
 }

@@ -2,13 +2,11 @@
 
 use super::mips::Mips;
 use crate::camera::CameraModel;
-use crate::geometry::{Point2, Point3, Vector2, Vector3};
+use crate::geometry::{Point2, Point3, Vector2};
 use crate::image::corners::{CornerGrid, corners};
 use crate::image::flow::{Pyramid, correlation, whole};
 use crate::image::{Mask, Plane, diagonal};
-use crate::light::Light;
 use crate::mesh::Mesh;
-use crate::mesh::normals::vertex_normals;
 use crate::raster::{rasterize, visible_vertices};
 use crate::verdict::look::BLOCKS;
 use rayon::prelude::*;
@@ -107,22 +105,19 @@ pub struct Look {
 }
 
 impl Look {
-    /// Render a shape (camera axes) under the light.
+    /// Render a shape (camera axes; `lit`: the diffuse shading of its vertices).
     pub(super) fn new(
         working: &Working,
         rest: &Mesh,
         shape: &[Point3],
+        lit: &[f64],
         albedo: &Mips,
-        light: &impl Light,
     ) -> Self {
         let topology = &rest.topology;
         let raster = rasterize(&working.camera, topology, shape);
         let edge = rest.mean_edge_length();
         let visible = visible_vertices(&working.camera, topology, shape, &raster, 0.5 * edge);
         let level = albedo.for_edge(edge_px(&working.camera, edge, shape));
-        let normals = vertex_normals(topology, shape);
-        let lit = |(p, n): (&Point3, &Vector3)| light.shade(p, n).value.max(0.0);
-        let lit: Vec<f64> = shape.iter().zip(&normals).map(lit).collect();
         let value = |face: usize, b: [f64; 3]| {
             let corners = topology.faces[face];
             let shade: f64 = (0..3).map(|k| b[k] * lit[corners[k] as usize]).sum();

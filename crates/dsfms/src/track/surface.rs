@@ -8,7 +8,7 @@ use super::prepare::View;
 use super::tracker::{Draft, Tracker};
 use super::{Origin, TrackOptions};
 use crate::camera::Camera;
-use crate::geometry::{Isometry, Point2, Point3, align_rigid_robust};
+use crate::geometry::{Isometry, Point2, Point3, align_rigid_few};
 use crate::image::diagonal;
 use crate::pipeline::{Method, joined};
 use crate::refine::{Joined, Near, NearFrame, Photograph, VideoMemory, join_near};
@@ -18,6 +18,7 @@ use crate::register::{
     register_in, register_near,
 };
 use crate::verdict::NoSurface;
+use std::borrow::Cow;
 
 /// Matches that the motion since the last frame is taken from at most.
 const FEW: usize = 150;
@@ -83,7 +84,7 @@ impl Tracker<'_> {
             let few = matches.iter().step_by(matches.len().div_ceil(FEW)).copied();
             let few: Vec<Match> = few.collect();
             let moved = to(&few, shape, Isometry::identity())?.pose;
-            let base = align_rigid_robust(&last.vertices, shape).unwrap_or_default();
+            let base = align_rigid_few(&last.vertices, shape).unwrap_or_default();
             let posed = to(matches, rest, moved * base * last.pose)?;
             let posed = tracker.posed_from(matches, posed)?;
             Ok(tracker.near(last, shape, moved, posed, false))
@@ -151,7 +152,7 @@ impl Tracker<'_> {
             let seen = |shape: &[Point3]| -> Vec<Point3> {
                 shape.iter().zip(&visible).filter(|s| *s.1).map(|s| *s.0).collect()
             };
-            align_rigid_robust(&seen(rest), &seen(&shape)).unwrap_or(posed.pose)
+            align_rigid_few(&seen(rest), &seen(&shape)).unwrap_or(posed.pose)
         } else {
             posed.pose
         };
@@ -171,7 +172,7 @@ impl Tracker<'_> {
         let rest = &self.template.mesh;
         let scene = clock.time("pose", || {
             let (rigid, visible) = (near.rigid.clone(), near.visible.clone());
-            Scene::seen(self.camera, rest, rigid, visible, self.laplacian.clone())
+            Scene::seen(self.camera, rest, rigid, visible, Cow::Borrowed(&self.laplacian))
         });
         let body = Body::new(&scene, &self.deformable, self.options.reconstruct.register.anchor);
         let draft = match self.photograph(view, &near.shape) {

@@ -14,7 +14,7 @@ use super::recent::UsualResidual;
 use super::surroundings::{ShownFrame, SurroundingsTracker};
 use super::{Origin, Surface, TrackError, TrackOptions, TrackStatus, Tracked};
 use crate::camera::CameraModel;
-use crate::geometry::{Isometry, Point3, align_rigid_robust};
+use crate::geometry::{Isometry, Point3, align_rigid_few};
 use crate::image::{Frame, ToneCurve};
 use crate::light::Coated;
 use crate::mesh::laplacian::Laplacian;
@@ -340,7 +340,7 @@ const GOES_ON: f64 = 0.7;
 
 /// A shape moved and bent on as since the one before.
 fn ahead(before: &[Point3], now: &[Point3]) -> Option<Vec<Point3>> {
-    let motion = align_rigid_robust(before, now)?;
+    let motion = align_rigid_few(before, now)?;
     let on = |(before, now): (&Point3, &Point3)| {
         motion * now + motion.rotation * (now - motion * before) * GOES_ON
     };

@@ -8,11 +8,9 @@
 //! blur and smoke).
 
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Point3, Vector3, centre_and_spread, median};
+use crate::geometry::{Point3, centre_and_spread, median};
 use crate::image::{Mask, Picture, diagonal};
-use crate::light::Light;
 use crate::mesh::Mesh;
-use crate::mesh::normals::vertex_normals;
 use crate::raster::{Raster, rasterize};
 use crate::template::SurfaceTexels;
 use crate::template::usual::Appearance;
@@ -109,20 +107,20 @@ impl Looked {
     }
 }
 
-/// Compare a frame with what template and light predict at a shape (camera axes); `None` where next
-/// to nothing can be compared.
+/// Compare a frame with what template and light predict at a shape (camera axes; `lit`: the diffuse
+/// shading of its vertices); `None` where next to nothing can be compared.
 pub fn look(
     compared: &Compared,
     rest: &Mesh,
     shape: &[Point3],
-    light: &impl Light,
+    lit: &[f64],
     limits: &TileLimits,
 ) -> Option<Looked> {
     let raster = rasterize(compared.camera, &rest.topology, shape);
     let diagonal = diagonal(raster.size);
     let block = (diagonal / BLOCKS).ceil().max(1.0) as usize;
     let along = ((TILE * diagonal / block as f64).round() as usize).max(4);
-    let blocks = Blocks::of(compared, rest, shape, light, &raster, block);
+    let blocks = Blocks::of(compared, rest, lit, &raster, block);
     let (columns, tiles) = blocks.tiles(along);
     judge(&tiles, limits).map(|(appearance, tiles)| Looked {
         appearance,
@@ -142,18 +140,8 @@ struct Blocks {
 }
 
 impl Blocks {
-    fn of(
-        compared: &Compared,
-        rest: &Mesh,
-        shape: &[Point3],
-        light: &impl Light,
-        raster: &Raster,
-        block: usize,
-    ) -> Self {
+    fn of(compared: &Compared, rest: &Mesh, lit: &[f64], raster: &Raster, block: usize) -> Self {
         let Compared { picture, usable, albedo, ambient, .. } = *compared;
-        let normals = vertex_normals(&rest.topology, shape);
-        let lit = |(p, n): (&Point3, &Vector3)| light.shade(p, n).value.max(0.0);
-        let lit: Vec<f64> = shape.iter().zip(&normals).map(lit).collect();
         let predicted = raster.render_quarters([f32::NAN; 3], |face, quarters| {
             let corners = rest.topology.faces[face];
             let shade =

@@ -3,10 +3,11 @@
 use super::Says;
 use super::reason::Part;
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Point2, Point3, area_normal};
+use crate::geometry::{Point2, Point3, Vector3, area_normal};
 use crate::mesh::Mesh;
 use crate::mesh::components::vertex_parts;
 use crate::mesh::normals::lumped_areas;
+use rayon::prelude::*;
 
 /// What is known of a vertex in one frame; the numbers are those of the files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,7 +32,7 @@ pub fn regions(
     rest: &Mesh,
     shape: &[Point3],
     visible: &[bool],
-    says: impl Fn(&Point3) -> Says,
+    says: impl Fn(&Point3) -> Says + Sync,
     near_match: Option<&[bool]>,
 ) -> (Vec<Region>, usize) {
     let (over, faces) = folded(rest, shape);
@@ -43,8 +44,11 @@ pub fn regions(
         Says::Nothing if near_match.is_none_or(|near| near[v]) => Region::Observed,
         Says::Nothing => Region::Unobserved,
     };
-    ((0..shape.len()).map(of).collect(), faces)
+    ((0..shape.len()).into_par_iter().with_min_len(MIN_LEN).map(of).collect(), faces)
 }
+
+/// Faces or vertices that one task takes at least.
+const MIN_LEN: usize = 512;
 
 /// Faces that meet at less than this cosine are folded where they were flat.
 const FOLDED: f64 = -0.3;
@@ -54,16 +58,18 @@ const FLAT: f64 = 0.5;
 /// were about in one plane and now lie back to back.
 pub fn folded(rest: &Mesh, shape: &[Point3]) -> (Vec<bool>, usize) {
     let topology = &rest.topology;
-    let cosine = |x: &[Point3], faces: [u32; 2]| {
-        let [a, b] = faces.map(|f| {
-            let [a, b, c] = topology.faces[f as usize].map(|v| &x[v as usize]);
-            area_normal(a, b, c)
-        });
-        a.dot(&b) / (a.norm() * b.norm()).max(f64::MIN_POSITIVE)
+    let normal = |x: &[Point3], face: &[u32; 3]| {
+        let [a, b, c] = face.map(|v| &x[v as usize]);
+        area_normal(a, b, c)
     };
+    let cosine = |[a, b]: [Vector3; 2]| a.dot(&b) / (a.norm() * b.norm()).max(f64::MIN_POSITIVE);
+    let faces = topology.faces.par_iter().with_min_len(MIN_LEN);
+    let normals: Vec<Vector3> = faces.map(|face| normal(shape, face)).collect();
+    let at_rest = |f: u32| normal(&rest.positions, &topology.faces[f as usize]);
     let mut folded = vec![false; topology.faces.len()];
-    for &pair in topology.edge_faces.iter().filter(|pair| pair[1] != u32::MAX) {
-        if cosine(shape, pair) < FOLDED && cosine(&rest.positions, pair) > FLAT {
+    for pair in topology.edge_faces.iter().filter(|pair| pair[1] != u32::MAX) {
+        let over = cosine(pair.map(|f| normals[f as usize])) < FOLDED;
+        if over && cosine(pair.map(at_rest)) > FLAT {
             pair.iter().for_each(|&f| folded[f as usize] = true);
         }
     }

@@ -4,6 +4,8 @@
 use super::views::{RegisteredFrame, Views};
 use crate::geometry::{Point3, median};
 use crate::image::{Mask, Picture};
+use crate::light::lit;
+use crate::mesh::normals::vertex_normals;
 use crate::template::Template;
 use crate::template::usual::{Appearance, Usual};
 use crate::verdict::{Compared, Thresholds, look};
@@ -57,7 +59,9 @@ impl Views<'_> {
         };
         let shape: Vec<Point3> = template.mesh.positions.iter().map(|p| r.pose * p).collect();
         let limits = Thresholds::default().tile();
-        let looked = look(&compared, &template.mesh, &shape, &template.lighting(), &limits);
+        let normals = vertex_normals(&template.mesh.topology, &shape);
+        let lit = lit(&template.lighting(), &shape, &normals);
+        let looked = look(&compared, &template.mesh, &shape, &lit, &limits);
         looked.map(|l| l.appearance)
     }
 
