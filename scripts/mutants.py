@@ -162,9 +162,9 @@ def viable(tree, origin, mutants, env):
         mutants = [m for m in mutants if m["number"] not in bad]
 
 
-def programs(tree, env):
-    """(name, path) of every test program of the library, unit tests first."""
-    command = ["cargo", "test", "-p", "dsfms", "--no-run", "--message-format", "json"]
+def programs(tree, env, unit):
+    """(name, path) of every test program of the library, unit tests first, or of these alone."""
+    command = ["cargo", "test", "-p", "dsfms", "--no-run", "--message-format", "json"] + ["--lib"] * unit
     out = subprocess.run(command, cwd=tree, env=env, stdout=subprocess.PIPE, check=True, text=True).stdout
     found = {}
     for line in out.splitlines():
@@ -216,6 +216,7 @@ def main():
     parser.add_argument("--sample", type=int, default=12, help="mutants a folder [12]")
     parser.add_argument("--only", help="folders, parted by commas [all]")
     parser.add_argument("--seed", default="1", help="of the sample [1]")
+    parser.add_argument("--unit", action="store_true", help="by unit tests alone; what they leave goes on with --again")
     parser.add_argument("--again", action="store_true", help="judge what was not caught once more, by today's tests")
     options = parser.parse_args()
     rooms = options.only.split(",") if options.only else ROOMS
@@ -232,7 +233,7 @@ def main():
     done |= {m["name"]: UNVIABLE for m in mutants if m not in able}
     chosen = [m for room in rooms for m in [m for m in able if m["room"] == room][: options.sample]]
 
-    tests = programs(tree, env)
+    tests = programs(tree, env, options.unit)
     usual = {}
     for key, path, words in [(f"dsfms {r}::", tests[0][1], [f"{r}::"]) for r in rooms] + [(n, p, []) for n, p in tests]:
         passed, usual[key], failed = run_tests(path, words, 0, tree, env, 1800)
