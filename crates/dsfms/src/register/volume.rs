@@ -206,7 +206,7 @@ impl Volume {
             add(i, -edge);
         }
         (0..self.surface).for_each(|i| add(i, held(i)));
-        right.iter_mut().try_for_each(|right| factor.solve(right))?;
+        right.par_iter_mut().try_for_each(|right| factor.solve(right))?;
         let [x, y, z] = &right;
         Some((0..now.len()).flat_map(|i| [x[i], y[i], z[i]]).collect())
     }
