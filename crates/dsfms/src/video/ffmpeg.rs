@@ -1,5 +1,6 @@
 //! Any other video, through an installed `ffmpeg` that writes PPM pictures into a pipe.
 
+use super::passthrough::passthrough;
 use super::ppm::{Ended, pictures};
 use super::watched::Watched;
 use super::{DecodedPicture, VideoError};
@@ -32,7 +33,9 @@ pub(super) fn decode(
         .arg(input)
         // Frames as they are: an even rate would fill a gap in the time stamps with any number of
         // copies.
-        .args(["-map", "0:v:0", "-vsync", "passthrough", "-f", "image2pipe", "-c:v", "ppm", "-"])
+        .args(["-map", "0:v:0"])
+        .args(passthrough(program, silence))
+        .args(["-f", "image2pipe", "-c:v", "ppm", "-"])
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(log.reopen().map_err(read)?);
@@ -101,7 +104,8 @@ mod tests {
         let path = folder.path().join("gap.mkv");
         let made = Command::new("ffmpeg")
             .args(["-v", "error", "-f", "lavfi", "-i", "testsrc=size=64x48:duration=0.2"])
-            .args(["-vf", "setpts=N*600/TB", "-vsync", "passthrough", "-c:v", "mjpeg"])
+            .args(["-vf", "setpts=N*600/TB", "-c:v", "mjpeg"])
+            .args(passthrough("ffmpeg", SILENCE))
             .arg(&path)
             .status();
         if !made.is_ok_and(|status| status.success()) {

@@ -9,6 +9,7 @@ mod losses;
 pub mod mjpeg;
 pub mod motion;
 mod mp4;
+pub mod passthrough;
 pub mod ppm;
 mod select;
 pub mod watched;

@@ -5,6 +5,7 @@ use super::input::FrameTaker;
 use crate::exit::Usage;
 use anyhow::{Context, bail};
 use dsfms::image::Frame;
+use dsfms::video::passthrough::passthrough;
 use dsfms::video::ppm::pictures;
 use dsfms::video::watched::{Watched, WatchedPipe};
 use std::io::BufReader;
@@ -93,7 +94,8 @@ impl Capture {
             .args(["-v", "error", "-nostdin", "-flags", "low_delay"])
             .args(&self.input)
             // Frames as they come: none doubled or left out to make an even rate.
-            .args(["-map", "0:v:0", "-vsync", "passthrough"])
+            .args(["-map", "0:v:0"])
+            .args(passthrough("ffmpeg", self.silence))
             .args(["-f", "image2pipe", "-c:v", "ppm", "-"])
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
