@@ -89,3 +89,35 @@ fn depth_range(map: &Map) -> [f64; 2] {
     let extent = centres.iter().map(|c| (c - centres[0]).norm()).fold(0.0, f64::max);
     [0.1 * extent, 1e4 * extent]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::CameraModel;
+    use crate::geometry::Point3;
+    use crate::sfm::tracks::Member;
+
+    #[test]
+    fn distant_frames_are_related_by_the_points_that_they_share() {
+        let options =
+            SfmOptions { all_pairs_up_to: 2, window: 1, retrieved: 1, ..Default::default() };
+        let track = |views: [u32; 2]| MapTrack {
+            members: views.map(|view| Member { view, feature: 0 }).to_vec(),
+            used: vec![true; 2],
+            point: Some(Point3::origin()),
+        };
+        let many = [[0, 1], [1, 2], [1, 4], [2, 3]].map(|views| vec![track(views); 6]).concat();
+        let camera = CameraModel::pinhole([200, 150], [180.0; 2], [99.5, 74.5]);
+        let mut map = Map {
+            camera: camera.clone(),
+            prior: camera,
+            features: &[],
+            poses: vec![None; 5],
+            tracks: [many, vec![track([0, 4]); 4]].concat(),
+        };
+        // Frames 0 and 4 share too few points, 3 and 4 none.
+        assert_eq!(related_pairs(&map, &options), [(0, 1), (1, 2), (1, 4), (2, 3)]);
+        map.tracks.clear();
+        assert_eq!(related_pairs(&map, &options), [(0, 1), (1, 2), (2, 3), (3, 4)]);
+    }
+}

@@ -166,4 +166,43 @@ mod tests {
         // Frame 3 has no better one than frame 0.
         assert_eq!(found, [(0, 1), (0, 3), (0, 5), (1, 2), (2, 3), (3, 4), (4, 5)]);
     }
+
+    /// Features of 80 points with descriptors of their own, as four cameras beside each other see
+    /// them.
+    fn features(camera: &CameraModel) -> Vec<Features2d> {
+        let mut random = Random::new(3, 0);
+        let mut unit = || random.below(1_000_000) as f64 / 1e6 - 0.5;
+        let points: Vec<Point3> = (0..80)
+            .map(|_| Point3::new(30.0 * unit(), 30.0 * unit(), 50.0 + 20.0 * unit()))
+            .collect();
+        let mut one = || (256.0 * (unit() + 0.5)) as u8;
+        let descriptors: Vec<[u8; 128]> = (0..80).map(|_| [(); 128].map(|()| one())).collect();
+        let frame = |i: usize| {
+            let moved = |p: &Point3| p + Vector3::new(2.0 * i as f64, -0.5 * i as f64, 0.0);
+            let seen = points.iter().map(|p| camera.project(&moved(p)).unwrap().pixel);
+            Features2d {
+                points: seen.collect(),
+                scale: vec![1.0; 80],
+                angle: vec![0.0; 80],
+                descriptors: descriptors.clone(),
+            }
+        };
+        (0..4).map(frame).collect()
+    }
+
+    #[test]
+    fn distant_frames_are_matched_where_their_strongest_features_are_alike() {
+        let camera = CameraModel::pinhole([200, 150], [180.0; 2], [99.5, 74.5]);
+        let features = features(&camera);
+        let unit: Vec<UnitDescriptors> =
+            features.iter().map(|f| UnitDescriptors::new(&f.descriptors)).collect();
+        let pairs = |preview_matches| -> Vec<(usize, usize)> {
+            let options = SfmOptions { preview_matches, min_matches: 20, ..Default::default() };
+            let found = verify_pairs(&camera, &features, &unit, &options, &|_, _, _| ());
+            found.iter().map(|pair| (pair.a, pair.b)).collect()
+        };
+        assert_eq!(pairs(20), [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]);
+        // No preview has so many: neighbours, and theirs, are matched all the same.
+        assert_eq!(pairs(1000), [(0, 1), (0, 2), (1, 2), (1, 3), (2, 3)]);
+    }
 }

@@ -113,7 +113,7 @@ mod tests {
         let at = |x: usize, y: usize| layer[y * 80 + x];
         let (cell, reach, angle) = (3.0, 11, 0.7f32);
         // Amid the image, and where the window is cut off.
-        for [cx, cy] in [[40usize, 30usize], [6, 59]] {
+        for [cx, cy] in [[40usize, 30usize], [6, 59], [74, 20]] {
             let (x, y) = (cx as f32 + 0.25, cy as f32 - 0.25);
             let e = Extremum { x, y, nearest: [cx, cy, 2], sigma: 1.0, response: 0.1 };
             let found = gather(&octave, &e, angle, cell, reach);
