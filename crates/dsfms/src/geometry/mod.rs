@@ -17,6 +17,10 @@ pub(crate) use statistics::scatter;
 pub use statistics::{SIGMA_OVER_MAD, centre_and_spread, median};
 pub use triangle::{area, area_normal, barycentric, normal, point_at};
 
+/// Vertices, edges or faces that one task of a parallel loop takes at least: the work on fewer is
+/// soon done.
+pub(crate) const GRAIN: usize = 256;
+
 /// Corners of the axis-aligned box around points; infinite around none.
 pub(crate) fn bounding_box(points: &[Point3]) -> [Point3; 2] {
     let none = [f64::INFINITY, f64::NEG_INFINITY].map(|v| Point3::new(v, v, v));

@@ -4,7 +4,7 @@
 //! Albedo, the diffuse and specular terms and the renderer all go through [`Light`], so synthetic
 //! images and the energy cannot disagree about the physics.
 
-use crate::geometry::{Point3, Vector3};
+use crate::geometry::{GRAIN, Point3, Vector3};
 use rayon::prelude::*;
 
 /// Diffuse shading `s` of one surface point and its derivatives.
@@ -62,10 +62,8 @@ pub(crate) trait LightSource: Send + Sync {
 
 /// Diffuse shading of every vertex of a shape, at least 0.
 pub(crate) fn lit(light: &impl Light, shape: &[Point3], normals: &[Vector3]) -> Vec<f64> {
-    /// Vertices that one task takes at least.
-    const MIN_LEN: usize = 256;
     let lit = |(p, n): (&Point3, &Vector3)| light.shade(p, n).value.max(0.0);
-    shape.par_iter().zip(normals).with_min_len(MIN_LEN).map(lit).collect()
+    shape.par_iter().zip(normals).with_min_len(GRAIN).map(lit).collect()
 }
 
 /// Angle in rad, `[0, π]`, between a unit normal and the one that would mirror the light into

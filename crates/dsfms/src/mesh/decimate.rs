@@ -1,7 +1,7 @@
 //! A coarser mesh on some of the vertices, and how to carry a displacement back.
 
 use super::Mesh;
-use crate::geometry::{Point3, Vector3, area_normal, barycentric};
+use crate::geometry::{GRAIN, Point3, Vector3, area_normal, barycentric};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
@@ -15,9 +15,6 @@ pub struct Decimated {
     /// Coarse vertex that every original vertex was merged into.
     owner: Vec<u32>,
 }
-
-/// Vertices that one task carries at least.
-const MIN_LEN: usize = 256;
 
 /// Vertices of more neighbours are not made.
 const MAX_VALENCE: usize = 12;
@@ -220,7 +217,7 @@ impl Decimated {
     ) -> Vec<Vector3> {
         let gradient = |v: usize| self.gradient(v, displacement);
         let gradients: Vec<Matrix3<f64>> =
-            (0..displacement.len()).into_par_iter().with_min_len(MIN_LEN).map(gradient).collect();
+            (0..displacement.len()).into_par_iter().with_min_len(GRAIN).map(gradient).collect();
         let at = |v: usize| {
             let Some((face, b)) = place(v) else { return Vector3::zeros() };
             let (point, corners) = (&fine.positions[v], self.mesh.topology.faces[face as usize]);
@@ -228,7 +225,7 @@ impl Decimated {
                 |k: usize| displacement[k] + gradients[k] * (point - self.mesh.positions[k]) * 0.5;
             corners.into_iter().zip(b).map(|(k, w)| expansion(k as usize) * w).sum()
         };
-        (0..fine.positions.len()).into_par_iter().with_min_len(MIN_LEN).map(at).collect()
+        (0..fine.positions.len()).into_par_iter().with_min_len(GRAIN).map(at).collect()
     }
 
     /// Least-squares gradient over the ring, zero across the surface.

@@ -1,11 +1,8 @@
 //! Area-weighted vertex normals.
 
 use super::{Mesh, Topology};
-use crate::geometry::{Point3, Vector3, area_normal};
+use crate::geometry::{GRAIN, Point3, Vector3, area_normal};
 use rayon::prelude::*;
-
-/// Faces or vertices that one task takes at least.
-const MIN_LEN: usize = 512;
 
 /// Unit normal of every vertex, the area-weighted mean of its faces' normals (outward for a
 /// consistently oriented surface); zero where a vertex has no face.
@@ -14,12 +11,12 @@ pub fn vertex_normals(topology: &Topology, positions: &[Point3]) -> Vec<Vector3>
         area_normal(&positions[a as usize], &positions[b as usize], &positions[c as usize])
     };
     let of_faces: Vec<Vector3> =
-        topology.faces.par_iter().with_min_len(MIN_LEN).map(normal).collect();
+        topology.faces.par_iter().with_min_len(GRAIN).map(normal).collect();
     let of_vertex = |faces: &Vec<u32>| {
         let sum: Vector3 = faces.iter().map(|&f| of_faces[f as usize]).sum();
         sum.try_normalize(0.0).unwrap_or_default()
     };
-    topology.vertex_faces.par_iter().with_min_len(MIN_LEN).map(of_vertex).collect()
+    topology.vertex_faces.par_iter().with_min_len(GRAIN).map(of_vertex).collect()
 }
 
 /// [`vertex_normals`] of bare faces.

@@ -8,7 +8,7 @@ mod coverage;
 pub mod regions;
 
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Point2, Point3, area_normal, point_at};
+use crate::geometry::{GRAIN, Point2, Point3, area_normal, point_at};
 use crate::image::{Mask, nearest_pixel};
 use crate::mesh::Topology;
 use coverage::{ScreenCorners, ScreenFace, screen_faces};
@@ -16,9 +16,6 @@ use rayon::prelude::*;
 
 /// Rows rendered by one task; fixed, so that the result never depends on the number of threads.
 const BAND_ROWS: usize = 32;
-
-/// Vertices or faces that one task takes at least.
-const MIN_LEN: usize = 256;
 
 /// A point counts as seen within this of the z-buffer, relative to its depth: more than a z-buffer
 /// is off by on the slope of a face, less than the next fold of an organ lies behind.
@@ -56,7 +53,7 @@ pub fn rasterize(camera: &CameraModel, topology: &Topology, positions: &[Point3]
         return raster;
     }
     let corner = |p: &Point3| camera.project(p).map(|q| (q.pixel, 1.0 / p.z));
-    let corners: Vec<_> = positions.par_iter().with_min_len(MIN_LEN).map(corner).collect();
+    let corners: Vec<_> = positions.par_iter().with_min_len(GRAIN).map(corner).collect();
     let faces = screen_faces(topology, &corners, size);
     let in_bands = by_band(&faces, size[1]);
     let chunk = BAND_ROWS * size[0];
@@ -214,7 +211,7 @@ pub fn visible_vertices(
         area_normal(a, b, c).dot(&(a.coords + b.coords + c.coords)) < 0.0
     };
     let faces_camera: Vec<bool> =
-        topology.faces.par_iter().with_min_len(MIN_LEN).map(faces_camera).collect();
+        topology.faces.par_iter().with_min_len(GRAIN).map(faces_camera).collect();
     (0..positions.len())
         .into_par_iter()
         .map(|v| {

@@ -7,7 +7,7 @@ use super::joint_options::JointOptions;
 use super::look::FrameLook;
 use crate::energy::photometric::{Gain, Sample};
 use crate::energy::{Brightness, Lift};
-use crate::geometry::{Point3, Vector3, turn_between};
+use crate::geometry::{GRAIN, Point3, Vector3, turn_between};
 use crate::image::{ColorImage, diagonal};
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
@@ -24,9 +24,6 @@ const INSIDE: [[f64; 3]; 3] = [
 
 /// The one sample of a face on a fine mesh.
 const CENTRE: [[f64; 3]; 1] = [[1.0 / 3.0; 3]];
-
-/// Vertices that one task takes at least.
-const MIN_LEN: usize = 256;
 
 /// The photograph with the surface at `shape` (camera axes); `blur` as a fraction of the image
 /// diagonal.
@@ -126,11 +123,11 @@ fn at_vertices(
         Some((Place { face, barycentric, lift }, channels))
     };
     let inner = |v: &usize| !look.rest.topology.boundary[*v];
-    let all = (0..look.shape.len()).into_par_iter().with_min_len(MIN_LEN);
+    let all = (0..look.shape.len()).into_par_iter().with_min_len(GRAIN);
     let found: Vec<_> = all.filter(inner).filter_map(seen).collect();
     let every = found.len().div_ceil(options.max_samples.max(1)).max(1);
     let some: Vec<_> = found.into_iter().step_by(every).collect();
-    some.par_iter().with_min_len(MIN_LEN).filter_map(placed).collect()
+    some.par_iter().with_min_len(GRAIN).filter_map(placed).collect()
 }
 
 /// Number of faces with at least one pixel.

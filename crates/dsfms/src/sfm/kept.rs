@@ -48,8 +48,10 @@ pub(super) fn whole_poses(found: &SparseReconstruction, features: &[Features2d])
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Isometry, Point2};
+    use crate::camera::CameraModel;
+    use crate::geometry::{Isometry, Point2, Point3};
     use crate::sfm::DescriptorMatch;
+    use crate::sfm::reconstruction::{FoundModel, NoPose, ScenePoint, TrackedPixel};
 
     #[test]
     fn indices_of_nothing_are_found() {
@@ -79,5 +81,36 @@ mod tests {
         assert!(whole_matches(&[], &[followed(0)], &features));
         assert!(!whole_matches(&[], &[followed(1)], &features));
         assert!(!whole_matches(&[], &[followed(usize::MAX)], &features));
+
+        let seen = |frame, feature| TrackedPixel { frame, feature, pixel: Point2::origin() };
+        let poses = |last: TrackedPixel| SparseReconstruction {
+            poses: vec![Some(Isometry::identity()), None],
+            rejected: vec![(1, NoPose::Unmatched)],
+            models: vec![FoundModel { frames: vec![0], points: 1 }],
+            points: vec![ScenePoint {
+                position: Point3::origin(),
+                rgb: [0; 3],
+                track: vec![seen(0, 0), last],
+                error_px: 0.0,
+            }],
+            camera: CameraModel::pinhole([64, 48], [60.0; 2], [31.5, 23.5]),
+            reprojection_px: vec![0.0; 2],
+            features: Vec::new(),
+        };
+        assert!(whole_poses(&poses(seen(0, 0)), &features));
+        // A feature too many, a frame without a pose, one that is not there.
+        for bad in [seen(0, 1), seen(1, 0), seen(2, 0)] {
+            assert!(!whole_poses(&poses(bad), &features));
+        }
+        for bad in [
+            SparseReconstruction { rejected: vec![(2, NoPose::Unmatched)], ..poses(seen(0, 0)) },
+            SparseReconstruction {
+                models: vec![FoundModel { frames: vec![2], points: 1 }],
+                ..poses(seen(0, 0))
+            },
+            SparseReconstruction { reprojection_px: vec![0.0], ..poses(seen(0, 0)) },
+        ] {
+            assert!(!whole_poses(&bad, &features));
+        }
     }
 }

@@ -3,7 +3,7 @@
 use super::Says;
 use super::reason::Part;
 use crate::camera::{Camera, CameraModel};
-use crate::geometry::{Point2, Point3, Vector3, area_normal};
+use crate::geometry::{GRAIN, Point2, Point3, Vector3, area_normal};
 use crate::mesh::Mesh;
 use crate::mesh::components::vertex_parts;
 use crate::mesh::normals::lumped_areas;
@@ -44,11 +44,8 @@ pub fn regions(
         Says::Nothing if near_match.is_none_or(|near| near[v]) => Region::Observed,
         Says::Nothing => Region::Unobserved,
     };
-    ((0..shape.len()).into_par_iter().with_min_len(MIN_LEN).map(of).collect(), faces)
+    ((0..shape.len()).into_par_iter().with_min_len(GRAIN).map(of).collect(), faces)
 }
-
-/// Faces or vertices that one task takes at least.
-const MIN_LEN: usize = 512;
 
 /// Faces that meet at less than this cosine are folded where they were flat.
 const FOLDED: f64 = -0.3;
@@ -63,7 +60,7 @@ pub fn folded(rest: &Mesh, shape: &[Point3]) -> (Vec<bool>, usize) {
         area_normal(a, b, c)
     };
     let cosine = |[a, b]: [Vector3; 2]| a.dot(&b) / (a.norm() * b.norm()).max(f64::MIN_POSITIVE);
-    let faces = topology.faces.par_iter().with_min_len(MIN_LEN);
+    let faces = topology.faces.par_iter().with_min_len(GRAIN);
     let normals: Vec<Vector3> = faces.map(|face| normal(shape, face)).collect();
     let at_rest = |f: u32| normal(&rest.positions, &topology.faces[f as usize]);
     let mut folded = vec![false; topology.faces.len()];

@@ -1,6 +1,6 @@
 //! How far a shape is from rest, and from the shape before.
 
-use crate::geometry::{Point3, align_rigid_few};
+use crate::geometry::{GRAIN, Point3, align_rigid_few};
 use crate::mesh::Mesh;
 use rayon::prelude::*;
 
@@ -9,7 +9,7 @@ pub fn strain(rest: &Mesh, shape: &[Point3]) -> f64 {
     let length = |x: &[Point3], e: &[u32; 2]| (x[e[0] as usize] - x[e[1] as usize]).norm();
     let change = |e: &[u32; 2]| (length(shape, e) / length(&rest.positions, e) - 1.0).abs();
     let mut changes: Vec<f64> =
-        rest.topology.edges.par_iter().with_min_len(1024).map(change).collect();
+        rest.topology.edges.par_iter().with_min_len(GRAIN).map(change).collect();
     let place = changes.len() * 19 / 20;
     if changes.is_empty() { 0.0 } else { *changes.select_nth_unstable_by(place, f64::total_cmp).1 }
 }
