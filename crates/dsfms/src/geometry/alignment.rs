@@ -38,11 +38,12 @@ pub fn align_rigid_robust(source: &[Point3], target: &[Point3]) -> Option<Isomet
     Some(motion)
 }
 
-/// [`align_rigid_robust`] of pairs evenly picked from very many: a few thousand tell a motion as
-/// well as all.
+/// [`align_rigid_robust`] of every so many-th pair, so that there are at most 2,000: a bound on
+/// time for a video. `source` and `target` in the same length unit and order.
 ///
 /// `None` as for [`align_rigid`].
 pub fn align_rigid_few(source: &[Point3], target: &[Point3]) -> Option<Isometry> {
+    /// Other values are not measured; those of all of 10,000 are in `docs/performance.md`.
     const ENOUGH: usize = 2000;
     let every = source.len().div_ceil(ENOUGH).max(1);
     let few =

@@ -60,7 +60,8 @@ pub(crate) trait LightSource: Send + Sync {
     fn describe(&self, unit: &str) -> String;
 }
 
-/// Diffuse shading of every vertex of a shape, at least 0.
+/// Diffuse shading ([`Shade::value`]) of every vertex of a shape (camera axes; unit normals of its
+/// vertices), at least 0.
 pub(crate) fn lit(light: &impl Light, shape: &[Point3], normals: &[Vector3]) -> Vec<f64> {
     let lit = |(p, n): (&Point3, &Vector3)| light.shade(p, n).value.max(0.0);
     shape.par_iter().zip(normals).with_min_len(GRAIN).map(lit).collect()

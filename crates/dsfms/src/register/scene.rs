@@ -66,7 +66,8 @@ impl<'a> Scene<'a> {
             Some(pose) => self.rest.positions.iter().map(|p| pose * p).collect(),
             None => self.posed.clone(),
         };
-        Self::new(self.camera, self.rest, posed)
+        let visible = visibility(self.camera, self.rest, &posed);
+        Self::seen(self.camera, self.rest, posed, visible, self.laplacian.clone())
     }
 
     /// The same frame for a coarser mesh on the vertices `kept`; `laplacian` is that of the mesh.

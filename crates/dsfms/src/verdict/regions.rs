@@ -6,7 +6,7 @@ use crate::camera::{Camera, CameraModel};
 use crate::geometry::{GRAIN, Point2, Point3, Vector3, area_normal};
 use crate::mesh::Mesh;
 use crate::mesh::components::vertex_parts;
-use crate::mesh::normals::lumped_areas;
+use crate::mesh::normals::{face_normals, lumped_areas};
 use rayon::prelude::*;
 
 /// What is known of a vertex in one frame; the numbers are those of the files.
@@ -55,14 +55,12 @@ const FLAT: f64 = 0.5;
 /// were about in one plane and now lie back to back.
 pub fn folded(rest: &Mesh, shape: &[Point3]) -> (Vec<bool>, usize) {
     let topology = &rest.topology;
-    let normal = |x: &[Point3], face: &[u32; 3]| {
-        let [a, b, c] = face.map(|v| &x[v as usize]);
+    let cosine = |[a, b]: [Vector3; 2]| a.dot(&b) / (a.norm() * b.norm()).max(f64::MIN_POSITIVE);
+    let normals = face_normals(&topology.faces, shape);
+    let at_rest = |f: u32| {
+        let [a, b, c] = rest.corners(f as usize);
         area_normal(a, b, c)
     };
-    let cosine = |[a, b]: [Vector3; 2]| a.dot(&b) / (a.norm() * b.norm()).max(f64::MIN_POSITIVE);
-    let faces = topology.faces.par_iter().with_min_len(GRAIN);
-    let normals: Vec<Vector3> = faces.map(|face| normal(shape, face)).collect();
-    let at_rest = |f: u32| normal(&rest.positions, &topology.faces[f as usize]);
     let mut folded = vec![false; topology.faces.len()];
     for pair in topology.edge_faces.iter().filter(|pair| pair[1] != u32::MAX) {
         let over = cosine(pair.map(|f| normals[f as usize])) < FOLDED;

@@ -9,8 +9,8 @@ use std::time::Duration;
 /// Bytes of what `-version` says that are read.
 const SAID: u64 = 256;
 
-/// The option, and what it is set to, of the ffmpeg that is started as `program`; the newer one
-/// where it does not say its version within `silence`.
+/// The option and its value, for the ffmpeg that is started as `program`, which is asked for its
+/// version; the newer one where it does not say it within `silence`.
 pub fn passthrough(program: &str, silence: Duration) -> [&'static str; 2] {
     let said = said(program, silence).unwrap_or_default();
     [if is_old(&said) { "-vsync" } else { "-fps_mode" }, "passthrough"]
