@@ -2,6 +2,7 @@
 //!
 //! Every output pixel is summed in a fixed order, so results do not depend on the thread count.
 
+use super::reduced::ReducedGrid;
 use super::{Mask, Plane};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -35,30 +36,52 @@ pub(crate) fn blur_masked(plane: &Plane, mask: &Mask, sigma: f64) -> (Plane, Pla
     (blurred.remove(0), weight)
 }
 
-/// [`blur_masked`] of several planes with one mask.
+/// [`blur_masked`] of several planes with one mask. A wide blur is of blocks of pixels.
 ///
 /// # Panics
 /// If a plane differs from the mask in size.
 pub(crate) fn blur_masked_all(planes: &[Plane], mask: &Mask, sigma: f64) -> (Vec<Plane>, Plane) {
-    let kernel = half_kernel(sigma);
-    let window = reached(mask, kernel.as_ref().map_or(0, Vec::len));
-    let soften = |p: Plane| match &kernel {
-        Some(kernel) => blur_window(&p, kernel, &window),
-        None => p,
-    };
-    let inside = mask.data.iter().map(|&m| if m { 1.0 } else { 0.0 }).collect::<Vec<f32>>();
-    let weight = soften(Plane { size: mask.size, data: inside });
+    let blur = MaskedBlur::new(mask, sigma);
+    let weight = blur.of(|_| 1.0);
     let blurred = planes.par_iter().map(|plane| {
         assert_eq!(plane.size, mask.size, "plane and mask differ in size");
-        let inside = plane.data.iter().zip(&mask.data);
-        let data = inside.map(|(&v, &m)| if m { v } else { 0.0 }).collect();
-        let mut value = soften(Plane { size: mask.size, data });
+        let mut value = blur.of(|i| plane.data[i]);
         for (v, w) in value.data.iter_mut().zip(&weight.data) {
             *v = if *w > 1e-6 { *v / w } else { 0.0 };
         }
         value
     });
     (blurred.collect(), weight)
+}
+
+/// A blur of what is 0 outside a mask.
+struct MaskedBlur<'a> {
+    mask: &'a Mask,
+    sigma: f64,
+    blocks: Option<ReducedGrid>,
+    /// Columns and rows that pixels of the mask reach.
+    window: [Range<usize>; 2],
+}
+
+impl<'a> MaskedBlur<'a> {
+    fn new(mask: &'a Mask, sigma: f64) -> Self {
+        let reach = half_kernel(sigma).map_or(0, |kernel| kernel.len());
+        let blocks = ReducedGrid::of(mask.size, sigma);
+        Self { mask, sigma, blocks, window: reached(mask, reach) }
+    }
+
+    fn of(&self, value: impl Fn(usize) -> f32 + Sync) -> Plane {
+        let inside = |i: usize| if self.mask.data[i] { value(i) } else { 0.0 };
+        if let Some(blocks) = &self.blocks {
+            return blocks.expanded(&blur(&blocks.mean(inside), blocks.sigma(self.sigma)));
+        }
+        let data = (0..self.mask.data.len()).map(inside).collect();
+        let plane = Plane { size: self.mask.size, data };
+        match half_kernel(self.sigma) {
+            Some(kernel) => blur_window(&plane, &kernel, &self.window),
+            None => plane,
+        }
+    }
 }
 
 /// Half the size: each pixel the mean of 2x2; an odd last row or column is dropped. Pixel `x` of

@@ -18,6 +18,7 @@ pub mod outline;
 pub mod picture;
 pub mod plane;
 mod polygon;
+mod reduced;
 pub(crate) mod segment;
 pub mod tone;
 pub mod viewport;

@@ -21,7 +21,7 @@
 
 use crate::geometry::{Neighbours, Point3, Vector3, align_rigid, bounding_box, scatter};
 use crate::mesh::Mesh;
-use crate::solver::{Anderson, ScalarCholesky};
+use crate::solver::{Anderson, ScalarCholesky, ScalarPattern};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
@@ -79,6 +79,8 @@ pub struct Volume {
     surface: usize,
     /// Of the points inside, length units.
     spacing: f64,
+    /// The same whatever is seen.
+    pattern: ScalarPattern,
 }
 
 impl Volume {
@@ -121,7 +123,8 @@ impl Volume {
         edges.iter_mut().for_each(|e| e.sort_unstable());
         edges.sort_unstable();
         edges.dedup();
-        Some(Self { points, edges, surface: mesh.positions.len(), spacing })
+        let pattern = ScalarPattern::of(points.len(), &stiffness(points.len(), &edges, |_| 1.0))?;
+        Some(Self { points, edges, surface: mesh.positions.len(), spacing, pattern })
     }
 
     /// `shape` with what is not `seen` carried along by what is. `posed`: the rest surface where
@@ -147,7 +150,8 @@ impl Volume {
             Some(false) => hold,
             None => 0.0,
         };
-        let factor = self.factor(&weight)?;
+        let stiffness = stiffness(rest.len(), &self.edges, weight);
+        let factor = self.pattern.factor(rest.len(), &stiffness)?;
         let of_seen = |points: &[Point3]| -> Vec<Point3> {
             (0..self.surface).filter(|&i| seen[i]).map(|i| points[i]).collect()
         };
@@ -174,16 +178,6 @@ impl Volume {
         }
         let kept = |i: usize| if seen[i] { shape[i] } else { now[i] };
         Some((0..self.surface).map(kept).collect())
-    }
-
-    fn factor(&self, weight: &impl Fn(usize) -> f64) -> Option<ScalarCholesky> {
-        // A millionth of an edge holds points that nothing else does.
-        let diagonal = (0..self.points.len()).map(|i| (i, i, weight(i) + 1e-6));
-        let edges = self.edges.iter().flat_map(|&[i, j]| {
-            let (i, j) = (i as usize, j as usize);
-            [(i, i, 1.0), (j, j, 1.0), (j, i, -1.0)]
-        });
-        ScalarCholesky::new(self.points.len(), &diagonal.chain(edges).collect::<Vec<_>>())
     }
 
     /// One round: the maps of every point, then the coordinates of the points for these maps, one
@@ -241,6 +235,21 @@ impl Volume {
         }
         sums
     }
+}
+
+/// Lower triangle of the Laplacian of a graph of `n` points, each held by a weight.
+fn stiffness(
+    n: usize,
+    edges: &[[u32; 2]],
+    weight: impl Fn(usize) -> f64,
+) -> Vec<(usize, usize, f64)> {
+    // A millionth of an edge holds points that nothing else does.
+    let diagonal = (0..n).map(|i| (i, i, weight(i) + 1e-6));
+    let edges = edges.iter().flat_map(|&[i, j]| {
+        let (i, j) = (i as usize, j as usize);
+        [(i, i, 1.0), (j, j, 1.0), (j, i, -1.0)]
+    });
+    diagonal.chain(edges).collect()
 }
 
 /// Coordinates one after the other.

@@ -28,5 +28,5 @@ pub(crate) use few::minimize_few;
 pub use levenberg_marquardt::{Options, Problem, Step, minimize};
 pub use normal_equations::NormalEquations;
 pub use pattern::Pattern;
-pub use scalar::ScalarCholesky;
+pub use scalar::{ScalarCholesky, ScalarPattern};
 pub use summary::{Stop, Summary, TermCost};
