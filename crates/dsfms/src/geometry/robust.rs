@@ -32,6 +32,8 @@ impl Loss {
             }
             Self::Huber(k) if s <= k * k => (s, 1.0),
             Self::Huber(k) => (2.0 * k * s.sqrt() - k * k, k / s.sqrt()),
+            // A point that the camera does not see: infinitely far off.
+            Self::GemanMcClure(k) if s == f64::INFINITY => (k * k, 0.0),
             Self::GemanMcClure(k) => {
                 let d = 1.0 + s / (k * k);
                 (s / d, 1.0 / (d * d))
@@ -123,6 +125,12 @@ mod tests {
                 assert!((numeric - loss.slope(s)).abs() < 1e-6, "slope of {loss:?} at {s}");
             }
         }
+    }
+
+    #[test]
+    fn a_bounded_loss_of_what_is_infinitely_far_off() {
+        assert_eq!(Loss::GemanMcClure(2.0).evaluate(f64::INFINITY), (4.0, 0.0));
+        assert!((Loss::GemanMcClure(2.0).evaluate(1e30).0 - 4.0).abs() < 1e-12);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use super::magsac::Magsac;
 use super::random::{Random, draws_needed};
 use crate::camera::Camera;
 use crate::geometry::{Isometry, Point2, Point3, Vector3, align_rigid};
-use crate::solver::Loss;
+use crate::solver::{Loss, Options, minimize_few};
 use nalgebra::{Matrix2x6, Matrix4, Matrix6, Schur, UnitQuaternion, Vector6};
 
 /// A pose and the matches that agree with it.
@@ -146,28 +146,16 @@ fn refine_pose_under(
     robust: Robust,
 ) -> Isometry {
     let cost = |pose: &Isometry, bound: f64| score(camera, pose, points, pixels, robust, bound);
-    let (mut pose, mut best, mut damping) = (*start, cost(start, f64::INFINITY), 1e-4);
-    for _ in 0..20 {
-        let (hessian, gradient) = pose_normal_equations(camera, &pose, points, pixels, robust);
-        let damped =
-            hessian + Matrix6::from_diagonal(&(hessian.diagonal() * damping).add_scalar(1e-12));
-        let Some(factor) = damped.cholesky() else { break };
-        let trial = retract(&pose, &-factor.solve(&gradient));
-        let trial_cost = cost(&trial, best);
-        if trial_cost < best {
-            let done = trial_cost > best * (1.0 - 1e-8);
-            (pose, best, damping) = (trial, trial_cost, (damping * 0.2_f64).max(1e-12));
-            if done {
-                break;
-            }
-        } else {
-            damping *= 10.0;
-            if damping > 1e6 {
-                break;
-            }
-        }
-    }
-    pose
+    let normal = |pose: &Isometry| pose_normal_equations(camera, pose, points, pixels, robust);
+    // A pose of a sample of three is farther off than a linearisation reaches.
+    let options = Options {
+        max_steps: 20,
+        cost_tolerance: 1e-8,
+        initial_damping: 1e-4,
+        fastest: 1.0,
+        ..Options::default()
+    };
+    minimize_few(start, &options, cost, normal, retract)
 }
 
 fn pose_normal_equations(
@@ -311,6 +299,18 @@ mod tests {
         assert!(found.inliers.len() >= 30 && found.inliers.len() <= 33);
         assert!((found.pose.inverse() * pose).rotation.angle() < 1e-4);
         assert!(resect(&camera, &points[..3], &pixels[..3], 2.0, &mut Random::new(0, 0)).is_none());
+    }
+
+    #[test]
+    fn a_point_behind_the_camera_hinders_no_bounded_loss() {
+        let (camera, pose, mut points, mut pixels) = scene();
+        points.push(pose.inverse() * Point3::new(0.0, 0.0, -5.0));
+        pixels.push(Point2::new(100.0, 100.0));
+        let start = retract(&pose, &Vector6::new(0.02, -0.01, 0.01, 0.3, -0.2, 0.5));
+        let found = refine_pose(&camera, &start, &points, &pixels, Loss::GemanMcClure(20.0));
+        assert!((found.inverse() * pose).rotation.angle() < 1e-6);
+        // Under least squares it is infinitely far off, wherever the pose is.
+        assert_eq!(refine_pose(&camera, &start, &points, &pixels, Loss::Squared), start);
     }
 
     #[test]
