@@ -47,7 +47,17 @@ pub fn gather(
     shape: &[Point3],
     options: &RefineOptions,
 ) -> ShadingEvidence {
-    gather_by(photo, rest, shape, options, look_options(photo, options))
+    gather_from(look_at(photo, rest, shape, options), photo, options)
+}
+
+/// The look that [`gather`] gathers from.
+pub(super) fn look_at<'a>(
+    photo: &'a Photograph,
+    rest: &'a Mesh,
+    shape: &'a [Point3],
+    options: &RefineOptions,
+) -> FrameLook<'a> {
+    FrameLook::new(photo, rest, shape, look_options(photo, options))
 }
 
 /// As [`gather`], with shading as it is at the vertices, not blurred as the image is: the weights
@@ -59,7 +69,7 @@ pub fn gather_pointwise(
     options: &RefineOptions,
 ) -> ShadingEvidence {
     let seen = LookOptions { blur_shade: false, ..look_options(photo, options) };
-    gather_by(photo, rest, shape, options, seen)
+    gather_from(FrameLook::new(photo, rest, shape, seen), photo, options)
 }
 
 fn look_options(photo: &Photograph, options: &RefineOptions) -> LookOptions {
@@ -67,16 +77,10 @@ fn look_options(photo: &Photograph, options: &RefineOptions) -> LookOptions {
     options.image.look(options.blur * diagonal, diagonal)
 }
 
-fn gather_by(
-    photo: &Photograph,
-    rest: &Mesh,
-    shape: &[Point3],
-    options: &RefineOptions,
-    seen: LookOptions,
-) -> ShadingEvidence {
-    let look = FrameLook::new(photo, rest, shape, seen);
-    let (camera, topology) = (photo.camera, &rest.topology);
-    let visible = visible_vertices(camera, topology, shape, &look.raster, look.tolerance);
+fn gather_from(look: FrameLook, photo: &Photograph, options: &RefineOptions) -> ShadingEvidence {
+    let (rest, shape) = (look.rest, look.shape);
+    let visible =
+        visible_vertices(photo.camera, &rest.topology, shape, &look.raster, look.tolerance);
     let specular = look.highlights(&visible);
     let (mut vertices, mut channels) = (Vec::new(), Vec::new());
     for v in (0..shape.len()).filter(|&v| visible[v] && !rest.topology.boundary[v]) {
@@ -109,13 +113,25 @@ pub(super) fn gather_on(
     photo: &Photograph,
     options: &RefineOptions,
 ) -> ShadingEvidence {
-    let (full, rest) = (body.carried(shape), body.scene().rest);
-    let mut found = gather(photo, body.full().rest, &full, options);
+    let full = body.carried(shape);
+    gather_on_from(look_at(photo, body.full().rest, &full, options), body, shape, photo, options)
+}
+
+/// [`gather_on`] from a look at the full mesh.
+pub(super) fn gather_on_from(
+    look: FrameLook,
+    body: &Body,
+    shape: &[Point3],
+    photo: &Photograph,
+    options: &RefineOptions,
+) -> ShadingEvidence {
+    let (full, rest) = (look.shape, body.scene().rest);
+    let mut found = gather_from(look, photo, options);
     if !body.is_carried() {
         return found;
     }
     let normals = vertex_normals(&rest.topology, shape);
-    let turned = vertex_normals(&body.full().rest.topology, &full);
+    let turned = vertex_normals(&body.full().rest.topology, full);
     let lifted = |seen: DiffuseVertex| {
         let vertex = body.number(seen.vertex)?;
         let (under, over) = (&normals[vertex as usize], &turned[seen.vertex as usize]);

@@ -1,8 +1,8 @@
 //! The solve of eq. 4: rounds, each with visibility and albedo as the last shape shows them.
 
 use super::RefineOptions;
-use super::evidence::{ShadingEvidence, gather_on};
-use super::gain::GainPrior;
+use super::evidence::{ShadingEvidence, gather_on, gather_on_from, look_at};
+use super::gain::{AtMatches, GainPrior, scaled};
 use super::objective::objective;
 use super::photograph::Photograph;
 use crate::energy::{Unknowns, Workspace};
@@ -52,7 +52,8 @@ impl Refined {
 }
 
 /// Solve eq. 4 from the coarse shape V′, holding the depth of the matches it was built on; shape
-/// and matches are on the mesh of `body` that is solved on.
+/// and matches are on the mesh of `body` that is solved on. An exposure that is held and scales the
+/// surface is taken for unknown.
 #[doc(alias("eq. 4", "photometric refinement"))]
 pub fn refine(
     body: &Body,
@@ -61,9 +62,30 @@ pub fn refine(
     photo: &Photograph,
     options: &RefineOptions,
 ) -> Refined {
-    let scene = body.scene();
-    let mut evidence = gather_on(body, coarse, photo, options);
-    let prior = GainPrior::of(photo.exposure, evidence.log_gain, None, &options.image);
+    let (told, held) = refine_told(body, coarse, matches, photo, options);
+    if !scaled(body.scene(), &told.vertices, held) {
+        return told;
+    }
+    let unknown = &Photograph { exposure: None, ..*photo };
+    refine_told(body, coarse, matches, unknown, options).0
+}
+
+/// Solve with the exposure as the photograph tells it; with what the matches tell of it, where
+/// brightness told distance.
+fn refine_told(
+    body: &Body,
+    coarse: &[Point3],
+    matches: &[Match],
+    photo: &Photograph,
+    options: &RefineOptions,
+) -> (Refined, Option<AtMatches>) {
+    let (scene, full) = (body.scene(), body.carried(coarse));
+    let look = look_at(photo, body.full().rest, &full, options);
+    let at_matches = AtMatches::of(&look, scene, matches, [coarse, &scene.posed]);
+    let mut evidence = gather_on_from(look, body, coarse, photo, options);
+    let prior = GainPrior::of(photo.exposure, evidence.log_gain, at_matches, &options.image);
+    let tells_distance = prior.tells_distance(&photo.light.light, &options.image);
+    let held = at_matches.filter(|_| tells_distance);
     let globals = vec![evidence.log_gain, 0.0];
     let mut state = Unknowns { vertices: coarse.to_vec(), globals };
     let (mut round, mut workspace) = (0, Workspace::default());
@@ -72,7 +94,7 @@ pub fn refine(
         let (next, summary) = objective.minimise_in(&mut workspace, state, &solver());
         round += 1;
         if round == options.rounds.max(1) {
-            return Refined::of(next, &evidence, summary);
+            return (Refined::of(next, &evidence, summary), held);
         }
         state = next;
         evidence = gather_on(body, &state.vertices, photo, options);
