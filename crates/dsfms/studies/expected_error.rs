@@ -3,15 +3,18 @@
 //!
 //!     cargo run --release --example expected_error -- cases 30 OUT/cases.csv
 //!     cargo run --release --example expected_error -- scenes SCENES OUT/scenes.csv
-//!     cargo run --release --example expected_error -- fit OUT OUT/cases.csv OUT/scenes.csv
+//!     cargo run --release --example expected_error -- clips OUT/clips.csv CLIP...
+//!     cargo run --release --example expected_error -- fit OUT OUT/*.csv
 //!     dsfms figure OUT/held.csv --x predicted --y actual --by model --log x,y -o reliability.svg
 //!
-//! The first two solve and write a row a vertex (model, set, case, seen, observed, error / R,
-//! features); SCENES are finished scenes of `studies/scenes`. The third takes the sets `fit` and
-//! `choose`, prints the weights for `expected_error/model.rs` and, as Markdown, rank correlation,
-//! coverage and reliability on the sets `test` and `held`; OUT gets a table of each (mean errors of
-//! every tenth by prediction).
+//! The first three solve and write a row a vertex (model, set, case, seen, observed, error / R,
+//! features); SCENES are finished scenes of `studies/scenes`, a CLIP is a folder of `dsfms synth
+//! --video` named by its seed. The fourth takes the sets of [`FIT`], prints the weights for
+//! `expected_error/model.rs` and, as Markdown, rank correlation, coverage and reliability on the
+//! others; OUT gets a table of each (mean errors of every tenth by prediction).
 
+#[path = "expected_error/clips.rs"]
+mod clips;
 #[path = "expected_error/fit.rs"]
 mod fit;
 #[path = "expected_error/scenes.rs"]
@@ -40,8 +43,21 @@ const SEEDS: [u64; 2] = [0xF17, 0x7E57];
 /// Head of such a table, and where a prediction is right.
 const EQUAL: &str = "model,predicted,actual\nequal,0.002,0.002\nequal,0.2,0.2\n";
 
-/// Sets that are fitted on.
-const FIT: [&str; 2] = ["fit", "choose"];
+/// Sets that are fitted on; the others are reported on.
+const FIT: [&str; 4] = ["fit", "choose", "drawn", "clips"];
+
+/// Sets of scenes, and which indices each takes.
+type OfIndex = fn(usize) -> bool;
+const SCENES: [(&str, OfIndex); 4] = [
+    ("choose", |i| i < 300 && i % 2 == 0),
+    ("held", |i| i < 300 && i % 2 == 1),
+    ("drawn", |i| (300..FRESH).contains(&i)),
+    ("fresh", |i| i >= FRESH),
+];
+
+/// Scenes drawn from this seed on, and clips from [`VERDICT`] on, take no part in the fit.
+const FRESH: usize = 355;
+const VERDICT: usize = 200;
 
 const METHODS: [Method; 3] = [Method::Dsfm, Method::Dsfms, Method::Joint];
 
@@ -73,13 +89,30 @@ fn main() -> Result<(), Box<dyn Error>> {
             let [fit, test] = SEEDS.map(|seed| cases::rows(&organs, seed, count));
             write_rows(Path::new(out), &[("fit", fit), ("test", test)])
         }
-        ["scenes", folder, out] => {
-            let of = |half| scenes::rows(Path::new(folder), half);
-            write_rows(Path::new(out), &[("choose", of("choose")?), ("held", of("held")?)])
+        ["scenes", folder, out, only @ ..] => {
+            let asked = |set: &str| only.is_empty() || only.contains(&set);
+            let sets = SCENES.iter().filter(|(set, _)| asked(set));
+            let of = |(set, of): &(&'static str, OfIndex)| {
+                Ok((*set, scenes::rows(Path::new(folder), of)?))
+            };
+            write_rows(Path::new(out), &sets.map(of).collect::<scenes::Result<Vec<_>>>()?)
+        }
+        ["clips", out, clips @ ..] => {
+            let (fit, kept): (Vec<&str>, Vec<&str>) =
+                clips.iter().partition(|clip| number(Path::new(clip)).is_some_and(|n| n < VERDICT));
+            let sets = [("clips", fit), ("verdict", kept)];
+            let sets = sets.map(|(set, clips)| Ok((set, clips::rows(&clips)?)));
+            write_rows(Path::new(out), &sets.into_iter().collect::<scenes::Result<Vec<_>>>()?)
         }
         ["fit", out, files @ ..] if !files.is_empty() => fit_and_test(Path::new(out), files),
-        _ => Err("usage: cases N FILE | scenes FOLDER FILE | fit OUT FILE...".into()),
+        _ => Err("usage: cases N FILE | scenes FOLDER FILE [SET...] | clips FILE CLIP... | fit OUT FILE..."
+            .into()),
     }
+}
+
+/// Number in the name of a scene (`NN-...`) or a clip.
+fn number(folder: &Path) -> Option<usize> {
+    folder.file_name()?.to_str()?.split('-').next()?.parse().ok()
 }
 
 /// Fit on some sets and report on the others.

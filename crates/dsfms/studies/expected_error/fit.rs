@@ -48,7 +48,7 @@ pub fn regress(rows: &[Row]) -> ([f64; COUNT], [f64; 2]) {
                     (0..COUNT).for_each(|b| normal[a][b] += weight * r.features[a] * r.features[b]);
                 }
             }
-            *level += 0.5 * (left - *level / CASE.powi(2));
+            *level += 0.7 * (left - *level / CASE.powi(2)) / (1.0 + CASE.powi(-2));
         }
         descend(&normal, &right, &mut w);
     }

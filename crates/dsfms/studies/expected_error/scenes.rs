@@ -1,7 +1,7 @@
 //! Rows of the generated scenes (`studies/scenes`): a template on the true mesh, every deformed
 //! frame on two roads, with 25 matches and instrument masks, and with nothing given.
 
-use super::{METHODS, ModelRows, append, judged};
+use super::{METHODS, ModelRows, append, judged, number};
 use dsfms::Observation;
 use dsfms::image::Frame;
 use dsfms::io::images::{find_frames, read_frame};
@@ -16,16 +16,15 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 
 /// Vertices of a frame that count; more of one frame tell the same.
-const ROWS: usize = 400;
+pub const ROWS: usize = 400;
 
-type Result<T> = std::result::Result<T, Box<dyn Error>>;
+pub type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// The rows of the finished scenes of a folder that are of a half (`choose` or `held`).
-pub fn rows(folder: &Path, half: &str) -> Result<ModelRows> {
+/// The rows of the finished scenes of a folder whose number is one of these.
+pub fn rows(folder: &Path, numbers: &dyn Fn(usize) -> bool) -> Result<ModelRows> {
     let entries: std::io::Result<Vec<_>> = std::fs::read_dir(folder)?.collect();
     let mut scenes: Vec<PathBuf> = entries?.iter().map(std::fs::DirEntry::path).collect();
-    let of_half = |p: &PathBuf| p.file_name().is_some_and(|n| n.to_string_lossy().contains(half));
-    scenes.retain(|p| p.join("DONE").exists() && of_half(p));
+    scenes.retain(|p| p.join("DONE").exists() && number(p).is_some_and(numbers));
     scenes.sort();
     let (mut all, mut case) = (ModelRows::default(), 0);
     for scene in &scenes {
@@ -40,7 +39,8 @@ pub fn rows(folder: &Path, half: &str) -> Result<ModelRows> {
     Ok(all)
 }
 
-fn frames(scene: &Path, pattern: &str) -> Result<Vec<Frame>> {
+/// The pictures of a pattern in a folder.
+pub fn frames(scene: &Path, pattern: &str) -> Result<Vec<Frame>> {
     let files = find_frames(&[scene.join(pattern)])?;
     Ok(files.iter().map(|file| read_frame(file)).collect::<std::result::Result<_, _>>()?)
 }
