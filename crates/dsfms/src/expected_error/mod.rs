@@ -2,8 +2,8 @@
 //!
 //! `error = R exp(w · f)`: `R` is the radius of a disc of the visible area, `f` are dimensionless
 //! features of a vertex ([`mod@features`]) that each grow with what makes a vertex uncertain, `w` ≥
-//! 0 is fitted once on synthetic cases, clips and path-traced scenes ([`model`]). So the expected error
-//! scales with the unit, is finite everywhere, and never falls with the distance to evidence.
+//! 0 is fitted once on synthetic cases, clips and path-traced scenes ([`model`]). So the expected
+//! error scales with the unit, is finite everywhere, and never falls with the distance to evidence.
 
 pub mod features;
 pub mod model;
