@@ -238,25 +238,38 @@ fn four_hundred_damaged_bytes_lose_one_frame_of_fifteen() {
     assert_eq!(lost.len(), 1, "{lost:?}");
 }
 
-#[test]
-fn descriptions_that_promise_too_much_are_refused() {
-    // 4294967295 samples of one size, in one chunk.
-    let huge = |kind: &[u8; 4], words: &[u32]| {
+/// A file with nothing but the sample table of a video.
+fn sample_table(tables: [(&[u8; 4], Vec<u32>); 3]) -> Vec<u8> {
+    let table = |(kind, words): (&[u8; 4], Vec<u32>)| {
         let words: Vec<u8> = words.iter().flat_map(|w| w.to_be_bytes()).collect();
         boxed(kind, &[&[0; 4], &words])
     };
-    let stbl = boxed(
-        b"stbl",
-        &[
-            &boxed(b"stsd", &[&[0; 4], &1u32.to_be_bytes(), &boxed(b"avc1", &[&[0; 78]])]),
-            &huge(b"stsz", &[1, u32::MAX]),
-            &huge(b"stsc", &[1, 1, u32::MAX, 1]),
-            &huge(b"stco", &[1, 0]),
-        ],
-    );
+    let [sizes, runs, chunks] = tables.map(table);
+    let coding = boxed(b"stsd", &[&[0; 4], &1u32.to_be_bytes(), &boxed(b"avc1", &[&[0; 78]])]);
+    let stbl = boxed(b"stbl", &[&coding, &sizes, &runs, &chunks]);
     let hdlr = boxed(b"hdlr", &[&[0; 8], b"vide", &[0; 13]]);
     let mdia = boxed(b"mdia", &[&hdlr, &boxed(b"minf", &[&stbl])]);
-    let file = boxed(b"moov", &[&boxed(b"trak", &[&mdia])]);
+    boxed(b"moov", &[&boxed(b"trak", &[&mdia])])
+}
+
+#[test]
+fn samples_that_lie_over_each_other_are_refused() {
+    // Fifty pictures of a hundred bytes, all at the same place.
+    let chunks = [50].into_iter().chain([8; 50]).collect();
+    let file =
+        sample_table([(b"stsz", vec![100, 50]), (b"stsc", vec![1, 1, 1, 1]), (b"stco", chunks)]);
+    let error = count_frames(&file).unwrap_err();
+    assert!(error.contains("50 frames take 5000 of its"), "{error}");
+}
+
+#[test]
+fn descriptions_that_promise_too_much_are_refused() {
+    // 4294967295 samples of one size, in one chunk.
+    let file = sample_table([
+        (b"stsz", vec![1, u32::MAX]),
+        (b"stsc", vec![1, 1, u32::MAX, 1]),
+        (b"stco", vec![1, 0]),
+    ]);
     let error = count_frames(&file).unwrap_err();
     assert!(error.contains("4294967295 frames"), "{error}");
     for (bytes, word) in [

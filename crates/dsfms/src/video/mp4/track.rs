@@ -58,7 +58,23 @@ impl Track {
         let Some(moov) = moov else {
             return Err("no mp4 file (no 'moov' box; a recording that was cut off has none)".into());
         };
-        Self::of_movie(&moov, &moofs)
+        Self::of_movie(&moov, &moofs)?.within(length)
+    }
+
+    /// Refuse samples that together are larger than the file: they lie over each other, so that one
+    /// picture would be decoded for every sample that points to it. What lies beyond the end, of a
+    /// copy that was cut off, is not counted.
+    fn within(self, length: u64) -> Result<Self, String> {
+        let end = |s: &&CodedSample| s.offset.saturating_add(u64::from(s.size));
+        let inside = self.samples.iter().filter(|s| end(s) <= length);
+        let taken: u64 = inside.map(|s| u64::from(s.size)).sum();
+        if taken > length {
+            let count = self.samples.len();
+            return Err(format!(
+                "a damaged mp4 file (its {count} frames take {taken} of its {length} bytes)"
+            ));
+        }
+        Ok(self)
     }
 
     fn of_movie(moov: &[u8], moofs: &[(u64, Vec<u8>)]) -> Result<Self, String> {
