@@ -93,16 +93,19 @@ fn it_grows_with_the_distance_from_evidence() {
         case.template.mesh.positions[face[0] as usize].x < -8.0
     };
     let found = judged(&case, left, 1.0, Model::Motion);
+    let all = judged(&case, |_| true, 1.0, Model::Motion);
     let faces = case.matches.iter().filter(|m| left(m)).map(|m| m.face as usize);
     let sources: Vec<u32> = faces.flat_map(|f| case.template.mesh.topology.faces[f]).collect();
     let mesh = &case.template.mesh;
     let away = shortest_paths(&mesh.topology, &mesh.edge_lengths(), &sources).distance;
+    // Times the error with all matches: what else tells of a vertex is the same with both.
     let mean = |from: f64, to: f64| {
         let inside: Vec<usize> =
             (0..away.len()).filter(|&v| (from..to).contains(&away[v])).collect();
-        inside.iter().map(|&v| found.errors[v]).sum::<f64>() / inside.len() as f64
+        inside.iter().map(|&v| found.errors[v] / all.errors[v]).sum::<f64>() / inside.len() as f64
     };
     let steps = [mean(0.0, 5.0), mean(8.0, 14.0), mean(20.0, 30.0)];
+    println!("{steps:?}");
     assert!(steps[1] > 1.1 * steps[0] && steps[2] > 1.1 * steps[1], "{steps:?}");
     let radius = (2000.0 / std::f64::consts::PI).sqrt();
     for (v, &far) in away.iter().enumerate() {
@@ -177,8 +180,7 @@ fn about_nine_errors_of_ten_stay_below_the_bound() {
         let below =
             |most: f64| ratios.iter().filter(|r| **r < most).count() as f64 / ratios.len() as f64;
         let [tight, share] = [below(0.5 * model.bound()), below(model.bound())];
-        // 0.92 and 0.96 are measured, 0.62 and 0.74 below half of the bound, which is that of zones
-        // for joint.
+        println!("{method:?} {share} {tight}");
         assert!(share > 0.8, "{method:?}: {share} below the bound");
         // A bound that everything stays below would say nothing.
         assert!(tight < 0.75, "{method:?}: {tight} below half of the bound");

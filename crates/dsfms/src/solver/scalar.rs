@@ -7,7 +7,7 @@ use faer::sparse::{SparseColMat, Triplet};
 use faer::{Conj, MatMut, Side};
 
 /// An entry of a lower triangle: row, column, value.
-type Entry = (usize, usize, f64);
+type LowerEntry = (usize, usize, f64);
 
 /// The order in which the unknowns of a matrix are eliminated, for factors of matrices whose
 /// entries are at the same places.
@@ -16,20 +16,20 @@ pub struct ScalarPattern(SymbolicLlt<usize>);
 
 impl ScalarPattern {
     /// Of the matrix whose lower triangle has these entries; `None` where one lies outside of it.
-    pub fn of(n: usize, lower: &[Entry]) -> Option<Self> {
+    pub fn of(n: usize, lower: &[LowerEntry]) -> Option<Self> {
         let matrix = matrix(n, lower)?;
         SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).ok().map(Self)
     }
 
     /// [`ScalarCholesky::new`] of a matrix with the entries that this was made of.
-    pub fn factor(&self, n: usize, lower: &[Entry]) -> Option<ScalarCholesky> {
+    pub fn factor(&self, n: usize, lower: &[LowerEntry]) -> Option<ScalarCholesky> {
         let matrix = matrix(n, lower)?;
         let factor = Llt::try_new_with_symbolic(self.0.clone(), matrix.as_ref(), Side::Lower);
         factor.ok().map(ScalarCholesky)
     }
 }
 
-fn matrix(n: usize, lower: &[Entry]) -> Option<SparseColMat<usize, f64>> {
+fn matrix(n: usize, lower: &[LowerEntry]) -> Option<SparseColMat<usize, f64>> {
     let entries: Vec<_> = lower.iter().map(|&(i, j, v)| Triplet::new(i, j, v)).collect();
     SparseColMat::try_new_from_triplets(n, n, &entries).ok()
 }
@@ -40,7 +40,7 @@ pub struct ScalarCholesky(Llt<usize, f64>);
 impl ScalarCholesky {
     /// Factorise the matrix whose lower triangle the entries `(row, column, value)` give (repeated
     /// ones are added); `None` where it is not positive definite.
-    pub fn new(n: usize, lower: &[Entry]) -> Option<Self> {
+    pub fn new(n: usize, lower: &[LowerEntry]) -> Option<Self> {
         ScalarPattern::of(n, lower)?.factor(n, lower)
     }
 
