@@ -25,7 +25,7 @@ impl ReducedGrid {
     }
 
     /// Number of cells along both sides.
-    pub(super) fn cells(&self) -> [usize; 2] {
+    fn cells(&self) -> [usize; 2] {
         self.size.map(|n| n.div_ceil(self.factor))
     }
 
