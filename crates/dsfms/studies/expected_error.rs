@@ -46,8 +46,10 @@ const EQUAL: &str = "model,predicted,actual\nequal,0.002,0.002\nequal,0.2,0.2\n"
 /// Sets that are fitted on; the others are reported on.
 const FIT: [&str; 4] = ["fit", "choose", "drawn", "clips"];
 
-/// Sets of scenes, and which indices each takes.
+/// Whether a set has the scene of an index.
 type OfIndex = fn(usize) -> bool;
+
+/// Sets of scenes.
 const SCENES: [(&str, OfIndex); 4] = [
     ("choose", |i| i < 300 && i % 2 == 0),
     ("held", |i| i < 300 && i % 2 == 1),

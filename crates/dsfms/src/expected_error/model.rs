@@ -32,9 +32,9 @@ impl Model {
     }
 }
 
-/// Largest `w · f`, the logarithm of 0.7: one vertex in 450 of the fitted cases was further off
-/// than 0.7 visible radii by motion alone and none by joint, so beyond that a prediction says no
-/// more than "lost".
+/// Largest `w · f`, the logarithm of 0.7: one vertex in 450 of the fitted cases is farther off than
+/// 0.7 visible radii by eq. 3 or eq. 4, and none by joint, so beyond that a prediction says no more
+/// than "lost".
 pub const LARGEST: f64 = -0.35;
 
 /// The multiple of the expected error that nine errors of ten of the fitted cases are below, or

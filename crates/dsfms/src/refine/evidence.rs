@@ -77,6 +77,7 @@ fn look_options(photo: &Photograph, options: &RefineOptions) -> LookOptions {
     options.image.look(options.blur * diagonal, diagonal)
 }
 
+/// What a look shows.
 fn gather_from(look: FrameLook, photo: &Photograph, options: &RefineOptions) -> ShadingEvidence {
     let (rest, shape) = (look.rest, look.shape);
     let visible =

@@ -21,7 +21,7 @@ impl ScalarPattern {
         SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).ok().map(Self)
     }
 
-    /// [`ScalarCholesky::new`] of a matrix with the entries that this was made of.
+    /// [`ScalarCholesky::new`] of a matrix whose entries are at the places that this was made of.
     pub fn factor(&self, n: usize, lower: &[LowerEntry]) -> Option<ScalarCholesky> {
         let matrix = matrix(n, lower)?;
         let factor = Llt::try_new_with_symbolic(self.0.clone(), matrix.as_ref(), Side::Lower);
