@@ -133,11 +133,13 @@ pub struct FitReport {
     means: [f64; 2],
     /// Share of errors below the bound, of frames in which 80 to 95 % are, of frames whose zone is.
     covered: [f64; 3],
+    /// Error over prediction of the zones: median, nine of ten, largest; share above 2.
+    zones: [f64; 4],
 }
 
 impl FitReport {
     /// Head of a table of [`line`](Self::line)s.
-    pub const HEAD: &str = "| model | Spearman, all | within a frame | seen, all | seen, within a frame | mean error / R | predicted / R | within the bound | predicted / actual by decile |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- |";
+    pub const HEAD: &str = "| model | Spearman, all | within a frame | seen, all | seen, within a frame | mean error / R | predicted / R | within the bound | zones over predicted: median, nine of ten, largest; above 2 | predicted / actual by decile |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |";
 
     /// Of weights and bound on rows that they were not fitted on.
     pub fn of(rows: &[Row], w: &[f64; COUNT], bound: f64) -> Self {
@@ -165,6 +167,12 @@ impl FitReport {
         let below = |ratios: &[f64]| {
             ratios.iter().filter(|r| **r <= bound).count() as f64 / ratios.len().max(1) as f64
         };
+        let twice = zones.iter().filter(|r| **r > 2.0).count() as f64;
+        let mut ordered = zones.clone();
+        ordered.sort_by(f64::total_cmp);
+        let at = |part: usize| ordered.get(zones.len() * part / 10).copied().unwrap_or(f64::NAN);
+        let largest = ordered.last().copied().unwrap_or(f64::NAN);
+        let over = [at(5), at(9), largest, twice / zones.len().max(1) as f64];
         let mut sorted = all.clone();
         sorted.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let mean = |rows: &[[f64; 2]]| {
@@ -175,6 +183,7 @@ impl FitReport {
             deciles: sorted.chunks(sorted.len().div_ceil(10).max(1)).map(mean).collect(),
             means: mean(&all),
             covered: [within(&all), frames(&usual), below(&zones)],
+            zones: over,
         }
     }
 
@@ -185,8 +194,10 @@ impl FitReport {
         let deciles: Vec<String> =
             self.deciles.iter().map(|[p, a]| format!("{:.2}", p / a)).collect();
         let [all, usual, zones] = self.covered.map(|share| 100.0 * share);
+        let [median, most, largest, twice] = self.zones;
+        let twice = 100.0 * twice;
         format!(
-            "{ranks} | {actual:.4} | {predicted:.4} | {all:.0} %; 80 to 95 % in {usual:.0} % of frames; {zones:.0} % of zones | {}",
+            "{ranks} | {actual:.4} | {predicted:.4} | {all:.0} %; 80 to 95 % in {usual:.0} % of frames; {zones:.0} % of zones | {median:.2} {most:.2} {largest:.2}; {twice:.0} % | {}",
             deciles.join(" ")
         )
     }
