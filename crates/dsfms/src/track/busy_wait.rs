@@ -2,9 +2,15 @@
 
 use rayon::Yield;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 /// Looks for work this often before the next look at whether all is done.
 const LOOKS: usize = 16;
+
+/// A helper that finds nothing to do for so long lets go. It may have been called while it waits in
+/// a part of the very work: that ends only after it, and the work only after that. Longer than
+/// what one thread alone does of a frame in one piece.
+const PATIENCE: Duration = Duration::from_millis(2);
 
 /// Run on the pool with one more thread of it kept looking for parts of the work.
 ///
@@ -39,9 +45,12 @@ impl Drop for Ends<'_> {
 }
 
 fn help_until(done: &AtomicBool) {
-    while !done.load(Ordering::Acquire) {
+    let mut worked = Instant::now();
+    while !done.load(Ordering::Acquire) && worked.elapsed() < PATIENCE {
         for _ in 0..LOOKS {
-            if rayon::yield_now() != Some(Yield::Executed) {
+            if rayon::yield_now() == Some(Yield::Executed) {
+                worked = Instant::now();
+            } else {
                 std::hint::spin_loop();
             }
         }
@@ -52,6 +61,17 @@ fn help_until(done: &AtomicBool) {
 mod tests {
     use super::*;
     use rayon::prelude::*;
+
+    #[test]
+    fn a_helper_within_the_work_lets_go_of_it() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+        // The work ends after the helper, which would end after the work.
+        pool.install(|| {
+            let done = AtomicBool::new(false);
+            rayon::join(|| (), || help_until(&done));
+            done.store(true, Ordering::Release);
+        });
+    }
 
     #[test]
     fn work_ends_with_its_value_on_any_number_of_threads_and_with_its_panic() {

@@ -23,13 +23,8 @@ impl Tracker<'_> {
         clock: &mut Clock,
     ) -> Candidate {
         let rest = &self.template.mesh;
-        let lit = clock.time("look", || self.lit(&draft.vertices));
-        let look = clock
-            .time("look", || Look::new(&self.working, rest, &draft.vertices, &lit, &self.albedo));
-        let [agreeing, places] =
-            clock.time("agree", || look.agreement(&view.seen, self.limits().correlation));
+        let ((look, [agreeing, places]), looked) = clock.time("look", || self.looks(view, &draft));
         let Draft { ambient, shown, jumped, .. } = draft;
-        let looked = clock.time("compare", || self.compared(view, &draft, &lit));
         let camera = &self.working.compared;
         let says = |p: &Point3| looked.as_ref().map_or(Says::Nothing, |l| l.at(camera, p));
         let (regions, folds) = regions(rest, &draft.vertices, &look.visible, says, None);
@@ -59,6 +54,20 @@ impl Tracker<'_> {
         });
         let (look, places) = (Arc::new(look), Vec::new());
         Candidate { verdict, surface, look, ambient, shown, jumped, places }
+    }
+
+    /// What a surface looks like, in how many of its places its frame agrees, and the frame beside
+    /// the prediction.
+    fn looks(&self, view: &View, draft: &Draft) -> ((Look, [usize; 2]), Option<Looked>) {
+        let lit = self.lit(&draft.vertices);
+        let look = || {
+            let rest = &self.template.mesh;
+            let look = Look::new(&self.working, rest, &draft.vertices, &lit, &self.albedo);
+            let agreement = look.agreement(&view.seen, self.limits().correlation);
+            (look, agreement)
+        };
+        // Each has parts that one thread alone works on: beside each other they leave none idle.
+        rayon::join(look, || self.compared(view, draft, &lit))
     }
 
     /// Diffuse shading of the vertices of a shape.

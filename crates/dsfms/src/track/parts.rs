@@ -7,6 +7,7 @@ use crate::geometry::{Point2, Point3};
 use crate::image::Frame;
 use crate::register::Match;
 use crate::register::find::Search;
+use crate::sfm::Features2d;
 
 /// Side of a part, px of the working image.
 const PART: usize = 64;
@@ -31,20 +32,26 @@ const REACH_PX: f64 = 24.0;
 /// Features of a part at most.
 const MOST_FEATURES: usize = 150;
 
-/// A part of a frame that is searched.
-pub(super) struct SoughtPart<'a> {
-    pub(super) frame: &'a Frame,
-    pub(super) seen: &'a Seen,
-    pub(super) working: &'a Working,
-    pub(super) window: WorkingWindow,
+/// The features of a part of a frame.
+pub(super) struct SoughtPart {
+    window: WorkingWindow,
+    features: Features2d,
 }
 
-impl SoughtPart<'_> {
+impl SoughtPart {
+    pub(super) fn of(frame: &Frame, seen: &Seen, working: &Working, window: WorkingWindow) -> Self {
+        Self { window, features: seen.features_in(frame, working, window, MOST_FEATURES) }
+    }
+
     /// Matches near where features of a template are visible: their indices, and px of the working
     /// image.
-    pub(super) fn matches(&self, search: &Search, visible: &[(u32, Point2)]) -> Vec<Match> {
-        let Self { frame, seen, working, window } = self;
-        let found = seen.features_in(frame, working, *window, MOST_FEATURES);
+    pub(super) fn matches(
+        &self,
+        working: &Working,
+        search: &Search,
+        visible: &[(u32, Point2)],
+    ) -> Vec<Match> {
+        let Self { window, features } = self;
         let [low, high] = [0, 1].map(|end| {
             let at = |k: usize| (window.corner[k] + end * window.size[k]) as f64;
             Point2::new(at(0), at(1))
@@ -54,7 +61,7 @@ impl SoughtPart<'_> {
         let expected = visible.iter().filter(|e| near(&e.1));
         let expected: Vec<(u32, Point2)> =
             expected.map(|&(i, p)| (i, working.to_frame(p))).collect();
-        search.near(&found, &expected, REACH_PX * f64::from(1u32 << working.halvings))
+        search.near(features, &expected, REACH_PX * f64::from(1u32 << working.halvings))
     }
 }
 

@@ -1,5 +1,5 @@
 //! Places of the template without a match, sought by descriptors near where a surface has them: a
-//! few parts of the picture a frame.
+//! few parts of the picture a frame, those where the frame before lacked most.
 
 use super::Surface;
 use super::covered::CoveredCells;
@@ -15,29 +15,47 @@ use rayon::prelude::*;
 /// Places that are followed at most.
 const MOST_PLACES: usize = 600;
 
+/// Where a frame lacks matches.
+struct Lacking {
+    matched: CoveredCells,
+    /// What will soon be too old to be followed.
+    old: CoveredCells,
+}
+
+impl Lacking {
+    fn at(&self, place: Point2) -> bool {
+        !self.matched.at(place) || self.old.at(place)
+    }
+}
+
 impl Tracker<'_> {
-    /// Seek what the surface of this frame lacks; what is found is followed from the next on.
-    pub(super) fn seek(&mut self, frame: &Frame, view: &View, surface: &Surface) {
-        let due = self.count.is_multiple_of(self.options.seek_every);
-        if self.options.seek == 0 || !due || self.places.len() >= MOST_PLACES {
+    /// What finds the features of the parts that the last frame asked for, by their numbers.
+    pub(super) fn next_sought<'f>(
+        &mut self,
+        frame: &'f Frame,
+        view: &'f View,
+    ) -> impl FnOnce() -> Vec<(usize, SoughtPart)> + Send + use<'f> {
+        let (parts, working) = (std::mem::take(&mut self.next_parts), self.working.clone());
+        let windows = parts.iter().map(|&part| self.seeker.window(part, working.camera.size));
+        let parts: Vec<_> = parts.iter().copied().zip(windows).collect();
+        let features =
+            move |(part, window)| (part, SoughtPart::of(frame, &view.seen, &working, window));
+        move || parts.into_par_iter().map(features).collect()
+    }
+
+    /// Take what the sought parts of this frame show of the surface where it lacks matches; what is
+    /// found is followed from the next frame on. `sought`: parts by their numbers.
+    pub(super) fn seek(&mut self, sought: &[(usize, SoughtPart)], view: &View, surface: &Surface) {
+        let due = self.options.seek > 0
+            && (self.count + 1).is_multiple_of(self.options.seek_every)
+            && self.places.len() < MOST_PLACES;
+        if sought.is_empty() && !due {
             return;
         }
-        let size = self.working.camera.size;
-        let kept = surface.matches.iter().filter(|m| m.1);
-        let matched: Vec<Point2> = kept.map(|m| self.working.of_frame(m.0.pixel)).collect();
-        // What will soon be too old to be followed counts as missing.
-        let old = |p: &&FollowedPlace| self.count > p.frame + OLD / 2;
-        let old: Vec<Point2> = (self.places.iter().filter(old))
-            .filter_map(|p| self.shown_at(&surface.vertices, p.found.face, p.found.barycentric))
-            .collect();
-        let (covered, old) =
-            (CoveredCells::of(size, matched.into_iter()), CoveredCells::of(size, old.into_iter()));
-        let lacks = |place: Point2| !covered.at(place) || old.at(place);
-        let probes = self.visible(view, surface, &self.seeker.probes);
-        let probes: Vec<(Point2, bool)> = probes.iter().map(|p| (p.1, lacks(p.1))).collect();
-        for part in self.seeker.worst(&probes, self.count, self.options.seek) {
-            let found = self.sought_in(frame, view, surface, part, &lacks);
-            self.seeker.looked(part, self.count, !found.is_empty());
+        let lacking = self.lacking(surface);
+        for (part, features) in sought {
+            let found = self.sought_in(features, view, surface, &lacking);
+            self.seeker.looked(*part, self.count, !found.is_empty());
             // The newer stands for the older of the same place.
             let near = |p: &FollowedPlace| {
                 let own = self.rest_place(p);
@@ -49,6 +67,22 @@ impl Tracker<'_> {
             places.truncate(MOST_PLACES);
             self.places = places;
         }
+        if due {
+            let probes = self.visible(view, surface, &self.seeker.probes);
+            let probes: Vec<(Point2, bool)> =
+                probes.iter().map(|p| (p.1, lacking.at(p.1))).collect();
+            self.next_parts = self.seeker.worst(&probes, self.count + 1, self.options.seek);
+        }
+    }
+
+    fn lacking(&self, surface: &Surface) -> Lacking {
+        let size = self.working.camera.size;
+        let kept = surface.matches.iter().filter(|m| m.1);
+        let matched = kept.map(|m| self.working.of_frame(m.0.pixel));
+        let old = |p: &&FollowedPlace| self.count > p.frame + OLD / 2;
+        let old = (self.places.iter().filter(old))
+            .filter_map(|p| self.shown_at(&surface.vertices, p.found.face, p.found.barycentric));
+        Lacking { matched: CoveredCells::of(size, matched), old: CoveredCells::of(size, old) }
     }
 
     /// Where on the rest shape a place is.
@@ -59,18 +93,16 @@ impl Tracker<'_> {
     /// What is found in one part of the picture.
     fn sought_in(
         &self,
-        frame: &Frame,
+        part: &SoughtPart,
         view: &View,
         surface: &Surface,
-        part: usize,
-        lacks: &dyn Fn(Point2) -> bool,
+        lacking: &Lacking,
     ) -> Vec<FollowedPlace> {
-        let window = self.seeker.window(part, self.working.camera.size);
         let all: Vec<u32> = (0..self.search.places().len() as u32).collect();
-        let sought = SoughtPart { frame, seen: &view.seen, working: &self.working, window };
-        let found = sought.matches(&self.search, &self.visible(view, surface, &all));
-        let lacking = found.into_iter().filter(|m| lacks(self.working.of_frame(m.pixel)));
-        lacking.filter_map(|m| self.place(view, m, surface.pose)).collect()
+        let visible = self.visible(view, surface, &all);
+        let found = part.matches(&self.working, &self.search, &visible);
+        let lacks = found.into_iter().filter(|m| lacking.at(self.working.of_frame(m.pixel)));
+        lacks.filter_map(|m| self.place(view, m, surface.pose)).collect()
     }
 
     /// Which features the surface shows in the usable part of the working image, and where.

@@ -140,8 +140,8 @@ impl<'a> SurroundingsTracker<'a> {
         let Some(part) = self.seeker.worst(&probes, now, 1).first().copied() else { return };
         let ShownFrame { frame, seen, working, .. } = *shown;
         let window = self.seeker.window(part, size);
-        let sought = SoughtPart { frame, seen, working, window };
-        let found = sought.matches(&self.search, &visible(&all));
+        let sought = SoughtPart::of(frame, seen, working, window);
+        let found = sought.matches(working, &self.search, &visible(&all));
         let new = found.into_iter().filter(|m| !known.at(working.of_frame(m.pixel)));
         let new: Vec<FollowedPlace> = new
             .filter_map(|m| {

@@ -67,6 +67,8 @@ pub struct Tracker<'a> {
     /// What descriptors found, and is followed.
     pub(super) places: Vec<FollowedPlace>,
     pub(super) seeker: Seeker,
+    /// Parts of the picture that are sought in the next frame.
+    pub(super) next_parts: Vec<usize>,
     surroundings: Option<SurroundingsTracker<'a>>,
     /// The camera of this frame, where they show it.
     pub(super) camera_sight: Option<CameraSight>,
@@ -171,6 +173,7 @@ impl<'a> Tracker<'a> {
             preparation,
             last: None,
             places: Vec::new(),
+            next_parts: Vec::new(),
             usual: UsualResidual::default(),
             exposed: Exposed::default(),
             beside: None,
@@ -254,10 +257,13 @@ impl<'a> Tracker<'a> {
         };
         self.camera_sight =
             clock.time("surroundings", || self.surroundings_followed(&prepared.frame, view));
-        let outcome = self.attempts(&prepared.frame, view, &mut clock);
+        let sought = self.next_sought(&prepared.frame, view);
+        // The features of parts need no surface, and what does leaves other threads idle for a while.
+        let (outcome, sought) =
+            rayon::join(|| self.attempts(&prepared.frame, view, &mut clock), sought);
         let (status, reasons, surface) = self.settle(outcome, view);
         if let Some(surface) = surface.as_ref().filter(|s| s.origin == Origin::Followed) {
-            clock.time("seek", || self.seek(&prepared.frame, view, surface));
+            clock.time("seek", || self.seek(&sought, view, surface));
         }
         clock.time("surroundings", || {
             self.seek_surroundings(&prepared.frame, view, surface.as_ref());

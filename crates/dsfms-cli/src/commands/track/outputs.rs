@@ -23,22 +23,11 @@ const FILM_SILENCE: Duration = Duration::from_secs(300);
 pub const COLUMNS: &str = "frame,input,status,way,reasons,matches,matches_kept,residual_px,\
                            reprojection_px,photometric,depth,agreement,places,camera_matches,camera_px,camera_open,dropped,ms,prepare_ms,\
                            surroundings_ms,follow_ms,find_ms,pose_ms,\
-                           register_ms,joint_ms,look_ms,agree_ms,compare_ms,seek_ms\n";
+                           register_ms,joint_ms,look_ms,seek_ms\n";
 
 /// Stages in the order of the columns.
-const STAGES: [&str; 11] = [
-    "prepare",
-    "surroundings",
-    "follow",
-    "find",
-    "pose",
-    "register",
-    "joint",
-    "look",
-    "agree",
-    "compare",
-    "seek",
-];
+const STAGES: [&str; 9] =
+    ["prepare", "surroundings", "follow", "find", "pose", "register", "joint", "look", "seek"];
 
 /// A row of `summary.csv`.
 pub fn row(number: usize, input: &str, tracked: &Tracked, dropped: usize, ms: f64) -> String {
