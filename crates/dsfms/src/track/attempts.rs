@@ -21,6 +21,22 @@ const MOST_FEATURES: usize = 2000;
 /// at most.
 const RAREST: usize = 16;
 
+/// Frames for which a surface that is well followed, but covered, is not searched: an instrument
+/// passes in less than this second. A search takes a core from ten to twenty frames.
+const PASSES: usize = 25;
+
+/// What covers a part, or veils all: no matter of where the template is.
+fn veil(reason: &Reason) -> bool {
+    matches!(reason, Reason::RegionContradicted(_) | Reason::Faint { .. })
+}
+
+/// Whether all that is wrong with a surface is that it is covered.
+fn only_covered(followed: &Candidate) -> bool {
+    let covers = |r: &Reason| matches!(r, Reason::Covered { .. });
+    let reasons = &followed.verdict.reasons;
+    !followed.jumped && reasons.iter().any(covers) && reasons.iter().all(|r| covers(r) || veil(r))
+}
+
 impl Tracker<'_> {
     /// Follow, and find where that is not good enough; the better of both.
     pub(super) fn attempts(
@@ -39,6 +55,8 @@ impl Tracker<'_> {
             }
             None => Err(NoSurface::NotFound),
         };
+        let covered = followed.as_ref().is_ok_and(only_covered);
+        self.covered = covered.then(|| self.covered.unwrap_or(self.count));
         let need = self.need(&followed);
         if need.held {
             self.rarer = 1;
@@ -66,13 +84,13 @@ impl Tracker<'_> {
     /// What a followed surface, or none, leaves to a search.
     fn need(&self, followed: &Result<Candidate, NoSurface>) -> Need {
         let due = |at: usize| self.count >= at + self.rarer * self.options.search_every;
-        // What covers a part, or veils all, is no matter of where the template is.
-        let veil = |r: &Reason| matches!(r, Reason::RegionContradicted(_) | Reason::Faint { .. });
         let level = followed.as_ref().map_or(TrackStatus::Lost, |c| c.verdict.level);
         // Where a surface jumped, the last shape is no better a start than the rest shape.
         let jumped = matches!(followed, Ok(c) if c.jumped);
-        let bad =
-            |c: &Candidate| !c.verdict.reasons.iter().all(veil) && self.searched.is_none_or(due);
+        let passing = self.covered.is_some_and(|since| self.count < since + PASSES);
+        let bad = |c: &Candidate| {
+            !passing && !c.verdict.reasons.iter().all(veil) && self.searched.is_none_or(due)
+        };
         let search = match (level, followed) {
             (TrackStatus::Degraded, Ok(c)) => c.jumped || bad(c),
             (TrackStatus::Ok, _) => jumped,

@@ -85,6 +85,8 @@ pub struct Tracker<'a> {
     pub(super) count: usize,
     /// Frame of the last search by descriptors beside a degraded surface.
     pub(super) searched: Option<usize>,
+    /// First of the last frames in a row whose surface is covered, and nothing else.
+    pub(super) covered: Option<usize>,
     /// How much rarer such searches have become, since they found nothing better.
     pub(super) rarer: usize,
 }
@@ -181,6 +183,7 @@ impl<'a> Tracker<'a> {
             other_camera: None,
             count: 0,
             searched: None,
+            covered: None,
             rarer: 1,
         })
     }
