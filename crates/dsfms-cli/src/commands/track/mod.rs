@@ -31,6 +31,7 @@ use again::Plan;
 use args::check;
 pub use args::{TrackArgs, size};
 use dsfms::camera::CameraModel;
+use dsfms::image::ToneCurve;
 use dsfms::io::masks::MaskKind;
 use dsfms::pipeline::Method;
 use dsfms::template::Template;
@@ -73,9 +74,7 @@ fn follow(
     let record = |folder: &PathBuf| Recording::start(folder, args.realtime);
     let recording = args.record.as_ref().map(record).transpose()?;
     let sources = if live { Vec::new() } else { inputs::look(&args.input)? };
-    let mut template = bare::template(args, global, reporter)?;
-    let (camera, tone) =
-        inputs::frame_camera(args.frames.camera.as_deref(), global, &mut template)?;
+    let (template, camera, tone) = known(args, global, reporter)?;
     check_files(args, &sources, &camera)?;
     let run = run_file(args, global, again)?;
     let (method, options) = (Method::from(args.method), run.options.clone());
@@ -160,6 +159,18 @@ fn report<'a>(
     let name = args.template.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let page = args.output.join("report.html");
     Ok(Some(TrackReport::new(page, name, template, camera, method.name())?))
+}
+
+/// The template, and camera and tone curve of the frames.
+fn known(
+    args: &TrackArgs,
+    global: &Global,
+    reporter: &Reporter,
+) -> anyhow::Result<(Template, CameraModel, ToneCurve)> {
+    let mut template = bare::template(args, global, reporter)?;
+    let (camera, tone) =
+        inputs::frame_camera(args.frames.camera.as_deref(), global, &mut template)?;
+    Ok((template, camera, tone))
 }
 
 /// Refuse files that cannot be tracked, before anything is written.
