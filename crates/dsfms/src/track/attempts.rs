@@ -12,30 +12,10 @@ use crate::geometry::Isometry;
 use crate::image::Frame;
 use crate::register::Match;
 use crate::verdict::intrinsics::other_camera;
-use crate::verdict::{NoSurface, Reason};
+use crate::verdict::NoSurface;
 
 /// Features of a frame that are looked up at most; more tell little.
 const MOST_FEATURES: usize = 2000;
-
-/// Searches beside a degraded surface that found nothing better make the next one this much rarer
-/// at most.
-const RAREST: usize = 16;
-
-/// Frames for which a surface that is well followed, but covered, is not searched: an instrument
-/// passes in less than this second. A search takes a core from ten to twenty frames.
-const PASSES: usize = 25;
-
-/// What covers a part, or veils all: no matter of where the template is.
-fn veil(reason: &Reason) -> bool {
-    matches!(reason, Reason::RegionContradicted(_) | Reason::Faint { .. })
-}
-
-/// Whether all that is wrong with a surface is that it is covered.
-fn only_covered(followed: &Candidate) -> bool {
-    let covers = |r: &Reason| matches!(r, Reason::Covered { .. });
-    let reasons = &followed.verdict.reasons;
-    !followed.jumped && reasons.iter().any(covers) && reasons.iter().all(|r| covers(r) || veil(r))
-}
 
 impl Tracker<'_> {
     /// Follow, and find where that is not good enough; the better of both.
@@ -55,14 +35,14 @@ impl Tracker<'_> {
             }
             None => Err(NoSurface::NotFound),
         };
-        let covered = followed.as_ref().is_ok_and(only_covered);
-        self.covered = covered.then(|| self.covered.unwrap_or(self.count));
+        let reasons = followed.as_ref().ok().map(|c| &c.verdict.reasons[..]);
+        self.search_times.followed(self.count, reasons);
         let need = self.need(&followed);
         if need.held {
-            self.rarer = 1;
+            self.search_times.worthwhile(true);
         }
         if need.search && need.level == TrackStatus::Degraded {
-            self.searched = Some(self.count);
+            self.search_times.asked(self.count);
         }
         let found = match self.beside.take() {
             None => need.search.then(|| self.sought(frame, view, clock)),
@@ -77,22 +57,20 @@ impl Tracker<'_> {
             (Ok(a), Err(_)) => a.verdict.level < TrackStatus::Lost,
             (Err(_), _) => false,
         };
-        self.rarer = if keep { (2 * self.rarer).min(RAREST) } else { 1 };
+        self.search_times.worthwhile(!keep);
         if keep { followed } else { found }
     }
 
     /// What a followed surface, or none, leaves to a search.
     fn need(&self, followed: &Result<Candidate, NoSurface>) -> Need {
-        let due = |at: usize| self.count >= at + self.rarer * self.options.search_every;
+        let due = |c: &Candidate| {
+            self.search_times.due(self.count, self.options.search_every, &c.verdict.reasons)
+        };
         let level = followed.as_ref().map_or(TrackStatus::Lost, |c| c.verdict.level);
         // Where a surface jumped, the last shape is no better a start than the rest shape.
         let jumped = matches!(followed, Ok(c) if c.jumped);
-        let passing = self.covered.is_some_and(|since| self.count < since + PASSES);
-        let bad = |c: &Candidate| {
-            !passing && !c.verdict.reasons.iter().all(veil) && self.searched.is_none_or(due)
-        };
         let search = match (level, followed) {
-            (TrackStatus::Degraded, Ok(c)) => c.jumped || bad(c),
+            (TrackStatus::Degraded, Ok(c)) => c.jumped || due(c),
             (TrackStatus::Ok, _) => jumped,
             _ => true,
         };

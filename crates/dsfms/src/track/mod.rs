@@ -23,6 +23,7 @@ mod places;
 mod prepare;
 mod recent;
 mod reduce;
+mod search_times;
 mod searcher;
 mod seek;
 pub mod shapes;
@@ -61,7 +62,7 @@ pub struct TrackOptions {
     /// Frames after the last good one for which its shape is still followed.
     pub patience: usize,
     /// A frame that is followed but degraded is also searched by descriptors when the last such
-    /// search lies this many frames back.
+    /// search lies this many frames back; one that is merely covered, when it was so for 25 frames.
     pub search_every: usize,
     /// Parts of the picture in which, after a followed frame, places of the template without a
     /// match are sought by descriptors near where the surface has them; 0 = none. A part is 64 px

@@ -11,6 +11,7 @@ use super::parts::Seeker;
 use super::places::FollowedPlace;
 use super::prepare::{Preparation, Prepared, Regions, View};
 use super::recent::UsualResidual;
+use super::search_times::SearchTimes;
 use super::surroundings::{ShownFrame, SurroundingsTracker};
 use super::{Origin, Surface, TrackError, TrackOptions, TrackStatus, Tracked};
 use crate::camera::CameraModel;
@@ -83,12 +84,7 @@ pub struct Tracker<'a> {
     pub(super) other_camera: Option<(f64, [f64; 2])>,
     /// Frames given.
     pub(super) count: usize,
-    /// Frame of the last search by descriptors beside a degraded surface.
-    pub(super) searched: Option<usize>,
-    /// First of the last frames in a row whose surface is covered, and nothing else.
-    pub(super) covered: Option<usize>,
-    /// How much rarer such searches have become, since they found nothing better.
-    pub(super) rarer: usize,
+    pub(super) search_times: SearchTimes,
 }
 
 /// What outlives a frame, for speed alone.
@@ -182,9 +178,7 @@ impl<'a> Tracker<'a> {
             answered: false,
             other_camera: None,
             count: 0,
-            searched: None,
-            covered: None,
-            rarer: 1,
+            search_times: SearchTimes::default(),
         })
     }
 
@@ -261,7 +255,8 @@ impl<'a> Tracker<'a> {
         self.camera_sight =
             clock.time("surroundings", || self.surroundings_followed(&prepared.frame, view));
         let sought = self.next_sought(&prepared.frame, view);
-        // The features of parts need no surface, and what does leaves other threads idle for a while.
+        // The features of parts need no surface, and what does leaves other threads idle for a
+        // while.
         let (outcome, sought) =
             rayon::join(|| self.attempts(&prepared.frame, view, &mut clock), sought);
         let (status, reasons, surface) = self.settle(outcome, view);
