@@ -11,8 +11,8 @@ use super::{Origin, TrackStatus};
 use crate::geometry::Isometry;
 use crate::image::Frame;
 use crate::register::Match;
-use crate::verdict::intrinsics::other_camera;
 use crate::verdict::NoSurface;
+use crate::verdict::intrinsics::other_camera;
 
 /// Features of a frame that are looked up at most; more tell little.
 const MOST_FEATURES: usize = 2000;
