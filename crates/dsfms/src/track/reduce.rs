@@ -5,6 +5,7 @@ use crate::image::exposure::SATURATED;
 use crate::image::filter::halve;
 use crate::image::{ColorImage, Frame, Mask, Picture, Plane, ToneCurve};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Weights of red, green and blue.
 pub(super) const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
@@ -74,19 +75,21 @@ impl Reduced {
 
     /// What shading is read from, halved further.
     pub(super) fn picture(&self, halvings: u32) -> Picture {
-        let (mut size, mut linear) = (self.bright.size, self.linear.clone());
-        let mut clipped = self.clipped.clone();
+        let mut size = self.bright.size;
+        let mut linear = Cow::Borrowed(&self.linear);
+        let mut clipped = Cow::Borrowed(&self.clipped);
         for _ in 0..halvings {
-            linear = quarter(&linear, size, |p| {
+            linear = Cow::Owned(quarter(&linear, size, |p| {
                 [0, 1, 2].map(|c| 0.25 * ((p[0][c] + p[1][c]) + (p[2][c] + p[3][c])))
-            });
-            clipped = quarter(&clipped, size, |p| p[0] | p[1] | p[2] | p[3]);
+            }));
+            clipped = Cow::Owned(quarter(&clipped, size, |p| p[0] | p[1] | p[2] | p[3]));
             size = size.map(|n| n / 2);
         }
         let saturated = Mask { size, data: clipped.iter().map(|c| c & WHITE != 0).collect() };
         let to_saturated = distance_to(&saturated).data;
         let clipped = clipped.iter().map(|c| [1, 2, 4].map(|bit| c & bit != 0)).collect();
-        Picture { linear: ColorImage { size, data: linear }, clipped, saturated, to_saturated }
+        let linear = ColorImage { size, data: linear.into_owned() };
+        Picture { linear, clipped, saturated, to_saturated }
     }
 }
 
