@@ -5,8 +5,9 @@ use crate::verdict::Reason;
 /// Searches that found nothing better make the next one this much rarer at most.
 const RAREST: usize = 16;
 
-/// Frames for which a surface that is covered, and nothing else, is not searched: an instrument
-/// passes in less than this second. A search takes a core from ten to twenty frames.
+/// Frames for which a surface that is covered, and nothing else, is not searched: at 25 a second an
+/// instrument passes in less. A search takes a core from ten to twenty frames
+/// (`docs/performance.md`).
 const PASSES: usize = 25;
 
 /// What is known of the searches beside degraded surfaces.

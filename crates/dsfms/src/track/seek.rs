@@ -7,7 +7,7 @@ use super::parts::SoughtPart;
 use super::places::{FollowedPlace, OLD};
 use super::prepare::View;
 use super::tracker::Tracker;
-use crate::geometry::{Point2, Point3};
+use crate::geometry::{Isometry, Point2, Point3};
 use crate::image::Frame;
 use crate::register::pose::rest_point;
 use rayon::prelude::*;
@@ -53,8 +53,10 @@ impl Tracker<'_> {
             return;
         }
         let lacking = self.lacking(surface);
+        let all = if sought.is_empty() { 0 } else { self.search.places().len() as u32 };
+        let visible = self.visible(view, surface, &(0..all).collect::<Vec<_>>());
         for (part, features) in sought {
-            let found = self.sought_in(features, view, surface, &lacking);
+            let found = self.sought_in(features, &visible, view, surface.pose, &lacking);
             self.seeker.looked(*part, self.count, !found.is_empty());
             // The newer stands for the older of the same place.
             let near = |p: &FollowedPlace| {
@@ -75,6 +77,7 @@ impl Tracker<'_> {
         }
     }
 
+    /// Where this frame lacks matches of a surface.
     fn lacking(&self, surface: &Surface) -> Lacking {
         let size = self.working.camera.size;
         let kept = surface.matches.iter().filter(|m| m.1);
@@ -90,19 +93,19 @@ impl Tracker<'_> {
         rest_point(&self.template.mesh, &place.found)
     }
 
-    /// What is found in one part of the picture.
+    /// What is found in one part of the picture; `visible`: which features the surface shows, and
+    /// where.
     fn sought_in(
         &self,
         part: &SoughtPart,
+        visible: &[(u32, Point2)],
         view: &View,
-        surface: &Surface,
+        pose: Isometry,
         lacking: &Lacking,
     ) -> Vec<FollowedPlace> {
-        let all: Vec<u32> = (0..self.search.places().len() as u32).collect();
-        let visible = self.visible(view, surface, &all);
-        let found = part.matches(&self.working, &self.search, &visible);
+        let found = part.matches(&self.working, &self.search, visible);
         let lacks = found.into_iter().filter(|m| lacking.at(self.working.of_frame(m.pixel)));
-        lacks.filter_map(|m| self.place(view, m, surface.pose)).collect()
+        lacks.filter_map(|m| self.place(view, m, pose)).collect()
     }
 
     /// Which features the surface shows in the usable part of the working image, and where.
