@@ -74,16 +74,17 @@ def template(a, scene, road):
     return out
 
 
-def exposed(a, scene, frames):
-    """The frames under an exposure that changes: their linear light times exp(normal x --exposure), the same on every run."""
-    folder = a.work / scene.name / f"exposure-{a.exposure:g}"
+def changed(a, scene, frames):
+    """The frames as another recording has them, the same on every run: their linear light times exp(normal x --exposure), grey."""
+    folder = a.work / scene.name / ("-".join(["exposure", f"{a.exposure:g}"] + ["grey"] * a.grey))
     folder.mkdir(parents=True, exist_ok=True)
     made = []
     for f in frames:
         out = folder / f"{f.stem}.png"
         if not out.exists():
             gain = np.exp(a.exposure * np.random.default_rng(int(digest(scene.name, f.name), 16)).normal())
-            Image.fromarray(encoded(gain * linear(Image.open(f).convert("RGB")))).save(out)
+            image = Image.fromarray(encoded(gain * linear(Image.open(f).convert("RGB"))))
+            (image.convert("L").convert("RGB") if a.grey else image).save(out)
         made.append(out)
     return made
 
@@ -102,7 +103,7 @@ def given(a, scene):
 
 def reconstruct(a, scene, made, road, method):
     """Folder with the surfaces of one method on one road; cached."""
-    key = digest(a.binary, a.options or "", road, " ".join(a.extra), *([a.exposure] if a.exposure else []))
+    key = digest(a.binary, a.options or "", road, " ".join(a.extra), *([a.exposure] if a.exposure else []), *["grey"] * a.grey)
     out = a.work / scene.name / f"{road}-{method}-{key}"
     if a.fresh:
         shutil.rmtree(out, ignore_errors=True)
@@ -112,8 +113,8 @@ def reconstruct(a, scene, made, road, method):
         frames = sorted(p for p in (scene / "deformed").iterdir() if p.name.startswith("frame_"))
         if a.frames:
             frames = [f for f in frames if int(f.stem[-3:]) in a.frames]
-        if a.exposure:
-            frames = exposed(a, scene, frames)
+        if a.exposure or a.grey:
+            frames = changed(a, scene, frames)
         command = [
             a.binary,
             "reconstruct",
@@ -218,6 +219,7 @@ def arguments():
     ap.add_argument("--frames", default="", help="only these deformed frames, as 0,4,8")
     ap.add_argument("--binary", type=Path, help="dsfms; default target/release/dsfms, built first")
     ap.add_argument("--exposure", type=float, default=0.0, help="spread of a log gain that every deformed frame gets")
+    ap.add_argument("--grey", action="store_true", help="deformed frames by their luma alone (the template keeps its colours)")
     ap.add_argument("--options", type=Path, help="TOML for reconstruct --options")
     ap.add_argument("--extra", default="", help="further words for reconstruct, as one string")
     ap.add_argument("--template-key", default="a", help="change it to build the templates anew")

@@ -50,9 +50,11 @@ pub struct ExpectedErrors {
 pub fn expected_errors(solved: &Solved, model: Model) -> ExpectedErrors {
     let found = features(solved);
     let weights = model.weights();
+    let grey = solved.photo.is_some_and(Photograph::lost_colour);
+    let more = if grey && model.reads_shading() { model::GREY } else { 1.0 };
     let error = |f: &[f64; COUNT]| {
         let sum: f64 = f.iter().zip(weights).map(|(f, w)| f * w).sum();
-        found.radius * sum.min(model::LARGEST).exp()
+        found.radius * (sum + more.ln()).min(model::LARGEST).exp()
     };
     ExpectedErrors {
         errors: found.values.iter().map(error).collect(),

@@ -24,6 +24,11 @@ impl Model {
         &WEIGHTS[self as usize]
     }
 
+    /// Whether brightness shapes the surface.
+    pub fn reads_shading(self) -> bool {
+        matches!(self, Self::Shading | Self::Joint)
+    }
+
     /// Nine errors of ten are below this multiple of the expected one, and so is the zone of nine
     /// frames of ten: the root mean square over what is seen and moved by at least half of what
     /// moved most.
@@ -36,6 +41,11 @@ impl Model {
 /// 0.7 visible radii by eq. 3 or eq. 4, and none by joint, so beyond that a prediction says no more
 /// than "lost".
 pub const LARGEST: f64 = -0.35;
+
+/// How much farther off a grey frame is than a coloured one of the same features: joint's zones of
+/// grey versions of the frames of six choosing scenes are 1.8 times as far off as stated in the
+/// median (`docs/results/exposure.md`).
+pub const GREY: f64 = 2.0;
 
 /// The multiple of the expected error that nine errors of ten of the fitted cases are below, or
 /// nine zones of ten where that is larger: errors of a zone go together. In the order of

@@ -51,6 +51,9 @@ pub(crate) fn within_centres(p: &Point2, size: [usize; 2]) -> bool {
     p.x >= 0.0 && p.y >= 0.0 && p.x <= w && p.y <= h
 }
 
+/// Weights of red, green and blue in luma (Rec. 601).
+pub(crate) const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
+
 /// One decoded frame: 8-bit encoded RGB exactly as the file holds it, row major.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
@@ -72,8 +75,8 @@ impl Frame {
 
     /// Encoded grey in `[0, 1]` (Rec. 601 luma): for feature detection, never for photometry.
     pub(crate) fn luma(&self) -> Plane {
-        let luma =
-            |p: &[u8; 3]| (0.299 * p[0] as f32 + 0.587 * p[1] as f32 + 0.114 * p[2] as f32) / 255.0;
+        let [r, g, b] = LUMA;
+        let luma = |p: &[u8; 3]| (r * p[0] as f32 + g * p[1] as f32 + b * p[2] as f32) / 255.0;
         Plane { size: self.size, data: self.rgb.iter().map(luma).collect() }
     }
 }

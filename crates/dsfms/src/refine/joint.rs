@@ -176,7 +176,7 @@ impl<'a> JointSolve<'a> {
         let Told { gain, hold, options, .. } = self.told.get_or_insert_with(|| {
             state.globals[0] = seen.log_gain;
             let distant = !photo.light.light.tells_distance();
-            let exposure = photo.exposure;
+            let exposure = photo.told_exposure();
             Told::of(self.frame, exposure, seen.log_gain, at_matches, self.options, distant)
         });
         // The coarse stages find the shape that the smooth gain would explain away.

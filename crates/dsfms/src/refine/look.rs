@@ -64,7 +64,7 @@ impl<'a> FrameLook<'a> {
         let raster = rasterize(photo.camera, &rest.topology, shape);
         let normals = vertex_normals(&rest.topology, shape);
         let (texels, picture) = (photo.albedo, photo.picture);
-        let mean = |face, quarters| texels.observed_mean(face, quarters);
+        let mean = |face, quarters| picture.shown(texels.observed_mean(face, quarters));
         let albedo = raster.render_quarters([f32::NAN; 3], mean);
         let known: Vec<bool> = albedo.iter().map(|a| !a[0].is_nan()).collect();
         let albedo = ColorImage { size: raster.size, data: albedo };

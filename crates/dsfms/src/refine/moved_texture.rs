@@ -202,7 +202,7 @@ fn photographed(photo: &Photograph) -> Plane {
 fn rendered(rest: &Mesh, shape: &[Point3], photo: &Photograph, raster: &Raster) -> Plane {
     let normals = vertex_normals(&rest.topology, shape);
     let shade = shading(photo.light, &rest.topology, shape, &normals, raster);
-    let mean = |face, quarters| photo.albedo.observed_mean(face, quarters);
+    let mean = |face, quarters| photo.picture.shown(photo.albedo.observed_mean(face, quarters));
     let albedo = raster.render_quarters([f32::NAN; 3], mean);
     let data = albedo.into_iter().zip(shade).map(|(a, s)| brightness(a, s as f32)).collect();
     Plane { size: raster.size, data }

@@ -83,7 +83,7 @@ fn refine_told(
     let look = look_at(photo, body.full().rest, &full, options);
     let at_matches = AtMatches::of(&look, scene, matches, [coarse, &scene.posed]);
     let mut evidence = gather_on_from(look, body, coarse, photo, options);
-    let prior = GainPrior::of(photo.exposure, evidence.log_gain, at_matches, &options.image);
+    let prior = GainPrior::of(photo.told_exposure(), evidence.log_gain, at_matches, &options.image);
     let tells_distance = prior.tells_distance(&photo.light.light, &options.image);
     let held = at_matches.filter(|_| tells_distance);
     let globals = vec![evidence.log_gain, 0.0];

@@ -154,8 +154,8 @@ pub fn join_near(
 
 /// The many matches of a followed frame tell the exposure themselves where they are at rest.
 fn exposure_here(photo: &Photograph, at_matches: Option<AtMatches>) -> Option<Exposure> {
-    let here = at_matches.filter(AtMatches::calm).map(|at| at.log_gain);
-    photo.exposure.map(|e| Exposure { log_gain: here.unwrap_or(e.log_gain), ..e })
+    let here = |at: AtMatches| photo.exposure.map(|e| Exposure { log_gain: at.log_gain, ..e });
+    at_matches.filter(AtMatches::calm).map_or_else(|| photo.told_exposure(), here)
 }
 
 /// Solve with the exposure as the photograph tells it; `true` where brightness told distance.

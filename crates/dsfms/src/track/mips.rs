@@ -1,6 +1,6 @@
 //! The template's albedo at several resolutions: an image of few pixels sees means of texels.
 
-use super::reduce::LUMA;
+use crate::image::LUMA;
 use crate::template::SurfaceTexels;
 
 /// Halvings of the texels' resolution.

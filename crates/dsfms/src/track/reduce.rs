@@ -3,12 +3,10 @@
 use crate::image::distance::distance_to;
 use crate::image::exposure::SATURATED;
 use crate::image::filter::halve;
-use crate::image::{ColorImage, Frame, Mask, Picture, Plane, ToneCurve};
+use crate::image::picture::is_grey;
+use crate::image::{ColorImage, Frame, LUMA, Mask, Picture, Plane, ToneCurve};
 use rayon::prelude::*;
 use std::borrow::Cow;
-
-/// Weights of red, green and blue.
-pub(super) const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
 
 /// What encoded values mean.
 #[derive(Clone, Debug)]
@@ -89,7 +87,8 @@ impl Reduced {
         let to_saturated = distance_to(&saturated).data;
         let clipped = clipped.iter().map(|c| [1, 2, 4].map(|bit| c & bit != 0)).collect();
         let linear = ColorImage { size, data: linear.into_owned() };
-        Picture { linear, clipped, saturated, to_saturated }
+        let grey = is_grey(linear.data.iter());
+        Picture { linear, clipped, saturated, to_saturated, grey }
     }
 }
 

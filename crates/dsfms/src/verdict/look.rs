@@ -147,7 +147,8 @@ impl Blocks {
             let shade =
                 |b: &[f64; 3]| -> f64 { (0..3).map(|k| b[k] * lit[corners[k] as usize]).sum() };
             let shade = quarters.iter().map(shade).sum::<f64>() / 4.0;
-            albedo.observed_mean(face, quarters).map(|a| a * shade as f32 + ambient as f32)
+            let shown = picture.shown(albedo.observed_mean(face, quarters));
+            shown.map(|a| a * shade as f32 + ambient as f32)
         });
         let diagonal = diagonal(raster.size);
         let contour = raster.discontinuities(0.05).dilate(CONTOUR * diagonal);
