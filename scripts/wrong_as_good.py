@@ -344,6 +344,8 @@ def scored(clips, arguments):
             jobs.append((UNDISTURBED, k, *put(work, clip.frame(k), {}, clip, k), clip))
         for k in clip.most_deformed(arguments.frames):
             for kind, image, extra in disturbances(clip, other, k):
+                if arguments.only not in kind:
+                    continue
                 target = put(work, image, extra, clip, k)
                 jobs.append((kind, k, *target, extra.get("template", clip)))
         for method in arguments.methods.split(","):
@@ -493,6 +495,7 @@ def main():
     parser.add_argument("--track", action="store_true", help="stretches of the clips too")
     parser.add_argument("--frames", type=int, default=2, help="frames of a clip that are disturbed")
     parser.add_argument("--every", type=int, default=4, help="every so-manieth frame is taken undisturbed")
+    parser.add_argument("--only", default="", help="disturbances of frames whose name contains this")
     parser.add_argument("--threads", help="of the program")
     arguments = parser.parse_args()
     arguments.more = ["--threads", arguments.threads] if arguments.threads else []

@@ -83,7 +83,8 @@ mod tests {
             let light = coloured.linear.data[i];
             assert_eq!(coloured.shown(light), light);
             let [shown, seen] = [grey.shown(light)[0], grey.linear.data[i][0]];
-            assert!((shown / seen).ln().abs() < 0.04, "{shown} {seen}");
+            // One level is 2 %, and sRGB's roots are 3 % from these; the mean of the light is 15 %.
+            assert!((shown / seen).ln().abs() < 0.06, "{shown} {seen}");
         }
         // A round viewport on black, of which a tenth is tissue, and metal beside it.
         assert!(!of(|i| if i < 40 { tissue(i) } else { [(i % 3) as u8 * 50; 3] }).grey);
