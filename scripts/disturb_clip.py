@@ -101,17 +101,27 @@ def pull(i, away, w):
     return press * 14 * np.exp(-(far**2)) * np.minimum(far, 1)
 
 
-def rod(i, w, h):
-    """How far across the rod each pixel lies, of its half width; nothing where it is not on it."""
-    at = tip(i, w, h)
+def across_rod(at, w, h, half):
+    """How far across a rod from `at` to the right edge each pixel lies, of its half width `half` (of the height); NaN
+    beside it."""
     y, x = np.mgrid[0:h, 0:w].astype(float)
-    # A band about the line to the right edge.
     along = np.array([w + 10.0, h * 0.62]) - at
     along /= np.linalg.norm(along)
     d = (x - at[0]) * along[0] + (y - at[1]) * along[1]
-    across = ((x - at[0]) * -along[1] + (y - at[1]) * along[0]) / (0.055 * h)
-    on = (d > 0) & (np.abs(across) < 1) & (TOOL[0] <= i < TOOL[1])
-    return np.where(on, across, np.nan)
+    across = ((x - at[0]) * -along[1] + (y - at[1]) * along[0]) / (half * h)
+    return np.where((d > 0) & (np.abs(across) < 1), across, np.nan)
+
+
+def draw_rod(a, across):
+    """Grey, shaded across, onto the picture `a`."""
+    on = ~np.isnan(across)
+    a[on] = (70 + 110 * np.sqrt(np.clip(1 - across[on] ** 2, 0, 1)))[:, None]
+
+
+def rod(i, w, h):
+    """How far across the rod of frame `i` each pixel lies, of its half width; NaN beside it."""
+    there = TOOL[0] <= i < TOOL[1]
+    return across_rod(tip(i, w, h), w, h, 0.055) if there else np.full((h, w), np.nan)
 
 
 def tool(image, i):
@@ -127,10 +137,7 @@ def tool(image, i):
     sx = np.clip(x + by * (x - at[0]) / away, 0, w - 1).round().astype(int)
     sy = np.clip(y + by * (y - at[1]) / away, 0, h - 1).round().astype(int)
     a = a[sy, sx]
-    # Shaded across.
-    across = rod(i, w, h)
-    on = ~np.isnan(across)
-    a[on] = (70 + 110 * np.sqrt(np.clip(1 - across[on] ** 2, 0, 1)))[:, None]
+    draw_rod(a, rod(i, w, h))
     return Image.fromarray(a.astype(np.uint8))
 
 

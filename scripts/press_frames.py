@@ -57,12 +57,7 @@ def pulled(image, i, count, pull):
     sx = np.clip(x - by * TOWARDS[0], 0, w - 1).round().astype(int)
     sy = np.clip(y - by * TOWARDS[1], 0, h - 1).round().astype(int)
     a = a[sy, sx] * (1 - 0.25 * (by / pull) ** 4)[..., None]
-    along = np.array([w + 10.0, h * 0.62]) - tip(i, (w, h))
-    along /= np.linalg.norm(along)
-    dx, dy = x - tip(i, (w, h))[0], y - tip(i, (w, h))[1]
-    across = (dx * -along[1] + dy * along[0]) / (0.04 * h)
-    on = (dx * along[0] + dy * along[1] > 0) & (np.abs(across) < 1)
-    a[on] = (70 + 110 * np.sqrt(1 - across[on] ** 2))[:, None]
+    disturb_clip.draw_rod(a, disturb_clip.across_rod(tip(i, (w, h)), w, h, 0.04))
     return Image.fromarray(np.clip(a, 0, 255).astype(np.uint8))
 
 

@@ -75,7 +75,8 @@ def template(a, scene, road):
 
 
 def changed(a, scene, frames):
-    """The frames as another recording has them, the same on every run: their linear light times exp(normal x --exposure), grey."""
+    """The frames as another recording has them, the same on every run: their linear light times exp(normal x --exposure), and
+    with --grey their luma alone."""
     folder = a.work / scene.name / ("-".join(["exposure", f"{a.exposure:g}"] + ["grey"] * a.grey))
     folder.mkdir(parents=True, exist_ok=True)
     made = []

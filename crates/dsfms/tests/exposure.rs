@@ -1,31 +1,13 @@
 //! What a near light tells of distance: as much as the exposure is known, and nothing where it has
 //! changed.
 
-use dsfms::geometry::{Isometry, Point3, median};
-use dsfms::light::{LightModel, PointLight, Spot};
-use dsfms::synth::{Case, CaseOptions, Draw, RenderOptions, render};
-use dsfms::template::TemplateView;
-use dsfms::{Method, Observation, ReconstructOptions, reconstruct};
+#[path = "common/near_pull.rs"]
+mod near_pull;
 
-/// A pull under a near light, after an exploration of six frames of one exposure.
-fn case() -> Case {
-    let light = LightModel::Point(PointLight {
-        positions: vec![Point3::new(3.0, 0.0, 0.0)],
-        reference_distance: 75.0,
-        spot: Spot::Isotropic,
-    });
-    let draw = Draw { count: 25, sigma_px: 0.3 };
-    let options = CaseOptions { vertices: 300, extension: 0.05, light, draw, pull: true };
-    let mut case = Case::new(&options, 5);
-    let view = |k: usize| TemplateView {
-        name: format!("frame_{k}"),
-        camera_from_template: Isometry::identity(),
-        gain: [0.998, 1.002][k % 2],
-        reprojection_px: 0.0,
-    };
-    case.template.views = (0..6).map(view).collect();
-    case
-}
+use dsfms::geometry::median;
+use dsfms::synth::{Case, RenderOptions, render};
+use dsfms::{Method, Observation, ReconstructOptions, reconstruct};
+use near_pull::near_pull;
 
 /// Median error in depth over what is seen of the frame under a gain, mm, and the gain found.
 fn depth_off(case: &Case, method: Method, gain: f64) -> (f64, f64) {
@@ -44,7 +26,7 @@ fn depth_off(case: &Case, method: Method, gain: f64) -> (f64, f64) {
 
 #[test]
 fn another_exposure_than_the_explorations_is_told_and_moves_nothing() {
-    let case = case();
+    let case = near_pull(25);
     for method in [Method::Dsfms, Method::Joint] {
         for gain in [1.0, 0.8, 1.25] {
             let (off, found) = depth_off(&case, method, gain);

@@ -1,30 +1,17 @@
 //! A grey recording of tissue of several colours: compared by its luma, under an exposure of which
 //! the coloured exploration tells nothing.
 
-use dsfms::geometry::{Isometry, Point3};
-use dsfms::light::{LightModel, PointLight, Spot};
-use dsfms::synth::{Case, CaseOptions, Draw, RenderOptions, render};
-use dsfms::template::TemplateView;
+#[path = "common/near_pull.rs"]
+mod near_pull;
+
+use dsfms::synth::{Case, RenderOptions, render};
 use dsfms::verdict::Level;
 use dsfms::{Frame, Method, Observation, ReconstructOptions, Reconstruction, reconstruct};
+use near_pull::near_pull;
 
 /// A pull under a near light of tissue whose right half is yellow, and its frame.
 fn case() -> (Case, Frame) {
-    let light = LightModel::Point(PointLight {
-        positions: vec![Point3::new(3.0, 0.0, 0.0)],
-        reference_distance: 75.0,
-        spot: Spot::Isotropic,
-    });
-    let draw = Draw { count: 40, sigma_px: 0.3 };
-    let options = CaseOptions { vertices: 300, extension: 0.05, light, draw, pull: true };
-    let mut case = Case::new(&options, 5);
-    let view = |k: usize| TemplateView {
-        name: format!("frame_{k}"),
-        camera_from_template: Isometry::identity(),
-        gain: [0.998, 1.002][k % 2],
-        reprojection_px: 0.0,
-    };
-    case.template.views = (0..6).map(view).collect();
+    let mut case = near_pull(40);
     let rest = case.template.mesh.clone();
     let albedo = case.template.albedo.as_mut().unwrap();
     for face in 0..rest.topology.faces.len() {
@@ -68,13 +55,27 @@ fn tissue_of_several_colours_is_recognised_and_solved_in_grey() {
     assert!(other < 1.0, "{other} mm in grey, {own} in colour");
 }
 
+fn mean_expected(case: &Case, frame: &Frame) -> f64 {
+    let expected = joint(case, frame).expected_error.unwrap();
+    expected.iter().sum::<f64>() / expected.len() as f64
+}
+
 #[test]
 fn less_is_promised_of_a_grey_frame() {
     let (case, frame) = case();
-    let mean = |frame: &Frame| {
-        let expected = joint(&case, frame).expected_error.unwrap();
-        expected.iter().sum::<f64>() / expected.len() as f64
-    };
-    let (coloured, grey) = (mean(&frame), mean(&grey(&frame)));
+    let [coloured, grey] = [frame.clone(), grey(&frame)].map(|frame| mean_expected(&case, &frame));
     assert!(grey > 1.5 * coloured, "{grey} and {coloured} mm");
+}
+
+#[test]
+fn a_grey_template_lost_nothing_in_grey() {
+    let (mut case, frame) = case();
+    let frame = grey(&frame);
+    let coloured = mean_expected(&case, &frame);
+    for value in &mut case.template.albedo.as_mut().unwrap().value {
+        let luma = [0.299, 0.587, 0.114].iter().zip(*value).map(|(w, v)| w * v.sqrt()).sum::<f32>();
+        *value = [luma * luma; 3];
+    }
+    let grey = mean_expected(&case, &frame);
+    assert!(coloured > 1.5 * grey, "{coloured} and {grey} mm");
 }

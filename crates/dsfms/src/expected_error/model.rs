@@ -25,7 +25,7 @@ impl Model {
     }
 
     /// Whether brightness shapes the surface.
-    pub fn reads_shading(self) -> bool {
+    pub(super) fn reads_shading(self) -> bool {
         matches!(self, Self::Shading | Self::Joint)
     }
 
@@ -45,7 +45,7 @@ pub const LARGEST: f64 = -0.35;
 /// How much farther off a grey frame is than a coloured one of the same features: joint's zones of
 /// grey versions of the frames of six choosing scenes are 1.8 times as far off as stated in the
 /// median (`docs/results/exposure.md`).
-pub const GREY: f64 = 2.0;
+pub(super) const GREY: f64 = 2.0;
 
 /// The multiple of the expected error that nine errors of ten of the fitted cases are below, or
 /// nine zones of ten where that is larger: errors of a zone go together. In the order of

@@ -16,7 +16,7 @@ pub struct Picture {
     /// Distance of every pixel from the nearest such core, px, row major; the image diagonal
     /// everywhere where there is none.
     pub to_saturated: Vec<f32>,
-    /// The recording has no colour, whatever it shows.
+    /// A grey recording: next to no pixel has a colour.
     pub grey: bool,
 }
 
