@@ -4,12 +4,11 @@ use crate::args::Global;
 use anyhow::Context;
 use dsfms::camera::CameraModel;
 use dsfms::guard;
-use dsfms::image::{Frame, ToneCurve};
+use dsfms::image::Frame;
 use dsfms::io::InputError;
 use dsfms::io::images::{find_frames, read_size};
 use dsfms::io::masks::{MaskKind, read_masks};
 use dsfms::io::matches::{all_matches, find_matches, read_matches};
-use dsfms::pipeline::inputs::frames_camera;
 pub use dsfms::pipeline::inputs::{CameraInput, check_size, mask_of};
 pub use dsfms::pipeline::sources::{
     Purpose, Source, each_source, predicted_from, rest_lost, sources,
@@ -33,16 +32,17 @@ where
     parse(&text).with_context(|| format!("{} is not a valid options file", path.display()))
 }
 
-/// Camera and tone curve of frames of the deformed organ: of `--camera`, or else of the template.
-/// The file's lens and, where the template knows none, its light become the template's.
+/// Camera of frames of the deformed organ: of `--camera`, or else of the template.
 pub fn frame_camera(
     path: Option<&Path>,
     global: &Global,
-    template: &mut Template,
-) -> anyhow::Result<(CameraModel, ToneCurve)> {
-    let given = path.map(|path| camera(path, global)).transpose()?;
-    frames_camera(template, given, global.tone.map(Into::into))
-        .context("the template holds no camera; give the frames' camera with --camera")
+    template: &Template,
+) -> anyhow::Result<CameraInput> {
+    match path {
+        Some(path) => camera(path, global),
+        None => CameraInput::of_template(template, global.tone.map(Into::into))
+            .context("the template holds no camera; give the frames' camera with --camera"),
+    }
 }
 
 /// Images that are looked at before the work.
@@ -162,44 +162,5 @@ pub fn must_exist(path: &Path, option: &str) -> anyhow::Result<()> {
     match path.exists() {
         true => Ok(()),
         false => Err(InputError::Missing(path.into())).context(option.to_string()),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use dsfms::io::camera::{CameraFile, write_camera};
-    use dsfms::light::{LightModel, PointLight, Spot};
-    use dsfms::pipeline::{Silent, TemplateOptions, template_from_mesh};
-    use dsfms::template::LengthUnit;
-
-    /// Both `reconstruct` and `track` take camera, lens and light from here.
-    #[test]
-    fn a_template_without_light_takes_that_of_the_camera_file() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("camera.json");
-        let light = LightModel::Point(PointLight {
-            positions: vec![dsfms::geometry::Point3::new(0.0, -3.0, 0.0)],
-            reference_distance: 50.0,
-            spot: Spot::Isotropic,
-        });
-        let camera = CameraModel::pinhole([64, 48], [60.0; 2], [31.5, 23.5]);
-        let (light, vignetting) = (Some(light), Some(-0.2));
-        write_camera(&path, &CameraFile { camera, tone: None, light, vignetting }).unwrap();
-        let mesh = dsfms::synth::patch(60, 1).mesh;
-        let options = TemplateOptions::default();
-        let mut template =
-            template_from_mesh(mesh, LengthUnit::Millimetre, None, &options, &Silent);
-        let progress = crate::progress::ProgressKind::Auto;
-        let global =
-            Global { threads: None, seed: None, progress, quiet: true, verbose: 0, tone: None };
-        assert!(frame_camera(None, &global, &mut template).is_err());
-        frame_camera(Some(&path), &global, &mut template).unwrap();
-        assert!(matches!(template.light, Some(LightModel::Point(_))));
-        assert_eq!(template.coat.vignetting, -0.2);
-        // One that was measured stays.
-        template.light = Some(LightModel::Collinear);
-        frame_camera(Some(&path), &global, &mut template).unwrap();
-        assert_eq!(template.light, Some(LightModel::Collinear));
     }
 }

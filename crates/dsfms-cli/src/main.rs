@@ -22,6 +22,7 @@ mod build;
 mod chart;
 mod cli;
 mod commands;
+mod cores;
 mod cpu;
 mod demo;
 mod draw;

@@ -7,12 +7,11 @@ use crate::errors::{self, IntoPython, wrong};
 use crate::surface::Surface;
 use crate::template::Template;
 use crate::work;
-use dsfms::camera::CameraModel;
-use dsfms::image::{Frame, ToneCurve};
+use dsfms::image::Frame;
 use dsfms::io::camera::CameraFile;
 use dsfms::io::images::read_frame;
 use dsfms::io::matches::read_matches;
-use dsfms::pipeline::inputs::frames_camera;
+use dsfms::pipeline::inputs::CameraInput;
 use dsfms::pipeline::{
     Method, Observation, ReconstructOptions, Reconstruction, reconstruct as solve,
 };
@@ -32,44 +31,30 @@ pub fn method_of(name: &str) -> PyResult<Method> {
 /// What a template and the camera of its frames make together.
 pub struct Sight {
     pub template: Arc<Inner>,
-    pub camera: CameraModel,
-    pub tone: ToneCurve,
+    pub camera: CameraInput,
     /// The camera as Python sees it.
     pub shown: Py<Camera>,
 }
 
 impl Sight {
-    /// The template is copied only where the camera file tells something of it.
     pub fn new(
         py: Python<'_>,
         template: &Template,
         camera: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let given = camera.map(crate::build::camera_input).transpose()?;
-        let mut shared = template.inner.clone();
-        let tells = given.as_ref().is_some_and(|input| {
-            let lens = input.file.vignetting.is_some_and(|a| a != shared.coat.vignetting);
-            lens || (shared.light.is_none() && input.file.light.is_some())
-        });
-        let found = match given {
-            Some(input) if !tells => Some((input.file.camera, input.tone)),
-            Some(input) => frames_camera(Arc::make_mut(&mut shared), Some(input), None),
-            None => shared.camera.clone().map(|camera| (camera, shared.tone.clone())),
-        };
-        let Some((model, tone)) = found else {
+        let template = template.inner.clone();
+        let found = given.or_else(|| CameraInput::of_template(&template, None));
+        let Some(input) = found else {
             return Err(wrong("camera", "a Camera, for the template holds none", "None"));
         };
-        let file = CameraFile {
-            camera: model.clone(),
-            tone: Some(tone.clone()),
-            light: None,
-            vignetting: None,
-        };
+        let tone = Some(input.tone.clone());
+        let file = CameraFile { tone, light: None, vignetting: None, ..input.file.clone() };
         let shown = match camera.and_then(|c| c.cast::<Camera>().ok()) {
             Some(camera) => camera.clone().unbind(),
             None => Py::new(py, Camera { file })?,
         };
-        Ok(Self { template: shared, camera: model, tone, shown })
+        Ok(Self { template, camera: input, shown })
     }
 }
 
@@ -141,7 +126,7 @@ pub fn reconstruct(
     let method = method.map(method_of).transpose()?;
     let method = method.unwrap_or_else(|| Method::best_for(&template.get().inner));
     let sight = Sight::new(py, template.get(), camera)?;
-    let frame = self::image(image, "image", "frame_000", sight.camera.size)?;
+    let frame = self::image(image, "image", "frame_000", sight.camera.file.camera.size)?;
     let size = frame.size;
     let base =
         options.map(|text| errors::options(ReconstructOptions::from_toml(text))).transpose()?;
@@ -160,12 +145,10 @@ pub fn reconstruct(
     let instrument = mask(instrument_mask, "instrument_mask")?;
     let organ = mask(organ_mask, "organ_mask")?;
     let name = frame.name.clone();
-    let Sight { template: inner, camera: model, tone, shown } = sight;
+    let Sight { template: inner, camera: input, shown } = sight;
     let found = work::run(py, None, move |_| {
-        let observation = Observation::new(&frame, &model)
-            .tone(&tone)
-            .instrument(instrument.as_ref())
-            .organ(organ.as_ref());
+        let observation =
+            input.observation(&frame).instrument(instrument.as_ref()).organ(organ.as_ref());
         let observation = Observation { matches: matches.as_deref(), ..observation };
         let found = solve(&inner, &observation, method, &options);
         Reconstruction::even_refused(found).map_err(IntoPython::into_python)

@@ -76,7 +76,7 @@ impl Tracker {
             None => base,
         };
         options.reconstruct.seed = seed.unwrap_or(options.reconstruct.seed);
-        let (size, shown) = (sight.camera.size, sight.shown.clone_ref(py));
+        let (size, shown) = (sight.camera.file.camera.size, sight.shown.clone_ref(py));
         let (push, frames) = channel::<Push>();
         let (ready, made) = sync_channel(1);
         std::thread::Builder::new()
@@ -177,7 +177,7 @@ fn serve(
     frames: &Receiver<Push>,
     ready: &SyncSender<PyResult<()>>,
 ) {
-    let made = Inner::new(&sight.template, &sight.camera, &sight.tone, method, options);
+    let made = Inner::of_camera(&sight.template, &sight.camera, method, options);
     let mut tracker = match made {
         Ok(tracker) => tracker,
         Err(error) => {

@@ -22,7 +22,7 @@ use crate::args::Global;
 use crate::cli::{Arguments, Command, command};
 use crate::exit::Outcome;
 use crate::progress::Reporter;
-use crate::{interrupt, log};
+use crate::{cores::start_threads, interrupt, log};
 use anyhow::Context;
 use clap::FromArgMatches;
 
@@ -30,7 +30,8 @@ use clap::FromArgMatches;
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let global = &arguments.global;
     let live = matches!(&arguments.command, Command::Track(args) if args.realtime);
-    start_threads(global.threads.map(usize::from), live)?;
+    start_threads(global.threads.map(usize::from), live)
+        .context("cannot start the worker threads")?;
     let logged = log::start(global.verbose, global.progress)?;
     let reporter = Reporter::new(global.quiet, global.progress, logged);
     interrupt::watch(reporter.teller());
@@ -76,22 +77,4 @@ pub fn to_stdout(text: &str) -> anyhow::Result<()> {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error.into()),
         _ => Ok(()),
     }
-}
-
-/// The worker threads; `apart`: each on a core of its own where there are enough, since a live
-/// source cannot wait for a scheduler that packs threads together.
-fn start_threads(threads: Option<usize>, apart: bool) -> anyhow::Result<()> {
-    let cores = if apart { core_affinity::get_core_ids().unwrap_or_default() } else { Vec::new() };
-    let count = threads.unwrap_or(cores.len());
-    let mut builder = rayon::ThreadPoolBuilder::new().num_threads(count);
-    if count <= cores.len() {
-        builder = builder.start_handler(move |thread| {
-            // Where that is refused, threads run as they would have.
-            cores.get(thread).map(|core| core_affinity::set_for_current(*core));
-        });
-    }
-    if threads.is_some() || apart {
-        builder.build_global().context("cannot start the worker threads")?;
-    }
-    Ok(())
 }

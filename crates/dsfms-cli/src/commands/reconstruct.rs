@@ -7,7 +7,7 @@ mod page;
 use crate::args::Global;
 use crate::exit::{self, Outcome, Usage};
 use crate::formats::{Formats, Shape};
-use crate::inputs::{self, Source};
+use crate::inputs::{self, CameraInput, Source};
 use crate::interrupt;
 use crate::outputs::{self, FrameFiles, FrameMasks, FrameReport};
 use crate::place;
@@ -21,7 +21,7 @@ pub use args::{MethodName, ReconstructArgs};
 use beside::each_beside;
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
-use dsfms::image::{Frame, Mask, ToneCurve, diagonal};
+use dsfms::image::{Frame, Mask, diagonal};
 use dsfms::io::masks::MaskKind;
 use dsfms::io::matches::{all_matches, find_matches, read_matches};
 use dsfms::io::template::read_template;
@@ -53,8 +53,7 @@ struct Job<'a> {
     args: &'a ReconstructArgs,
     template: Template,
     deformable: Deformable,
-    camera: CameraModel,
-    tone: ToneCurve,
+    camera: CameraInput,
     method: Method,
     options: ReconstructOptions,
     structures: Option<Structures>,
@@ -147,11 +146,10 @@ fn prepare<'a>(
     for (path, option) in options.iter().filter_map(|(p, o)| Some((p.as_ref()?, o))) {
         inputs::must_exist(path, option)?;
     }
-    let mut template = read_template(&args.template)?;
-    let (camera, tone) =
-        inputs::frame_camera(args.frames.camera.as_deref(), global, &mut template)?;
+    let template = read_template(&args.template)?;
+    let camera = inputs::frame_camera(args.frames.camera.as_deref(), global, &template)?;
     if let Some(path) = &args.frames.camera {
-        warn_of_camera(&template, &camera, path, reporter);
+        warn_of_camera(&template, &camera.file.camera, path, reporter);
     }
     let mut options = match &args.solve.options {
         Some(path) => inputs::options(path, ReconstructOptions::from_toml)?,
@@ -163,18 +161,7 @@ fn prepare<'a>(
     let structures = Structures::read(&args.frames.structures, &template, reporter)?;
     let volume = CarriedVolume::read(&args.volume, &template, reporter)?;
     let deformable = Deformable::of(&template.mesh);
-    Ok(Job {
-        args,
-        structures,
-        volume,
-        template,
-        deformable,
-        camera,
-        tone,
-        method,
-        options,
-        reporter,
-    })
+    Ok(Job { args, structures, volume, template, deformable, camera, method, options, reporter })
 }
 
 /// The method asked for, or the best that the template allows.
@@ -196,9 +183,9 @@ impl Job<'_> {
             (true, Some(matches)) => self.without_images(matches)?,
             _ => inputs::sources(&args.images, inputs::Purpose::Reconstruct, reporter)?,
         };
-        inputs::check_sizes(&sources, &self.camera, self.camera_file())?;
+        inputs::check_sizes(&sources, self.lens(), self.camera_file())?;
         let faces = self.template.mesh.topology.faces.len();
-        inputs::check_matches(&sources, args.matches.as_deref(), faces, &self.camera)?;
+        inputs::check_matches(&sources, args.matches.as_deref(), faces, self.lens())?;
         let instrument = args.frames.instrument_masks.as_deref();
         inputs::check_masks(&sources, instrument, MaskKind::Instrument)?;
         inputs::check_masks(&sources, args.frames.organ_masks.as_deref(), MaskKind::Organ)?;
@@ -224,12 +211,16 @@ impl Job<'_> {
         }
         // There is no picture to compare it with.
         self.template.albedo = None;
-        let size = self.camera.size;
+        let size = self.lens().size;
         let grey = |path: PathBuf| {
             let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             Source::Decoded(Frame { name, size, rgb: vec![[GREY; 3]; size[0] * size[1]] }, None)
         };
         Ok(all_matches(matches)?.into_iter().map(grey).collect())
+    }
+
+    fn lens(&self) -> &CameraModel {
+        &self.camera.file.camera
     }
 
     /// Where the camera comes from.
@@ -250,7 +241,7 @@ impl Job<'_> {
         let (mut shown, mut shape) = (None, None);
         let report = match self.attempt(source) {
             Ok((frame, result, masks)) => {
-                files.write_surface(&self.template, &frame, &self.camera, &result, &masks)?;
+                files.write_surface(&self.template, &frame, self.lens(), &result, &masks)?;
                 let mut report = FrameReport::of(&input, method, self.template.unit, &result);
                 if let Some(reason) = source.reservation() {
                     report.status = "degraded";
@@ -314,7 +305,7 @@ impl Job<'_> {
         let Some(structures) = &self.structures else { return Ok(Vec::new()) };
         let places = structures.carry(&result.vertices, result.expected_error.as_deref())?;
         structures.write(&self.args.output, name, &self.template, &places)?;
-        let picture = structures.overlay(frame, &self.camera, result, &places);
+        let picture = structures.overlay(frame, self.lens(), result, &places);
         outputs::write_png(&self.args.output.join(format!("{name}_structures.png")), &picture)?;
         Ok(places)
     }
@@ -328,7 +319,7 @@ impl Job<'_> {
 
     fn attempt(&self, source: &Source) -> anyhow::Result<(Frame, Reconstruction, FrameMasks)> {
         let frame = source.frame()?;
-        inputs::check_size(&frame, &self.camera, self.camera_file())?;
+        inputs::check_size(&frame, self.lens(), self.camera_file())?;
         let matches = self.matches(&frame)?;
         let mask = |option: &Option<PathBuf>, kind| -> anyhow::Result<Option<Mask>> {
             let read = |p: &PathBuf| inputs::mask_of(&frame, source.path(), p, kind, self.reporter);
@@ -336,10 +327,8 @@ impl Job<'_> {
         };
         let instrument = mask(&self.args.frames.instrument_masks, MaskKind::Instrument)?;
         let organ = mask(&self.args.frames.organ_masks, MaskKind::Organ)?;
-        let observation = Observation::new(&frame, &self.camera)
-            .tone(&self.tone)
-            .instrument(instrument.as_ref())
-            .organ(organ.as_ref());
+        let observation =
+            self.camera.observation(&frame).instrument(instrument.as_ref()).organ(organ.as_ref());
         let observation = Observation { matches: matches.as_deref(), ..observation };
         let Self { template, deformable, options, .. } = self;
         let result = reconstruct_with(template, deformable, &observation, self.method, options)?;

@@ -27,7 +27,7 @@ pub struct Solved<'a> {
     pub matches: &'a [(Match, bool)],
     /// The image and albedo, where the template has one; motion alone is judged by them too.
     pub photo: Option<&'a Photograph<'a>>,
-    /// Which brightness can be used.
+    /// Which brightness can be used; of eq. 4 for every method, as the model was fitted.
     pub refine: &'a RefineOptions,
 }
 

@@ -36,7 +36,7 @@ impl Tiles {
 /// `clip`: largest count of a level over the mean count of a level, not limited where 0 or less;
 /// `tiles`: tiles along each side. The image itself where it or the number of tiles is empty.
 #[doc(alias = "histogram equalisation")]
-pub fn clahe(grey: &Plane, clip: f64, tiles: usize) -> Plane {
+pub(crate) fn clahe(grey: &Plane, clip: f64, tiles: usize) -> Plane {
     if tiles == 0 || grey.data.is_empty() {
         return grey.clone();
     }

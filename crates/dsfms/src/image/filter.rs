@@ -86,7 +86,7 @@ impl<'a> MaskedBlur<'a> {
 
 /// Half the size: each pixel the mean of 2x2; an odd last row or column is dropped. Pixel `x` of
 /// the result lies at `2x + ½` of the input (see [`crate::camera::CameraModel::halved`]).
-pub fn halve(plane: &Plane) -> Plane {
+pub(crate) fn halve(plane: &Plane) -> Plane {
     let size = plane.size.map(|n| n / 2);
     let mut data = Vec::with_capacity(size[0] * size[1]);
     for y in 0..size[1] {

@@ -24,7 +24,7 @@ pub mod tone;
 pub mod viewport;
 
 pub(crate) use bilinear::Bilinear;
-pub use clahe::clahe;
+pub(crate) use clahe::clahe;
 pub use exposure::{halo, saturation};
 pub use mask::Mask;
 pub use outline::Outline;

@@ -12,7 +12,7 @@ pub fn stem(name: &str) -> &str {
 }
 
 /// Index of the frame that is named, with or without a picture's extension.
-pub fn position_named<'a>(
+pub(crate) fn position_named<'a>(
     mut frames: impl Iterator<Item = &'a str> + Clone,
     name: &str,
 ) -> Option<usize> {

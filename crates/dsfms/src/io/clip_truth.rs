@@ -55,7 +55,7 @@ pub fn write_clip_truth(path: &Path, truth: &ClipTruth) -> Result<(), WriteError
 fn pack(truth: &ClipTruth) -> io::Result<Vec<u8>> {
     let shape = [truth.frames(), truth.vertices.first().map_or(0, Vec::len)];
     let flat = truth.vertices.iter().flatten().flatten().copied();
-    let mut npz = NpzWriter::new(true);
+    let mut npz = NpzWriter::new(Vec::new(), true);
     npz.add("vertices", &[shape[0], shape[1], 3], flat)?;
     npz.add("displacement", &shape, truth.displacement.concat())?;
     npz.add("visible", &shape, truth.visible.concat())?;
@@ -70,7 +70,7 @@ fn pack(truth: &ClipTruth) -> io::Result<Vec<u8>> {
 /// finite.
 pub fn read_clip_truth(path: &Path) -> Result<ClipTruth, InputError> {
     let wrong = |reason: String| InputError::format(path, reason);
-    let mut npz = Npz::open(path).map_err(wrong)?;
+    let npz = Npz::open(path).map_err(wrong)?;
     let vertices: NpyArray<f32, 3> = npz.array("vertices").map_err(wrong)?;
     let displacement: NpyArray<f32, 2> = npz.array("displacement").map_err(wrong)?;
     let visible: NpyArray<bool, 2> = npz.array("visible").map_err(wrong)?;

@@ -2,10 +2,12 @@
 //! before anything of their size is made.
 
 use crate::guard;
-use std::io::{self, Cursor, Read, Write};
+use flate2::Compression;
+use flate2::bufread::DeflateDecoder;
+use flate2::write::DeflateEncoder;
+use rawzip::{CompressionMethod, ZipArchive, ZipArchiveWriter, ZipSliceArchive};
+use std::io::{self, Read, Write};
 use std::path::Path;
-use zip::write::{SimpleFileOptions, ZipWriter};
-use zip::{CompressionMethod, ZipArchive};
 
 /// An array of `N` dimensions, the last of them running fastest.
 #[derive(Debug, PartialEq)]
@@ -59,7 +61,7 @@ const MOST_ENTRY: u64 = 1 << 30;
 const MOST_EMPTY: usize = 1 << 21;
 
 /// An npz being read. Errors say what is wrong; the caller names the file.
-pub(crate) struct Npz(ZipArchive<Cursor<Vec<u8>>>);
+pub(crate) struct Npz(ZipSliceArchive<Vec<u8>>);
 
 impl Npz {
     pub(crate) fn open(path: &Path) -> Result<Self, String> {
@@ -68,13 +70,13 @@ impl Npz {
 
     /// From the bytes of a file.
     pub(crate) fn of(bytes: Vec<u8>) -> Result<Self, String> {
-        let archive = guard::caught(|| ZipArchive::new(Cursor::new(bytes)))?;
+        let archive = ZipArchive::from_slice(bytes);
         archive.map(Self).map_err(|e| format!("not a whole npz ({e})"))
     }
 
     /// The array of a name.
     pub(crate) fn array<T: NpyValue, const N: usize>(
-        &mut self,
+        &self,
         name: &str,
     ) -> Result<NpyArray<T, N>, String> {
         let wrong = |reason: String| format!("array '{name}': {reason}");
@@ -83,13 +85,13 @@ impl Npz {
     }
 
     /// The numbers of an array of one dimension.
-    pub(crate) fn list<T: NpyValue>(&mut self, name: &str) -> Result<Vec<T>, String> {
+    pub(crate) fn list<T: NpyValue>(&self, name: &str) -> Result<Vec<T>, String> {
         Ok(self.array::<T, 1>(name)?.values)
     }
 
     /// The rows of an `n × N` array.
     pub(crate) fn rows<T: NpyValue, const N: usize>(
-        &mut self,
+        &self,
         name: &str,
     ) -> Result<Vec<[T; N]>, String> {
         let NpyArray { shape: [_, columns], values } = self.array(name)?;
@@ -99,18 +101,30 @@ impl Npz {
         Ok(values.as_chunks().0.to_vec())
     }
 
-    fn entry(&mut self, name: &str) -> Result<Vec<u8>, String> {
-        let at = [format!("{name}.npy"), name.to_owned()];
-        let at = at.iter().find_map(|n| self.0.index_for_name(n)).ok_or("is missing")?;
-        let file = self.0.by_index(at).map_err(|e| e.to_string())?;
-        let (size, packed) = (file.size(), file.compressed_size());
+    /// The bytes of an array, unpacked; their count and checksum are those that the file states.
+    fn entry(&self, name: &str) -> Result<Vec<u8>, String> {
+        let names = [format!("{name}.npy"), name.to_owned()];
+        let mut entries = self.0.entries();
+        let file = loop {
+            let file = entries.next_entry().map_err(|e| e.to_string())?.ok_or("is missing")?;
+            if names.iter().any(|n| n.as_bytes() == file.file_path().as_bytes()) {
+                break file;
+            }
+        };
+        let (size, packed) = (file.uncompressed_size_hint(), file.compressed_size_hint());
         if size > MOST_ENTRY || size > packed.saturating_mul(MOST_RATIO).saturating_add(1024) {
             return Err(format!("states {size} bytes, packed in {packed}"));
         }
+        let entry = self.0.get_entry(file.wayfinder()).map_err(|e| e.to_string())?;
+        let data: Box<dyn Read + '_> = match file.compression_method() {
+            CompressionMethod::STORE => Box::new(entry.data()),
+            CompressionMethod::DEFLATE => Box::new(DeflateDecoder::new(entry.data())),
+            other => return Err(format!("is packed by {other:?}, expected deflate or nothing")),
+        };
         let mut bytes = Vec::new();
         // The statement may be wrong in the other direction, too.
-        let mut file = file.take(size + 1);
-        guard::caught(|| file.read_to_end(&mut bytes))?.map_err(|e| e.to_string())?;
+        let mut data = entry.verifying_reader(data).take(size + 1);
+        guard::caught(|| data.read_to_end(&mut bytes))?.map_err(|e| e.to_string())?;
         if bytes.len() as u64 != size {
             return Err(format!("holds {} bytes of the {size} it states", bytes.len()));
         }
@@ -118,21 +132,23 @@ impl Npz {
     }
 }
 
-/// An npz being written.
-pub(crate) struct NpzWriter(ZipWriter<Cursor<Vec<u8>>>, SimpleFileOptions);
+/// An npz being written. No entry has a time: the same arrays give the same bytes.
+pub(crate) struct NpzWriter<W> {
+    zip: ZipArchiveWriter<W>,
+    level: Compression,
+}
 
-impl NpzWriter {
+impl<W: Write> NpzWriter<W> {
     /// Of packed arrays, or as they are.
-    pub(crate) fn new(packed: bool) -> Self {
-        let method = if packed { CompressionMethod::Deflated } else { CompressionMethod::Stored };
-        let options = SimpleFileOptions::default().compression_method(method);
-        Self(ZipWriter::new(Cursor::new(Vec::new())), options)
+    pub(crate) fn new(out: W, packed: bool) -> Self {
+        let level = if packed { Compression::new(6) } else { Compression::none() };
+        Self { zip: ZipArchiveWriter::new(out), level }
     }
 
     /// An array of a shape.
     ///
     /// # Errors
-    /// Values that do not fill the shape.
+    /// Values that do not fill the shape; what the writer says.
     pub(crate) fn add<T: NpyValue>(
         &mut self,
         name: &str,
@@ -141,22 +157,50 @@ impl NpzWriter {
     ) -> io::Result<()> {
         let mut data = Vec::new();
         values.into_iter().for_each(|value| value.put(&mut data));
-        if data.len() != shape.iter().product::<usize>() * size_of::<T>() {
+        self.copy::<T>(name, shape, &mut &data[..])
+    }
+
+    /// An array of a shape whose bytes are read one after another, also more than memory holds.
+    ///
+    /// # Errors
+    /// Bytes that do not fill the shape; what reader and writer say.
+    pub(crate) fn copy<T: NpyValue>(
+        &mut self,
+        name: &str,
+        shape: &[usize],
+        data: &mut impl Read,
+    ) -> io::Result<()> {
+        let file = self.zip.new_file(format!("{name}.npy"));
+        let file = file.compression_method(CompressionMethod::DEFLATE);
+        let (mut entry, config) = file.start().map_err(io_error)?;
+        let mut out = config.wrap(DeflateEncoder::new(&mut entry, self.level));
+        out.write_all(&header(T::KIND, shape))?;
+        let count = io::copy(data, &mut out)?;
+        if count != (shape.iter().product::<usize>() * size_of::<T>()) as u64 {
             return Err(io::Error::other(format!(
                 "array '{name}' does not fill the shape {shape:?}"
             )));
         }
-        self.0.start_file(format!("{name}.npy"), self.1)?;
-        self.0.write_all(&header(T::KIND, shape))?;
-        self.0.write_all(&data)
+        let (encoder, sums) = out.finish().map_err(io_error)?;
+        encoder.finish()?;
+        entry.finish(sums).map_err(io_error)?;
+        Ok(())
     }
 
-    /// The bytes of the file.
+    /// What was written on.
     ///
     /// # Errors
-    /// More than a zip can hold.
-    pub(crate) fn finish(self) -> io::Result<Vec<u8>> {
-        Ok(self.0.finish()?.into_inner())
+    /// What the writer says.
+    pub(crate) fn finish(self) -> io::Result<W> {
+        self.zip.finish().map_err(io_error)
+    }
+}
+
+/// As it came from the file, where it did: a full disk keeps its name.
+fn io_error(error: rawzip::Error) -> io::Error {
+    match error.into_kind() {
+        rawzip::ErrorKind::IO(error) => error,
+        other => io::Error::other(other.to_string()),
     }
 }
 
@@ -251,13 +295,16 @@ mod tests {
 
     fn npz_of(text: &str, values: &[[u8; 8]]) -> Vec<u8> {
         let width = (text.len() + 11).next_multiple_of(64) - 11;
-        let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-        zip.start_file("a.npy", SimpleFileOptions::default()).unwrap();
-        zip.write_all(b"\x93NUMPY\x01\x00").unwrap();
-        zip.write_all(&((width + 1) as u16).to_le_bytes()).unwrap();
-        zip.write_all(format!("{text:<width$}\n").as_bytes()).unwrap();
-        values.iter().for_each(|v| zip.write_all(v).unwrap());
-        zip.finish().unwrap().into_inner()
+        let mut zip = ZipArchiveWriter::new(Vec::new());
+        let (mut entry, config) = zip.new_file("a.npy").start().unwrap();
+        let mut out = config.wrap(&mut entry);
+        out.write_all(b"\x93NUMPY\x01\x00").unwrap();
+        out.write_all(&((width + 1) as u16).to_le_bytes()).unwrap();
+        out.write_all(format!("{text:<width$}\n").as_bytes()).unwrap();
+        values.iter().for_each(|v| out.write_all(v).unwrap());
+        let (_, sums) = out.finish().unwrap();
+        entry.finish(sums).unwrap();
+        zip.finish().unwrap()
     }
 
     fn read(bytes: Vec<u8>) -> Result<Vec<f64>, String> {
@@ -288,11 +335,10 @@ mod tests {
 
     #[test]
     fn arrays_come_back_whatever_runs_fastest() {
-        let mut npz = NpzWriter::new(true);
+        let mut npz = NpzWriter::new(Vec::new(), true);
         npz.add("a", &[2, 3], [1u16, 2, 3, 4, 5, 600]).unwrap();
         npz.add("b", &[2], [true, false]).unwrap();
-        assert!(npz.add("c", &[3], [1.0f32]).is_err());
-        let mut npz = Npz::of(npz.finish().unwrap()).unwrap();
+        let npz = Npz::of(npz.finish().unwrap()).unwrap();
         assert_eq!(npz.rows("a"), Ok(vec![[1u16, 2, 3], [4, 5, 600]]));
         assert_eq!(npz.list("b"), Ok(vec![true, false]));
         assert!(npz.list::<u16>("a").is_err() && npz.rows::<u16, 2>("a").is_err());
@@ -303,6 +349,24 @@ mod tests {
             &[1.5f64.to_be_bytes()],
         );
         assert_eq!(read(other), Ok(vec![1.5]));
+    }
+
+    #[test]
+    fn an_array_that_does_not_fill_its_shape_is_not_written() {
+        assert!(NpzWriter::new(Vec::new(), true).add("c", &[3], [1.0f32]).is_err());
+        assert!(NpzWriter::new(Vec::new(), false).add("c", &[1], [1.0f32, 2.0]).is_err());
+    }
+
+    #[test]
+    fn a_changed_byte_is_told() {
+        for packed in [true, false] {
+            let mut npz = NpzWriter::new(Vec::new(), packed);
+            npz.add("a", &[200], (0..200).map(f64::from)).unwrap();
+            let mut bytes = npz.finish().unwrap();
+            assert!(read(bytes.clone()).is_ok());
+            bytes[400] ^= 1;
+            assert!(read(bytes).is_err());
+        }
     }
 
     #[test]

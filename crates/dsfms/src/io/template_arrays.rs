@@ -15,9 +15,9 @@ const LARGEST_UV: f64 = 1e6;
 /// Write an npz whole, with what fills it.
 fn write_npz(
     path: &Path,
-    fill: impl FnOnce(&mut NpzWriter) -> io::Result<()>,
+    fill: impl FnOnce(&mut NpzWriter<Vec<u8>>) -> io::Result<()>,
 ) -> Result<(), WriteError> {
-    let mut npz = NpzWriter::new(true);
+    let mut npz = NpzWriter::new(Vec::new(), true);
     let bytes = fill(&mut npz).and_then(|()| npz.finish()).map_err(|e| WriteError::new(path, e))?;
     write_atomic(path, |w| w.write_all(&bytes))
 }

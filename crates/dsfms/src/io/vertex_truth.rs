@@ -27,7 +27,7 @@ pub fn vertex_truth_path(mesh: &Path) -> PathBuf {
 /// A file that is missing, damaged, or without these arrays, or a displacement that is not finite.
 pub fn read_vertex_truth(path: &Path) -> Result<VertexTruth, InputError> {
     let wrong = |reason: String| InputError::format(path, reason);
-    let mut npz = Npz::open(path).map_err(wrong)?;
+    let npz = Npz::open(path).map_err(wrong)?;
     let displacement: Vec<f32> = npz.list("displacement").map_err(wrong)?;
     if displacement.iter().any(|d| !d.is_finite()) {
         return Err(wrong("array 'displacement' holds a number that is not finite".into()));
@@ -44,7 +44,7 @@ pub fn read_vertex_truth(path: &Path) -> Result<VertexTruth, InputError> {
 /// A file that cannot be written.
 pub fn write_vertex_truth(path: &Path, truth: &VertexTruth) -> Result<(), WriteError> {
     let pack = || {
-        let mut npz = NpzWriter::new(false);
+        let mut npz = NpzWriter::new(Vec::new(), false);
         npz.add("visible", &[truth.visible.len()], truth.visible.iter().copied())?;
         npz.add(
             "displacement",
@@ -67,7 +67,7 @@ mod tests {
         let path = vertex_truth_path(&folder.path().join("frame_001.ply"));
         assert!(path.ends_with("frame_001_vertices.npz"));
         let write = |with_displacement: bool| {
-            let mut npz = NpzWriter::new(false);
+            let mut npz = NpzWriter::new(Vec::new(), false);
             npz.add("visible", &[2], [true, false]).unwrap();
             if with_displacement {
                 npz.add("displacement", &[2], [0.5f32, 2.0]).unwrap();

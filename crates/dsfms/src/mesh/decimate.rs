@@ -204,7 +204,7 @@ impl Decimated {
     /// Carry a displacement of the coarse vertices to the original ones. Exact, but for the
     /// estimate of its gradient, where the displacement is quadratic: the mean of linear
     /// interpolation and of the first-order expansions about the corners.
-    pub fn prolong(&self, fine: &Mesh, displacement: &[Vector3]) -> Vec<Vector3> {
+    pub(crate) fn prolong(&self, fine: &Mesh, displacement: &[Vector3]) -> Vec<Vector3> {
         self.prolong_by(fine, displacement, |v| self.locate(&fine.positions[v], v as u32))
     }
 

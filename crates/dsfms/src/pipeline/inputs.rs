@@ -49,29 +49,13 @@ impl CameraInput {
         observation.light(light.as_ref()).vignetting(*vignetting)
     }
 
-    /// What the camera file of other frames says of a template: the light where the template knows
-    /// none (a bare mesh), and the frames' own lens, which need not be that of the exploration.
-    pub(crate) fn tell_template(&self, template: &mut Template) {
-        template.light = template.light.take().or_else(|| self.file.light.clone());
-        if let Some(a) = self.file.vignetting {
-            template.coat.vignetting = a;
-        }
+    /// The camera that a template was made with, for frames of the same; `None` where it has none.
+    pub fn of_template(template: &Template, tone: Option<ToneCurve>) -> Option<Self> {
+        let camera = template.camera.clone()?;
+        let tone = tone.unwrap_or_else(|| template.tone.clone());
+        let file = CameraFile { camera, tone: None, light: None, vignetting: None };
+        Some(Self { file, tone })
     }
-}
-
-/// Camera and tone curve of the frames to reconstruct: the given ones, else the template's own;
-/// `None` where it has no camera either.
-pub fn frames_camera(
-    template: &mut Template,
-    given: Option<CameraInput>,
-    tone: Option<ToneCurve>,
-) -> Option<(CameraModel, ToneCurve)> {
-    if let Some(input) = given {
-        input.tell_template(template);
-        return Some((input.file.camera, input.tone));
-    }
-    let camera = template.camera.clone()?;
-    Some((camera, tone.unwrap_or_else(|| template.tone.clone())))
 }
 
 /// Check a frame against the camera it is said to come from.
@@ -114,19 +98,21 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_file_fills_what_the_template_does_not_know() {
+    fn the_camera_of_frames_is_the_given_one_or_the_template_s() {
         let (mesh, options) = (patch(60, 1).mesh, TemplateOptions::default());
         let mut bare = template_from_mesh(mesh, LengthUnit::Millimetre, None, &options, &Silent);
-        assert!(frames_camera(&mut bare, None, None).is_none(), "no camera anywhere");
-        let input = CameraInput::new(file(Some(LightModel::Collinear), Some(-0.2)), None);
-        let (camera, tone) = frames_camera(&mut bare, Some(input), None).unwrap();
-        assert_eq!((camera.size, tone), ([8, 6], ToneCurve::Linear));
-        assert_eq!(bare.light, Some(LightModel::Collinear));
-        assert_eq!(bare.coat.vignetting, -0.2);
+        assert!(CameraInput::of_template(&bare, None).is_none(), "no camera anywhere");
+        let given = CameraInput::new(file(None, None), None);
+        assert_eq!(given.tone, ToneCurve::Linear);
         let asked = CameraInput::new(file(None, None), Some(ToneCurve::Srgb));
         assert_eq!(asked.tone, ToneCurve::Srgb, "what is asked for counts more than the file");
-        asked.tell_template(&mut bare);
-        assert_eq!(bare.light, Some(LightModel::Collinear), "a known light stays");
+        (bare.camera, bare.tone) = (Some(given.file.camera), ToneCurve::Linear);
+        let own = CameraInput::of_template(&bare, None).unwrap();
+        assert_eq!((own.file.camera.size, own.tone), ([8, 6], ToneCurve::Linear));
+        assert_eq!(
+            CameraInput::of_template(&bare, Some(ToneCurve::Srgb)).unwrap().tone,
+            ToneCurve::Srgb
+        );
     }
 
     #[test]
@@ -147,5 +133,8 @@ mod tests {
         assert_eq!(Some(&own.light), case.template.light.as_ref(), "a known light stays");
         let other = lit(&Observation::new(&case.frame, &case.camera));
         assert_eq!(other.coat.vignetting, -0.3);
+        case.template.light = None;
+        let told = Sight::new(&case.template, &input.observation(&case.frame), Method::Joint).light;
+        assert_eq!(told.light, LightModel::Collinear, "what the template does not know");
     }
 }

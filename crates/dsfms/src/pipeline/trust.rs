@@ -14,7 +14,7 @@ use crate::verdict::intrinsics::other_camera;
 use crate::verdict::observability::{distinct, pose_uncertainty};
 use crate::verdict::regions::{largest_part, regions, share};
 use crate::verdict::strain::strain;
-use crate::verdict::{Compared, Looked, Region, Says, judge, look};
+use crate::verdict::{Compared, ImageAgreement, Region, TileVerdict, judge, look};
 
 /// Part of the image's diagonal (8 px at 640 x 480) within which a surface agrees with a given
 /// match: on six clips nine of ten good ones are within 1.6 px, and noise of 4 px would leave nine
@@ -41,7 +41,8 @@ pub(super) fn trust(trusted: &Trusted, result: &mut Reconstruction) {
         return;
     }
     let looked = trusted.looked(result);
-    let says = |p: &Point3| looked.as_ref().map_or(Says::Nothing, |l| l.at(trusted.camera(), p));
+    let says =
+        |p: &Point3| looked.as_ref().map_or(TileVerdict::Nothing, |l| l.at(trusted.camera(), p));
     let (shape, near_match) = (&result.vertices, result.observed.as_deref());
     let (regions, folds) = regions(trusted.scene.rest, shape, &result.visible, says, near_match);
     let evidence = trusted.evidence(result, looked.as_ref(), &regions, folds);
@@ -54,7 +55,7 @@ impl Trusted<'_> {
         self.sight.observation.camera
     }
 
-    fn looked(&self, result: &Reconstruction) -> Option<Looked> {
+    fn looked(&self, result: &Reconstruction) -> Option<ImageAgreement> {
         let (picture, albedo) = self.sight.compared.as_ref()?;
         let compared = Compared {
             camera: self.camera(),
@@ -72,7 +73,7 @@ impl Trusted<'_> {
     fn evidence(
         &self,
         result: &Reconstruction,
-        looked: Option<&Looked>,
+        looked: Option<&ImageAgreement>,
         regions: &[Region],
         folds: usize,
     ) -> Evidence {

@@ -40,17 +40,7 @@ impl ShadingEvidence {
     }
 }
 
-/// Look at the photograph with the surface at `shape` (camera axes).
-pub fn gather(
-    photo: &Photograph,
-    rest: &Mesh,
-    shape: &[Point3],
-    options: &RefineOptions,
-) -> ShadingEvidence {
-    gather_from(look_at(photo, rest, shape, options), photo, options)
-}
-
-/// The look that [`gather`] gathers from.
+/// The photograph with the surface at `shape` (camera axes).
 pub(super) fn look_at<'a>(
     photo: &'a Photograph,
     rest: &'a Mesh,
@@ -60,9 +50,9 @@ pub(super) fn look_at<'a>(
     FrameLook::new(photo, rest, shape, look_options(photo, options))
 }
 
-/// As [`gather`], with shading as it is at the vertices, not blurred as the image is: the weights
-/// of the expected error are fitted to such residuals.
-pub fn gather_pointwise(
+/// What is seen with the surface at `shape` (camera axes) and with shading as it is at the vertices,
+/// not blurred as the image is: the weights of the expected error are fitted to such residuals.
+pub(crate) fn gather_pointwise(
     photo: &Photograph,
     rest: &Mesh,
     shape: &[Point3],
@@ -106,7 +96,7 @@ fn gather_from(look: FrameLook, photo: &Photograph, options: &RefineOptions) -> 
     }
 }
 
-/// [`gather`] at the full mesh, on the mesh of `body` that is solved on and that carries it at
+/// What is seen at the full mesh, on the mesh of `body` that is solved on and that carries it at
 /// `shape`.
 pub(super) fn gather_on(
     body: &Body,

@@ -166,6 +166,9 @@ impl Default for JointOptions {
                 smoothing: 30.0,
                 ..PriorWeights::default()
             },
+            // 4 for each sample and 1 for each highlight of 334 (the vertices of the patch of
+            // docs/results/ext), 1 for each of 100 points of a contour: weights of means, which
+            // hold for any mesh.
             shading: 1336.0,
             outline: 100.0,
             find_outline: true,

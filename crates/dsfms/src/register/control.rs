@@ -138,7 +138,7 @@ impl<'a> Body<'a> {
 
     /// What deforms, with a control mesh that is finer where `shape` (of the mesh that is solved
     /// on) bends; `None` where it bends little or nothing carries the full mesh.
-    pub fn finer(&self, shape: &[Point3]) -> Option<Deformable> {
+    pub(crate) fn finer(&self, shape: &[Point3]) -> Option<Deformable> {
         let (control, scene) = self.control.as_ref()?;
         let control = control.finer(self.full, &fineness(scene, &scene.displacement(shape)))?;
         let volume = self.volume.and_then(|volume| volume.behind(control.mesh()));
@@ -196,7 +196,7 @@ impl<'a> Body<'a> {
     }
 
     /// Of values at the vertices of the full mesh those of the mesh that is solved on.
-    pub fn restricted<'s, T: Copy>(&self, full: &'s [T]) -> Cow<'s, [T]> {
+    pub(crate) fn restricted<'s, T: Copy>(&self, full: &'s [T]) -> Cow<'s, [T]> {
         let Some((control, _)) = &self.control else { return Cow::Borrowed(full) };
         Cow::Owned(control.decimated.kept.iter().map(|&v| full[v as usize]).collect())
     }
@@ -209,7 +209,7 @@ impl<'a> Body<'a> {
     }
 
     /// Whether a control mesh carries the full one.
-    pub fn is_carried(&self) -> bool {
+    pub(crate) fn is_carried(&self) -> bool {
         self.control.is_some()
     }
 

@@ -175,7 +175,7 @@ fn shared_motion(offsets: &[(Point3, Vector2)]) -> f64 {
 }
 
 /// The rest position of a match.
-pub fn rest_point(rest: &Mesh, m: &Match) -> Point3 {
+pub(crate) fn rest_point(rest: &Mesh, m: &Match) -> Point3 {
     point_at(rest.corners(m.face as usize), m.barycentric)
 }
 

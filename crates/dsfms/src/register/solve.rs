@@ -27,7 +27,7 @@ pub struct Registered {
 }
 
 /// The matches that a shape explains; `kept`: which, in the order of `matches`.
-pub fn kept_matches(matches: &[Match], kept: &[bool]) -> Vec<Match> {
+pub(crate) fn kept_matches(matches: &[Match], kept: &[bool]) -> Vec<Match> {
     matches.iter().zip(kept).filter(|m| *m.1).map(|m| *m.0).collect()
 }
 
@@ -90,7 +90,7 @@ pub(super) fn in_rounds(
 
 /// Tolerance for the depth of the matches in a frame whose shape is nearly known, length units:
 /// that of [`super::register`], whose rounds the known shape replaces.
-pub fn depth_tolerance(
+pub(crate) fn depth_tolerance(
     scene: &Scene,
     matches: &[Match],
     posed: &Posed,
@@ -282,7 +282,7 @@ pub(super) fn expected_displacement(
 }
 
 /// Reprojection error of every match on a shape, px; infinite behind the camera.
-pub fn errors_px(scene: &Scene, matches: &[Match], shape: &[Point3]) -> Vec<f64> {
+pub(crate) fn errors_px(scene: &Scene, matches: &[Match], shape: &[Point3]) -> Vec<f64> {
     let error = |m: &Match| {
         let seen = scene.camera.project(&scene.point(m, shape));
         seen.map_or(f64::INFINITY, |s| (s.pixel - m.pixel).norm())

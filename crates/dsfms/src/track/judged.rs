@@ -10,7 +10,7 @@ use super::{Origin, Surface};
 use crate::geometry::Point3;
 use crate::light::lit;
 use crate::mesh::normals::vertex_normals;
-use crate::verdict::{Compared, Looked, Says, judge, look, regions};
+use crate::verdict::{Compared, ImageAgreement, TileVerdict, judge, look, regions};
 use std::sync::Arc;
 
 impl Tracker<'_> {
@@ -26,7 +26,7 @@ impl Tracker<'_> {
         let ((look, [agreeing, places]), looked) = clock.time("look", || self.looks(view, &draft));
         let Draft { ambient, shown, jumped, .. } = draft;
         let camera = &self.working.compared;
-        let says = |p: &Point3| looked.as_ref().map_or(Says::Nothing, |l| l.at(camera, p));
+        let says = |p: &Point3| looked.as_ref().map_or(TileVerdict::Nothing, |l| l.at(camera, p));
         let (regions, folds) = regions(rest, &draft.vertices, &look.visible, says, None);
         let surface = Surface {
             regions,
@@ -58,7 +58,7 @@ impl Tracker<'_> {
 
     /// What a surface looks like, in how many of its places its frame agrees, and the frame beside
     /// the prediction.
-    fn looks(&self, view: &View, draft: &Draft) -> ((Look, [usize; 2]), Option<Looked>) {
+    fn looks(&self, view: &View, draft: &Draft) -> ((Look, [usize; 2]), Option<ImageAgreement>) {
         let lit = self.lit(&draft.vertices);
         let look = || {
             let rest = &self.template.mesh;
@@ -76,7 +76,7 @@ impl Tracker<'_> {
     }
 
     /// Image beside prediction, as single frames are looked at.
-    fn compared(&self, view: &View, draft: &Draft, lit: &[f64]) -> Option<Looked> {
+    fn compared(&self, view: &View, draft: &Draft, lit: &[f64]) -> Option<ImageAgreement> {
         let (camera, rest) = (&self.working.compared, &self.template.mesh);
         let shot = view.compared();
         let edge = edge_px(camera, rest.mean_edge_length(), &draft.vertices);

@@ -3,11 +3,10 @@
 use crate::geometry::Point3;
 use crate::io::InputError;
 use crate::io::atomic::{WriteError, write_atomic};
-use crate::io::npz::{NpyArray, Npz, header};
+use crate::io::npz::{NpyArray, Npz, NpzWriter};
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
-use zip::write::{SimpleFileOptions, ZipWriter};
 
 /// Collects shapes on disk and writes them as a compressed npz: `vertices` (frames × vertices × 3,
 /// 32-bit floats, NaN where a frame is lost), `visible` (frames × vertices, 8-bit: 1 where the
@@ -86,7 +85,7 @@ impl ShapeFile {
 /// No file, no `.npz`, arrays that are missing or of other shapes.
 pub fn read_shapes(path: &Path) -> Result<(Vec<Vec<Point3>>, Vec<u8>), InputError> {
     let format = |reason: String| InputError::Format { path: path.into(), reason };
-    let mut npz = Npz::open(path).map_err(format)?;
+    let npz = Npz::open(path).map_err(format)?;
     let shapes: NpyArray<f32, 3> = npz.array("vertices").map_err(format)?;
     let status: Vec<u8> = npz.list("status").map_err(format)?;
     let [frames, vertices, three] = shapes.shape;
@@ -105,19 +104,11 @@ fn pack(
     status: &[u8],
     [frames, vertices]: [usize; 2],
 ) -> io::Result<()> {
-    let mut zip = ZipWriter::new(BufWriter::new(out));
-    // No times: the same shapes give the same file.
-    let options = SimpleFileOptions::default().compression_level(Some(6)).large_file(true);
-    zip.start_file("vertices.npy", options)?;
-    zip.write_all(&header("<f4", &[frames, vertices, 3]))?;
-    io::copy(shapes, &mut zip)?;
-    zip.start_file("visible.npy", options)?;
-    zip.write_all(&header("|u1", &[frames, vertices]))?;
-    io::copy(visible, &mut zip)?;
-    zip.start_file("status.npy", options)?;
-    zip.write_all(&header("|u1", &[frames]))?;
-    zip.write_all(status)?;
-    zip.finish()?.flush()
+    let mut npz = NpzWriter::new(BufWriter::new(out), true);
+    npz.copy::<f32>("vertices", &[frames, vertices, 3], shapes)?;
+    npz.copy::<u8>("visible", &[frames, vertices], visible)?;
+    npz.copy::<u8>("status", &[frames], &mut &status[..])?;
+    npz.finish()?.flush()
 }
 
 #[cfg(test)]

@@ -17,8 +17,10 @@ use super::{Origin, Surface, TrackError, TrackOptions, TrackStatus, Tracked};
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point3, align_rigid_few};
 use crate::image::{Frame, ToneCurve};
+use crate::io::camera::CameraFile;
 use crate::light::Coated;
 use crate::mesh::laplacian::Laplacian;
+use crate::pipeline::inputs::CameraInput;
 use crate::pipeline::{CameraSight, Method};
 use crate::refine::VideoMemory;
 use crate::register::find::Search;
@@ -28,6 +30,7 @@ use crate::verdict::{NoSurface, Reason, Thresholds};
 use std::time::Instant;
 
 /// Follows a template through the frames of one camera.
+/// [`of_camera`](Self::of_camera) takes everything that a camera file says.
 ///
 /// ```
 /// use dsfms::pipeline::template_from_posed_frames;
@@ -133,13 +136,30 @@ impl<'a> Tracker<'a> {
         Self::of(template, camera, method, options, working, preparation)
     }
 
+    /// A tracker of the frames of a camera file: its tone curve, its light where the template knows
+    /// none, and its own vignetting, as [`CameraInput::observation`] has them.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn of_camera(
+        template: &'a Template,
+        input: &'a CameraInput,
+        method: Method,
+        options: TrackOptions,
+    ) -> Result<Self, TrackError> {
+        let CameraFile { camera, light, vignetting, .. } = &input.file;
+        let tracker = Self::new(template, camera, &input.tone, method, options)?;
+        Ok(Self { light: template.lighting_of(light.as_ref(), *vignetting), ..tracker })
+    }
+
     /// Another tracker of the same, which has seen nothing.
     pub(super) fn twin(&self) -> Self {
         let (options, working) = (self.options.clone(), self.working.clone());
         let preparation = self.preparation.clone();
         let of = Self::of(self.template, self.camera, self.method, options, working, preparation);
         // What it searches are frames far apart.
-        Self { surroundings: None, ..of.expect("the template was enough for this one") }
+        let light = self.light.clone();
+        Self { surroundings: None, light, ..of.expect("the template was enough for this one") }
     }
 
     fn of(
@@ -349,4 +369,37 @@ fn ahead(before: &[Point3], now: &[Point3]) -> Option<Vec<Point3>> {
         motion * now + motion.rotation * (now - motion * before) * GOES_ON
     };
     Some(before.iter().zip(now).map(on).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::LightModel;
+    use crate::pipeline::{Exploration, Silent, TemplateOptions, template_from_posed_frames};
+    use crate::synth::Case;
+    use crate::template::LengthUnit;
+
+    /// As `pipeline::inputs` has them for single frames.
+    #[test]
+    fn a_camera_file_says_what_the_template_does_not_know() {
+        let case = Case::example(1);
+        let (frames, poses) = case.explore(2);
+        let poses: Vec<_> = poses.into_iter().map(Some).collect();
+        let (mesh, unit) = (case.template.mesh.clone(), LengthUnit::Millimetre);
+        let (seen, options) = (Exploration::new(&frames, &case.camera), TemplateOptions::default());
+        let built = template_from_posed_frames(&seen, mesh, unit, &poses, &options, &Silent);
+        let known = built.unwrap().template;
+        let unknown = Template { light: None, ..known.clone() };
+        let (light, vignetting) = (Some(LightModel::Collinear), Some(-0.2));
+        let file = CameraFile { camera: case.camera.clone(), tone: None, light, vignetting };
+        let input = CameraInput::new(file, None);
+        for (template, light) in [(&known, &known.light), (&unknown, &input.file.light)] {
+            let tracker =
+                Tracker::of_camera(template, &input, Method::Dsfm, TrackOptions::default());
+            let tracker = tracker.unwrap();
+            assert_eq!(Some(&tracker.light.light), light.as_ref());
+            assert_eq!(tracker.light.coat.vignetting, -0.2);
+            assert_eq!(tracker.twin().light, tracker.light);
+        }
+    }
 }

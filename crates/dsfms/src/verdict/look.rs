@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 /// Blocks along the diagonal, at most: a surface a third of a millimetre off must not look strange.
 /// A picture of that size says as much as a larger one.
-pub const BLOCKS: f64 = 460.0;
+pub(crate) const BLOCKS: f64 = 460.0;
 
 /// Side of a tile, of the diagonal: at least a hundred blocks.
 const TILE: f64 = 0.028;
@@ -39,28 +39,28 @@ const HALO: f64 = 0.012;
 const CONTOUR: f64 = 0.006;
 
 /// What is compared.
-pub struct Compared<'a> {
+pub(crate) struct Compared<'a> {
     /// Camera of the frame.
-    pub camera: &'a CameraModel,
+    pub(crate) camera: &'a CameraModel,
     /// Linear light.
-    pub picture: &'a Picture,
+    pub(crate) picture: &'a Picture,
     /// `true` where the organ may be seen.
-    pub usable: &'a Mask,
+    pub(crate) usable: &'a Mask,
     /// Albedo of the template.
-    pub albedo: &'a SurfaceTexels,
+    pub(crate) albedo: &'a SurfaceTexels,
     /// Ambient light of the frame in units of its exposure, linear; 0 where it is not known.
-    pub ambient: f64,
+    pub(crate) ambient: f64,
 }
 
 /// When a tile shows the template.
 #[derive(Clone, Copy, Debug)]
-pub struct TileLimits {
+pub(crate) struct TileLimits {
     /// Largest difference of the logarithms from that of the frame: brightness, colour.
-    pub log: [f64; 2],
+    pub(crate) log: [f64; 2],
     /// Least correlation.
-    pub correlation: f64,
+    pub(crate) correlation: f64,
     /// Least slope, of the frame's usual one.
-    pub slope: f64,
+    pub(crate) slope: f64,
 }
 
 /// One tile.
@@ -76,7 +76,7 @@ struct Tile {
 
 /// What one tile says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Says {
+pub(crate) enum TileVerdict {
     /// It looks like the template.
     Agrees,
     /// It does not.
@@ -86,43 +86,49 @@ pub enum Says {
 }
 
 /// A frame looked at.
-pub struct Looked {
+pub(crate) struct ImageAgreement {
     /// What the frame as a whole shows.
-    pub appearance: Appearance,
+    pub(crate) appearance: Appearance,
     /// Pixels a tile is wide.
     side: usize,
     /// Tiles in a row.
     columns: usize,
-    tiles: Vec<Says>,
+    tiles: Vec<TileVerdict>,
 }
 
-impl Looked {
+impl ImageAgreement {
     /// What the image says where a point of the surface appears.
-    pub fn at(&self, camera: &CameraModel, point: &Point3) -> Says {
-        let Some(pixel) = camera.project(point).map(|p| p.pixel) else { return Says::Nothing };
+    pub(crate) fn at(&self, camera: &CameraModel, point: &Point3) -> TileVerdict {
+        let Some(pixel) = camera.project(point).map(|p| p.pixel) else {
+            return TileVerdict::Nothing;
+        };
         let tile = pixel.coords.map(|c| (c + 0.5).floor() / self.side as f64);
         let inside = tile.iter().all(|c| *c >= 0.0) && tile.x < self.columns as f64;
         let index = tile.y as usize * self.columns + tile.x as usize;
-        if inside { self.tiles.get(index).copied().unwrap_or(Says::Nothing) } else { Says::Nothing }
+        if inside {
+            self.tiles.get(index).copied().unwrap_or(TileVerdict::Nothing)
+        } else {
+            TileVerdict::Nothing
+        }
     }
 }
 
 /// Compare a frame with what template and light predict at a shape (camera axes; `lit`: the diffuse
 /// shading of its vertices); `None` where next to nothing can be compared.
-pub fn look(
+pub(crate) fn look(
     compared: &Compared,
     rest: &Mesh,
     shape: &[Point3],
     lit: &[f64],
     limits: &TileLimits,
-) -> Option<Looked> {
+) -> Option<ImageAgreement> {
     let raster = rasterize(compared.camera, &rest.topology, shape);
     let diagonal = diagonal(raster.size);
     let block = (diagonal / BLOCKS).ceil().max(1.0) as usize;
     let along = ((TILE * diagonal / block as f64).round() as usize).max(4);
     let blocks = Blocks::of(compared, rest, lit, &raster, block);
     let (columns, tiles) = blocks.tiles(along);
-    judge(&tiles, limits).map(|(appearance, tiles)| Looked {
+    judge(&tiles, limits).map(|(appearance, tiles)| ImageAgreement {
         appearance,
         side: along * block,
         columns,
@@ -235,7 +241,7 @@ impl Tile {
 /// Fewest tiles that tell anything of a frame.
 const FEWEST: usize = 6;
 
-fn judge(tiles: &[Tile], limits: &TileLimits) -> Option<(Appearance, Vec<Says>)> {
+fn judge(tiles: &[Tile], limits: &TileLimits) -> Option<(Appearance, Vec<TileVerdict>)> {
     let told: Vec<&Tile> = tiles.iter().filter(|t| t.tells()).collect();
     if told.len() < FEWEST {
         return None;
@@ -258,18 +264,18 @@ fn judge(tiles: &[Tile], limits: &TileLimits) -> Option<(Appearance, Vec<Says>)>
             alike > limits.correlation && slope > limits.slope * strong.unwrap_or(1.0)
         });
         match tile.tells() {
-            false => Says::Nothing,
-            true if like && same => Says::Agrees,
-            true => Says::Contradicts,
+            false => TileVerdict::Nothing,
+            true if like && same => TileVerdict::Agrees,
+            true => TileVerdict::Contradicts,
         }
     };
-    let all: Vec<Says> = tiles.iter().map(says).collect();
-    let area = |which: &dyn Fn(Says) -> bool| -> f64 {
+    let all: Vec<TileVerdict> = tiles.iter().map(says).collect();
+    let area = |which: &dyn Fn(TileVerdict) -> bool| -> f64 {
         let those = tiles.iter().zip(&all).filter(|(_, s)| which(**s));
         those.map(|(t, _)| t.blocks[0] as f64).sum()
     };
-    let (agrees, whole) = (area(&|s| s == Says::Agrees), area(&|_| true));
-    let compared = area(&|s| s != Says::Nothing);
+    let (agrees, whole) = (area(&|s| s == TileVerdict::Agrees), area(&|_| true));
+    let compared = area(&|s| s != TileVerdict::Nothing);
     let appearance = Appearance {
         correlation: of(0),
         contrast: of(1),

@@ -8,7 +8,7 @@
 
 pub mod evidence;
 pub mod intrinsics;
-pub mod look;
+pub(crate) mod look;
 pub mod observability;
 pub mod reason;
 pub mod regions;
@@ -17,9 +17,10 @@ pub mod thresholds;
 
 use crate::template::usual::Appearance;
 pub use evidence::{Evidence, MatchCount};
-pub use look::{Compared, Looked, Says, look};
+pub(crate) use look::{Compared, ImageAgreement, TileVerdict, look};
 pub use reason::{NoSurface, Part, Reason};
-pub use regions::{Region, regions};
+pub use regions::Region;
+pub(crate) use regions::regions;
 use serde::{Deserialize, Serialize};
 pub use thresholds::Thresholds;
 

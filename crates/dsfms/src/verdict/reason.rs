@@ -151,8 +151,8 @@ pub enum Reason {
     /// A part of the visible surface where the image shows something else than the template there.
     #[error("the image shows something else than the template on {}", place(.0))]
     RegionContradicted(Part),
-    /// A part of the visible surface of which nothing in the frame speaks.
-    #[error("nothing in the frame speaks of {}", place(.0))]
+    /// A part of the visible surface that no observation of the frame supports.
+    #[error("no observation supports {}", place(.0))]
     RegionUnobserved(Part),
     /// Nothing could be used for shading; the surface is motion's.
     #[error("nothing could be used for shading: the result is motion's")]

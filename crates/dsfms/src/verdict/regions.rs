@@ -1,6 +1,6 @@
 //! What is known of every vertex, and the parts of the surface of which nothing is.
 
-use super::Says;
+use super::TileVerdict;
 use super::reason::Part;
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{GRAIN, Point2, Point3, Vector3, area_normal};
@@ -28,21 +28,21 @@ pub enum Region {
 /// What is known of every vertex, and the number of folded faces. `says`: what the image tells of a
 /// point of the surface (camera axes); `near_match`: vertices that a match lies near, where it is
 /// known.
-pub fn regions(
+pub(crate) fn regions(
     rest: &Mesh,
     shape: &[Point3],
     visible: &[bool],
-    says: impl Fn(&Point3) -> Says + Sync,
+    says: impl Fn(&Point3) -> TileVerdict + Sync,
     near_match: Option<&[bool]>,
 ) -> (Vec<Region>, usize) {
     let (over, faces) = folded(rest, shape);
     let of = |v: usize| match says(&shape[v]) {
         _ if !visible[v] => Region::Hidden,
         _ if over[v] => Region::Folded,
-        Says::Contradicts => Region::Contradicted,
-        Says::Agrees => Region::Observed,
-        Says::Nothing if near_match.is_none_or(|near| near[v]) => Region::Observed,
-        Says::Nothing => Region::Unobserved,
+        TileVerdict::Contradicts => Region::Contradicted,
+        TileVerdict::Agrees => Region::Observed,
+        TileVerdict::Nothing if near_match.is_none_or(|near| near[v]) => Region::Observed,
+        TileVerdict::Nothing => Region::Unobserved,
     };
     ((0..shape.len()).into_par_iter().with_min_len(GRAIN).map(of).collect(), faces)
 }

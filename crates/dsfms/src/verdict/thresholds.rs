@@ -123,7 +123,7 @@ impl Default for Thresholds {
 
 impl Thresholds {
     /// When a tile shows the template.
-    pub fn tile(&self) -> TileLimits {
+    pub(crate) fn tile(&self) -> TileLimits {
         let [correlation, slope] = self.tile_structure;
         TileLimits { log: self.tile_log, correlation, slope }
     }

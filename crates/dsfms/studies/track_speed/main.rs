@@ -15,6 +15,9 @@
 //! forth and back through the frames until N have been tracked, and watches memory.
 
 mod clip;
+// Worker threads as `dsfms track --realtime` has them.
+#[path = "../../../dsfms-cli/src/cores.rs"]
+mod cores;
 mod measure;
 
 use clip::Clip;
@@ -43,7 +46,7 @@ struct Args {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args = args()?;
     if args.options.awake {
-        own_cores()?;
+        cores::start_threads(None, true)?;
     }
     let clip = match &args.inputs[..] {
         [one] if one == "synthetic" => Clip::synthetic(args.vertices, args.frames),
@@ -59,14 +62,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         clip.print_cold(&tracked, args.method, args.cold_every);
     }
     Ok(())
-}
-
-/// Worker threads on a core each, as `dsfms track --realtime` has them.
-fn own_cores() -> Result<(), rayon::ThreadPoolBuildError> {
-    let cores = core_affinity::get_core_ids().unwrap_or_default();
-    let builder = rayon::ThreadPoolBuilder::new().num_threads(cores.len());
-    let pin = move |k: usize| _ = core_affinity::set_for_current(cores[k]);
-    builder.start_handler(pin).build_global()
 }
 
 fn args() -> Result<Args, Box<dyn std::error::Error>> {

@@ -28,10 +28,9 @@ use dsfms::track::shapes::read_shapes;
 use dsfms::video::count_frames;
 use dsfms::video::mjpeg::Pictures;
 use dsfms::{Template, read_template, write_template};
-use std::io::{Cursor, Read, Write};
+use rawzip::{CompressionMethod, ZipArchive, ZipArchiveWriter};
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
-use zip::write::{SimpleFileOptions, ZipWriter};
-use zip::{CompressionMethod, ZipArchive};
 
 /// A reader: whether it accepted the bytes.
 pub type Target = fn(&[u8]) -> bool;
@@ -195,26 +194,33 @@ fn arrays(bytes: &[u8]) -> Vec<&[u8]> {
 
 /// An npz of arrays as they are.
 fn archive<'a>(arrays: impl Iterator<Item = (&'a str, &'a [u8])>) -> Vec<u8> {
-    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+    let mut zip = ZipArchiveWriter::new(Vec::new());
     for (name, bytes) in arrays {
-        zip.start_file(format!("{name}.npy"), options).unwrap();
-        zip.write_all(bytes).unwrap();
+        let (mut entry, config) = zip.new_file(format!("{name}.npy")).start().unwrap();
+        let mut out = config.wrap(&mut entry);
+        out.write_all(bytes).unwrap();
+        let (_, sums) = out.finish().unwrap();
+        entry.finish(sums).unwrap();
     }
-    zip.finish().unwrap().into_inner()
+    zip.finish().unwrap()
 }
 
 /// Names, without their ending, and contents of an npz.
 fn unpacked(npz: &[u8]) -> Vec<(String, Vec<u8>)> {
-    let mut zip = ZipArchive::new(Cursor::new(npz)).unwrap();
-    let count = zip.len();
-    let entry = |k: usize| {
-        let mut file = zip.by_index(k).unwrap();
+    let zip = ZipArchive::from_slice(npz).unwrap();
+    let mut entries = zip.entries();
+    let mut arrays = Vec::new();
+    while let Some(file) = entries.next_entry().unwrap() {
+        let data = zip.get_entry(file.wayfinder()).unwrap().data();
         let mut bytes = Vec::new();
-        file.read_to_end(&mut bytes).unwrap();
-        (file.name().trim_end_matches(".npy").to_owned(), bytes)
-    };
-    (0..count).map(entry).collect()
+        match file.compression_method() {
+            CompressionMethod::STORE => bytes.extend(data),
+            _ => _ = flate2::bufread::DeflateDecoder::new(data).read_to_end(&mut bytes).unwrap(),
+        }
+        let name = String::from_utf8(file.file_path().as_bytes().to_vec()).unwrap();
+        arrays.push((name.trim_end_matches(".npy").to_owned(), bytes));
+    }
+    arrays
 }
 
 /// The truth of two frames of a face, as an npz and as its arrays.

@@ -35,9 +35,9 @@ impl Job<'_> {
     ) -> anyhow::Result<ShownFrame> {
         let mut shown = ShownFrame::new(name, frame)?;
         let faces = &self.template.mesh.topology.faces;
-        shown.add(report, Some(result), (&self.camera, faces), 1.0);
+        shown.add(report, Some(result), (self.lens(), faces), 1.0);
         let structures = self.structures.as_ref();
-        shown.add_structures(structures.map_or(vec![], |s| s.places(&self.camera, places)));
+        shown.add_structures(structures.map_or(vec![], |s| s.places(self.lens(), places)));
         Ok(shown)
     }
 
@@ -48,8 +48,7 @@ impl Job<'_> {
     ) -> anyhow::Result<()> {
         let template = self.args.template.file_name().unwrap_or_default().to_string_lossy();
         let method = self.method.name();
-        let mut page =
-            frames_page((&template, &self.template), &self.camera, method, rows, frames)?;
+        let mut page = frames_page((&template, &self.template), self.lens(), method, rows, frames)?;
         page.data.structures = self.structures.as_ref().map_or(Vec::new(), Structures::shown);
         page.write(&self.args.output.join("report.html"))
     }

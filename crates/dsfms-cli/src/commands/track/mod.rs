@@ -31,7 +31,6 @@ use again::Plan;
 use args::check;
 pub use args::{TrackArgs, size};
 use dsfms::camera::CameraModel;
-use dsfms::image::ToneCurve;
 use dsfms::io::masks::MaskKind;
 use dsfms::pipeline::Method;
 use dsfms::template::Template;
@@ -74,15 +73,17 @@ fn follow(
     let record = |folder: &PathBuf| Recording::start(folder, args.realtime);
     let recording = args.record.as_ref().map(record).transpose()?;
     let sources = if live { Vec::new() } else { inputs::look(&args.input)? };
-    let (template, camera, tone) = known(args, global, reporter)?;
-    check_files(args, &sources, &camera)?;
+    let template = bare::template(args, global, reporter)?;
+    let input = inputs::frame_camera(args.frames.camera.as_deref(), global, &template)?;
+    let camera = &input.file.camera;
+    check_files(args, &sources, camera)?;
     let run = run_file(args, global, again)?;
     let (method, options) = (Method::from(args.method), run.options.clone());
-    let mut tracker = Tracker::new(&template, &camera, &tone, method, options)?;
+    let mut tracker = Tracker::of_camera(&template, &input, method, options)?;
     let searcher = tracker.searcher();
     let structures = Structures::read(&args.frames.structures, &template, reporter)?;
     let volume = CarriedVolume::read(&args.volume, &template, reporter)?;
-    let link = Link::open(&args.link, &template, &camera, reporter)?;
+    let link = Link::open(&args.link, &template, camera, reporter)?;
     let mut source = source(args, live, stream, recording.as_ref().map(Recording::recorder));
     source.numbered = again.is_some_and(|again| again.recorded);
     let rate = args.rate.or_else(|| source.rate()).unwrap_or(RATE);
@@ -93,14 +94,14 @@ fn follow(
     place::renew(&args.output, "track")?;
     run.write(&args.output)?;
     let shapes = shape_file(&args.output, &template)?;
-    let report = report(args, &template, &camera, method)?;
+    let report = report(args, &template, camera, method)?;
     watch(args, live)?;
     let job = TrackJob {
         args,
         report,
         kept: Vec::new(),
         template: &template,
-        camera: &camera,
+        camera,
         reporter,
         tracker,
         shapes,
@@ -159,18 +160,6 @@ fn report<'a>(
     let name = args.template.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let page = args.output.join("report.html");
     Ok(Some(TrackReport::new(page, name, template, camera, method.name())?))
-}
-
-/// The template, and camera and tone curve of the frames.
-fn known(
-    args: &TrackArgs,
-    global: &Global,
-    reporter: &Reporter,
-) -> anyhow::Result<(Template, CameraModel, ToneCurve)> {
-    let mut template = bare::template(args, global, reporter)?;
-    let (camera, tone) =
-        inputs::frame_camera(args.frames.camera.as_deref(), global, &mut template)?;
-    Ok((template, camera, tone))
 }
 
 /// Refuse files that cannot be tracked, before anything is written.
