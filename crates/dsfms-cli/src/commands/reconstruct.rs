@@ -2,6 +2,7 @@
 
 mod args;
 mod beside;
+mod job;
 mod page;
 
 use crate::args::Global;
@@ -21,7 +22,7 @@ pub use args::{MethodName, ReconstructArgs};
 use beside::each_beside;
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
-use dsfms::image::{Frame, Mask, ToneCurve, diagonal};
+use dsfms::image::{Frame, Mask, diagonal};
 use dsfms::io::masks::MaskKind;
 use dsfms::io::matches::{all_matches, find_matches, read_matches};
 use dsfms::io::template::read_template;
@@ -33,6 +34,7 @@ use dsfms::register::{Deformable, Match};
 use dsfms::template::Template;
 use dsfms::verdict::intrinsics::apart_px;
 use dsfms::verdict::{Reason, Thresholds};
+use job::Job;
 use page::{Paged, failed_frame};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -47,20 +49,6 @@ struct Done {
 
 /// Of frames of which only matches are known.
 const GREY: u8 = 128;
-
-/// Everything that the frames share.
-struct Job<'a> {
-    args: &'a ReconstructArgs,
-    template: Template,
-    deformable: Deformable,
-    camera: CameraModel,
-    tone: ToneCurve,
-    method: Method,
-    options: ReconstructOptions,
-    structures: Option<Structures>,
-    volume: Option<CarriedVolume>,
-    reporter: &'a Reporter,
-}
 
 /// Run the command.
 pub fn run(
