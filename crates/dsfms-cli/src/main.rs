@@ -41,7 +41,9 @@ mod poses;
 mod progress;
 mod reasons;
 mod report;
+mod run;
 mod sheet;
+mod stdout;
 mod structures;
 mod volume;
 
@@ -63,6 +65,6 @@ fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(error) => return exit::parse_error(&error),
     };
-    let ended = exit::code(commands::run(&arguments));
+    let ended = exit::code(run::run(&arguments));
     interrupt::code().unwrap_or(ended)
 }

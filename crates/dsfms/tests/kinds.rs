@@ -1,6 +1,10 @@
 //! A light and a lens stand in a file of their own and in one line of a table; nobody else asks
 //! which it is.
 
+#[path = "common/source.rs"]
+mod source;
+
+use source::{code, sources};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -15,11 +19,11 @@ fn a_kind_is_named_in_its_line_only() {
     let files: Vec<PathBuf> = packages.iter().flat_map(|folder| sources(folder)).collect();
     for (name, table, begins) in TABLES {
         let table = packages[0].join(table);
-        let kinds = kinds(&code(&table), begins);
+        let kinds = kinds(&read(&table), begins);
         assert!(kinds.len() > 2, "no table in {}", table.display());
         for path in &files {
             let room = path.parent() == table.parent();
-            let code = code(path);
+            let code = read(path);
             for kind in &kinds {
                 let named = count(&code, &format!("{name}::{kind}"));
                 let own = if room { count(&code, &format!("Self::{kind}")) } else { 0 };
@@ -44,22 +48,6 @@ fn count(code: &str, path: &str) -> usize {
 }
 
 /// Without comments and tests, which may name what they like.
-fn code(path: &Path) -> String {
-    let test = |path: &Path| {
-        let name = path.file_stem().unwrap().to_string_lossy();
-        name == "tests" || name == "check" || name == "test_scene"
-    };
-    if test(path) {
-        return String::new();
-    }
-    let text = fs::read_to_string(path).unwrap();
-    let code = text.split("#[cfg(test)]").next().unwrap_or_default();
-    code.lines().filter(|l| !l.trim_start().starts_with("//")).map(|l| format!("{l}\n")).collect()
-}
-
-fn sources(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
-    let (folders, files): (Vec<_>, Vec<_>) = entries.partition(|p| p.is_dir());
-    let inner = folders.iter().flat_map(|f| sources(f));
-    files.into_iter().filter(|p| p.extension().is_some_and(|e| e == "rs")).chain(inner).collect()
+fn read(path: &Path) -> String {
+    code(&fs::read_to_string(path).unwrap())
 }

@@ -1,7 +1,11 @@
 //! The layers of ARCHITECTURE.md: an arrow of `use` only ever points left.
 
+#[path = "common/source.rs"]
+mod source;
+
+use source::{code, sources};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A module may use itself and what stands left of it.
 const ORDER: [&str; 30] = [
@@ -48,10 +52,8 @@ fn arrows_point_left() {
         if module == "lib" {
             continue;
         }
-        let text = fs::read_to_string(&path).unwrap();
         // Tests may look anywhere.
-        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
-        for line in code.lines().filter(|l| !l.trim_start().starts_with("//")) {
+        for line in code(&fs::read_to_string(&path).unwrap()).lines() {
             let word = |s: &str| {
                 s.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap().to_string()
             };
@@ -68,11 +70,4 @@ fn arrows_point_left() {
 fn place(module: &str) -> usize {
     let known = ORDER.iter().position(|m| *m == module);
     known.unwrap_or_else(|| panic!("module {module} is missing in tests/layers.rs"))
-}
-
-fn sources(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
-    let (folders, files): (Vec<_>, Vec<_>) = entries.partition(|p| p.is_dir());
-    let inner = folders.iter().flat_map(|f| sources(f));
-    files.into_iter().filter(|p| p.extension().is_some_and(|e| e == "rs")).chain(inner).collect()
 }

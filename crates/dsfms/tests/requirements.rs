@@ -1,6 +1,10 @@
 //! `docs/requirements.md` names tests that exist, and leaves no requirement without one unsaid; and
 //! what it says of connections is so.
 
+#[path = "common/source.rs"]
+mod source;
+
+use source::{sources, without_tests};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -116,13 +120,6 @@ fn the_reader_of_the_page_sees_what_is_wrong() {
     assert!(has_test("def test_x(a):\n", "test_x") && !has_test("def x(a):\n", "x"));
 }
 
-fn sources(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
-    let (folders, files): (Vec<_>, Vec<_>) = entries.partition(|p| p.is_dir());
-    let inner = folders.iter().flat_map(|f| sources(f));
-    files.into_iter().filter(|p| p.extension().is_some_and(|e| e == "rs")).chain(inner).collect()
-}
-
 /// Sockets are named in the viewer and in the OpenIGTLink of `track`, and no package that speaks
 /// HTTP is linked.
 #[test]
@@ -130,8 +127,7 @@ fn connections_are_opened_where_they_are_promised() {
     let with_sockets = |package: &str| -> BTreeSet<String> {
         let folder = root().join(package).join("src");
         let files = sources(&folder).into_iter().filter(|path| {
-            let text = fs::read_to_string(path).unwrap();
-            let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+            let code = without_tests(&fs::read_to_string(path).unwrap());
             ["TcpStream", "TcpListener", "UdpSocket", "UnixStream", "std::net"]
                 .iter()
                 .any(|word| code.contains(word))

@@ -1,9 +1,13 @@
 //! Inside the rooms of ARCHITECTURE.md: no two files need each other, no two types have one name,
 //! and files and functions are short.
 
+#[path = "common/source.rs"]
+mod source;
+
+use source::{code, sources, without_tests};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Most lines of a file, tests apart, and of a function.
 const MOST_LINES: [usize; 2] = [400, 60];
@@ -21,7 +25,7 @@ struct Source {
     uses: Vec<(Vec<String>, String, bool)>,
 }
 
-/// A file and the one that holds its `mod` line do not count.
+/// Files that hold `mod` lines count; what they hand on they do not need themselves.
 #[test]
 fn no_circle_of_files() {
     no_circle(library());
@@ -84,6 +88,20 @@ fn unique_names(sources: BTreeMap<Module, Source>) {
 }
 
 #[test]
+fn tests_are_left_out_and_what_follows_is_read() {
+    let text = "use a;\n#[cfg(test)]\n#[allow(x)]\nfn b(c: &'static str) -> [u8; 2] {\n    \"}\"; '{'; r#\"\"}\"#;\n    \
+        // }\n}\nfn d() {}\n#[cfg(test)]\nmod e;\n    /* { */ \"#[cfg(test)]\"\n#[cfg(all(test, unix))]\nmod f {\n    \
+        use g;\n}\nfn h() {}\n";
+    let kept = without_tests(text);
+    assert_eq!(kept, "use a;\n\nfn d() {}\n\n    /* { */ \"#[cfg(test)]\"\n\nfn h() {}\n");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let read = sources(&root);
+    let is_read = |file: &str| read.contains(&root.join(file));
+    assert!(is_read("track/shapes.rs") && is_read("energy/check.rs") && is_read("light/mod.rs"));
+    assert!(!is_read("mesh/shapes.rs") && !is_read("light/check.rs") && !is_read("dense/tests.rs"));
+}
+
+#[test]
 fn files_and_functions_are_short() {
     let mut long = Vec::new();
     let command_line = sources_of("../dsfms-cli/src").into_values();
@@ -126,7 +144,7 @@ fn needs<'a>(
 ) -> BTreeSet<&'a Module> {
     let taken = source.uses.iter().filter(|(_, _, handed_on)| !handed_on);
     let found = taken.filter_map(|(path, _, _)| defining(library, path, 8));
-    found.filter(|other| !own.starts_with(other) && !other.starts_with(own)).collect()
+    found.filter(|other| *other != own).collect()
 }
 
 /// The file in which the item of a path stands.
@@ -165,28 +183,14 @@ fn sources_of(folder: &str) -> BTreeMap<Module, Source> {
         }
         let text = fs::read_to_string(&path).unwrap();
         let lines = without_tests(&text).lines().count();
-        let uncommented = text.lines().filter(|line| !line.trim_start().starts_with("//"));
-        let text: String = uncommented.map(|line| format!("{line}\n")).collect();
-        let code = without_tests(&text).to_string();
-        if !["tests", "check", "test_scene", "plates", "shapes"]
-            .contains(&module.last().map_or("", |m| m))
-        {
-            library.insert(module, Source { file, code, lines, uses: Vec::new() });
-        }
+        let code = code(&text);
+        library.insert(module, Source { file, code, lines, uses: Vec::new() });
     }
     let modules: BTreeSet<Module> = library.keys().cloned().collect();
     for (module, source) in &mut library {
         source.uses = uses(&source.code, module, &modules);
     }
     library
-}
-
-/// A file up to the module of its tests.
-fn without_tests(text: &str) -> &str {
-    let test = text
-        .find("#[cfg(test)]\nmod tests {")
-        .or(text.find("#[cfg(test)]\npub(super) mod tests {"));
-    &text[..test.unwrap_or(text.len())]
 }
 
 /// What a file takes, by its `use` lines and by paths within its code.
@@ -202,7 +206,7 @@ fn uses(
             line.trim_start_matches("pub ").starts_with("use ")
         }) else {
             let absolute = |path: Vec<String>| absolute(&path, module, modules);
-            let inline = inline(statement).filter_map(absolute);
+            let inline = inline(statement).into_iter().filter_map(absolute);
             found.extend(inline.map(|path| (path, String::new(), false)));
             continue;
         };
@@ -217,14 +221,17 @@ fn uses(
     found
 }
 
-/// Paths from the root or from above that stand within code.
-fn inline(code: &str) -> impl Iterator<Item = Vec<String>> {
+/// Paths that stand within code; that of a visibility takes nothing.
+fn inline(code: &str) -> Vec<Vec<String>> {
+    let mut parts = code.split("pub(in ");
+    let first = parts.next().into_iter();
+    let code: String =
+        first.chain(parts.filter_map(|part| Some(part.split_once(')')?.1))).collect();
     let part = |c: char| c.is_alphanumeric() || "_:".contains(c);
-    let words = code.split(move |c: char| !part(c));
-    let from_above = |word: &&str| word.starts_with("crate::") || word.starts_with("super::");
+    let words = code.split(|c: char| !part(c)).filter(|word| word.contains("::"));
     words
-        .filter(from_above)
         .map(|word| word.split("::").filter(|name| !name.is_empty()).map(String::from).collect())
+        .collect()
 }
 
 /// `a::{b, c as d}` as `a::b` named `b` and `a::c` named `d`.
@@ -267,11 +274,4 @@ fn absolute(path: &[String], module: &Module, modules: &BTreeSet<Module>) -> Opt
             modules.contains(&child).then(|| [&module[..], path].concat())
         }
     }
-}
-
-fn sources(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
-    let (folders, files): (Vec<_>, Vec<_>) = entries.partition(|p| p.is_dir());
-    let inner = folders.iter().flat_map(|f| sources(f));
-    files.into_iter().filter(|p| p.extension().is_some_and(|e| e == "rs")).chain(inner).collect()
 }

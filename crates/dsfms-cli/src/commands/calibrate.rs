@@ -7,6 +7,7 @@ use crate::outputs::{check_folder, write_json, write_png};
 use crate::pictures::calibration as pictures;
 use crate::place::{self, mark};
 use crate::progress::Reporter;
+use crate::stdout::to_stdout;
 use anyhow::Context;
 use clap::Args;
 use dsfms::calibrate::{Board, CalibrateOptions, Calibration, calibrate};
@@ -119,7 +120,7 @@ pub fn run(args: &CalibrateArgs, global: &Global, reporter: &Reporter) -> anyhow
     reporter.finish();
     warnings(&frames, &found).iter().for_each(|w| reporter.warn(w));
     if !global.quiet {
-        super::to_stdout(&table(&frames, &found))?;
+        to_stdout(&table(&frames, &found))?;
     }
     Ok(if found.rejected.is_empty() { Outcome::Ok } else { Outcome::Degraded })
 }

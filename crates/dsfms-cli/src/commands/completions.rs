@@ -2,6 +2,7 @@
 
 use crate::exit::Outcome;
 use crate::outputs::prepare_folder;
+use crate::stdout::to_stdout;
 use anyhow::Context;
 use clap::{Args, Command};
 use clap_complete::Shell;
@@ -40,7 +41,7 @@ pub struct ManArgs {
 pub fn run(args: &CompletionsArgs, root: &mut Command) -> anyhow::Result<Outcome> {
     let mut text = Vec::new();
     clap_complete::generate(args.shell, root, "dsfms", &mut text);
-    super::to_stdout(&String::from_utf8_lossy(&text))?;
+    to_stdout(&String::from_utf8_lossy(&text))?;
     Ok(Outcome::Ok)
 }
 

@@ -10,6 +10,7 @@ use crate::outputs::{FrameFiles, FrameMasks, FrameReport, check_folder, summary_
 use crate::place::mark;
 use crate::progress::Reporter;
 use crate::report::template::template_page;
+use crate::stdout::to_stdout;
 use clap::Args;
 use dsfms::geometry::Point3;
 use dsfms::io::ply::{PlyExtras, write_ply};
@@ -84,9 +85,9 @@ pub fn run(args: &DemoArgs, global: &Global, reporter: &Reporter) -> anyhow::Res
     let path = args.output.join("report.html");
     page(&report)?.write(&path)?;
     reporter.finish();
-    super::to_stdout(&report.text())?;
+    to_stdout(&report.text())?;
     let shown = path.canonicalize().unwrap_or(path);
-    super::to_stdout(&format!("report: {}\n", shown.display()))?;
+    to_stdout(&format!("report: {}\n", shown.display()))?;
     let joint = METHODS.iter().position(|&m| m == Method::Joint);
     let believed =
         joint.is_some_and(|k| frames.iter().all(|f| f.methods[k].report.status != "failed"));

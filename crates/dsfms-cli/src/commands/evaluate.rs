@@ -5,6 +5,7 @@ mod told;
 use crate::exit::{Outcome, Usage};
 use crate::outputs::{prepare_for, write_json};
 use crate::place;
+use crate::stdout::to_stdout;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use dsfms::camera::CameraModel;
@@ -111,7 +112,7 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<Outcome> {
             }
         }
     }
-    super::to_stdout(&table(&results))?;
+    to_stdout(&table(&results))?;
     if let Some(path) = args.json.as_ref().filter(|_| !results.is_empty()) {
         prepare_for(path)?;
         write_json(path, &results)?;

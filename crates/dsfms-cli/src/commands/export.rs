@@ -7,6 +7,7 @@ use crate::outputs::prepare_for;
 use crate::pictures::template::write_pictures;
 use crate::place::{self, mark};
 use crate::progress::Reporter;
+use crate::stdout::to_stdout;
 use anyhow::Context;
 use clap::Args;
 use dsfms::io::colmap::{ColmapModel, Format, write_model};
@@ -114,7 +115,7 @@ pub fn run(args: &ExportArgs, global: &Global, reporter: &Reporter) -> anyhow::R
     }
     reporter.finish();
     if !global.quiet {
-        super::to_stdout(&(lines.join("\n") + "\n"))?;
+        to_stdout(&(lines.join("\n") + "\n"))?;
     }
     Ok(Outcome::Ok)
 }

@@ -1,6 +1,7 @@
 //! `dsfms inspect`: what is inside a template.
 
 use crate::exit::Outcome;
+use crate::stdout::to_stdout;
 use clap::Args;
 use dsfms::io::template::read_template;
 use dsfms::template::Template;
@@ -31,7 +32,7 @@ pub fn run(args: &InspectArgs) -> anyhow::Result<Outcome> {
     let template = read_template(&args.template)?;
     if args.json {
         let text = serde_json::to_string_pretty(&template_statistics(&template))?;
-        super::to_stdout(&format!("{text}\n"))?;
+        to_stdout(&format!("{text}\n"))?;
     } else {
         print(&template)?;
     }
@@ -52,7 +53,7 @@ pub fn print(template: &Template) -> anyhow::Result<()> {
             text += &explained.unwrap_or_default();
         }
     }
-    super::to_stdout(&text)
+    to_stdout(&text)
 }
 
 fn rows(template: &Template, s: &TemplateStatistics) -> Vec<(&'static str, String)> {

@@ -1,6 +1,7 @@
 //! `dsfms options`: the options file of a command, with its defaults and their documentation.
 
 use crate::exit::Outcome;
+use crate::stdout::to_stdout;
 use clap::{Args, ValueEnum};
 use dsfms::pipeline::{ReconstructOptions, TemplateOptions};
 use dsfms::track::TrackOptions;
@@ -32,7 +33,7 @@ enum Optioned {
 
 /// Run the command.
 pub fn run(args: &OptionsArgs) -> anyhow::Result<Outcome> {
-    super::to_stdout(&match args.command {
+    to_stdout(&match args.command {
         Optioned::Template => TemplateOptions::commented(),
         Optioned::Reconstruct => ReconstructOptions::commented(),
         Optioned::Track => TrackOptions::commented(),

@@ -2,12 +2,13 @@
 
 mod args;
 mod beside;
+mod job;
 mod page;
 
 use crate::args::Global;
 use crate::exit::{self, Outcome, Usage};
 use crate::formats::{Formats, Shape};
-use crate::inputs::{self, CameraInput, Source};
+use crate::inputs::{self, Source};
 use crate::interrupt;
 use crate::outputs::{self, FrameFiles, FrameMasks, FrameReport};
 use crate::place;
@@ -33,6 +34,7 @@ use dsfms::register::{Deformable, Match};
 use dsfms::template::Template;
 use dsfms::verdict::intrinsics::apart_px;
 use dsfms::verdict::{Reason, Thresholds};
+use job::Job;
 use page::{Paged, failed_frame};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -47,19 +49,6 @@ struct Done {
 
 /// Of frames of which only matches are known.
 const GREY: u8 = 128;
-
-/// Everything that the frames share.
-struct Job<'a> {
-    args: &'a ReconstructArgs,
-    template: Template,
-    deformable: Deformable,
-    camera: CameraInput,
-    method: Method,
-    options: ReconstructOptions,
-    structures: Option<Structures>,
-    volume: Option<CarriedVolume>,
-    reporter: &'a Reporter,
-}
 
 /// Run the command.
 pub fn run(

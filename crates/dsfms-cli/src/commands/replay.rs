@@ -8,6 +8,7 @@ use crate::frame_args::FrameArgs;
 use crate::interrupt;
 use crate::place;
 use crate::progress::Reporter;
+use crate::stdout::to_stdout;
 use anyhow::Context;
 use clap::Args;
 use dsfms::geometry::Point3;
@@ -187,12 +188,12 @@ fn compare(first: &Path, second: &Path, run: &RunFile) -> anyhow::Result<Outcome
     let (one, two) = (one?, two?);
     match difference(&one, &two) {
         None => {
-            super::to_stdout(&format!("{} frame(s): the same bits\n", one.1.len()))?;
+            to_stdout(&format!("{} frame(s): the same bits\n", one.1.len()))?;
             Ok(Outcome::Ok)
         }
         Some((place, what)) => {
             let number = run.frames.get(place).map_or(place, |t| t.number);
-            super::to_stdout(&format!("differs first in frame {number}: {what}\n"))?;
+            to_stdout(&format!("differs first in frame {number}: {what}\n"))?;
             Ok(Outcome::Degraded)
         }
     }

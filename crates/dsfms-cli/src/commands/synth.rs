@@ -1,6 +1,7 @@
 //! `dsfms synth`: synthetic cases, clips and chessboards as files that the other commands read.
 
 mod chessboard;
+mod claim;
 mod video;
 
 use super::calibrate::{board_size, length_mm};
@@ -9,15 +10,13 @@ use super::experiment::series::{SeriesArgs, percent};
 use crate::args::{Global, Tone};
 use crate::draw::picture;
 use crate::exit::{Outcome, Usage};
-use crate::outputs::{check_folder, prepare_folder, write_json, write_png, write_text};
-use crate::place::mark;
+use crate::outputs::{prepare_folder, write_json, write_png, write_text};
 use crate::progress::Reporter;
-use anyhow::Context;
+use claim::Claim;
 use clap::{ArgGroup, Args};
 use dsfms::calibrate::Board;
 use dsfms::experiment::SeriesOrgan;
 use dsfms::geometry::Point2;
-use dsfms::guard;
 use dsfms::image::{ColorImage, ToneCurve};
 use dsfms::io::camera::{CameraFile, write_camera};
 use dsfms::io::matches::write_matches;
@@ -216,47 +215,6 @@ fn frames(text: &str) -> Result<usize, String> {
 fn is_cell(rest: &str) -> bool {
     let (extension, noise) = rest.split_once("_noise").unwrap_or((rest, "0"));
     [extension, noise].iter().all(|number| number.parse::<f64>().is_ok())
-}
-
-/// A folder belongs to one run, whose parameters lie in it and are its mark.
-struct Claim<'a> {
-    name: &'a str,
-    parameters: serde_json::Value,
-    /// What a folder of other parameters holds.
-    other: &'a str,
-}
-
-impl Claim<'_> {
-    /// Refuse, before anything is written, a folder of another run, or one with what has `ours` for
-    /// a name and is of no run: it would be replaced, or taken for a part of this one. Else mark
-    /// the folder.
-    fn take(&self, folder: &Path, ours: impl Fn(&str) -> bool) -> anyhow::Result<()> {
-        let Self { name, parameters, other } = self;
-        let path = folder.join(name);
-        if path.exists() {
-            let text = guard::read_text_at_most(&path, guard::MOST_JSON_BYTES)
-                .with_context(|| format!("{}: cannot be read", path.display()))?;
-            let old = serde_json::from_str::<serde_json::Value>(&text);
-            if old.is_ok_and(|old| old == *parameters) {
-                return prepare_folder(folder);
-            }
-            return Err(Usage(format!(
-                "{} holds {other} (see {name} in it); choose another folder or remove it",
-                folder.display()
-            ))
-            .into());
-        }
-        if let Some(found) = mark::names(folder)?.iter().find(|found| ours(found)) {
-            anyhow::bail!(
-                "{} already holds {found}, and no {name} that says it is of an older run; choose another folder \
-                 with -o, or empty this one",
-                folder.display()
-            );
-        }
-        check_folder(folder)?;
-        prepare_folder(folder)?;
-        write_json(&path, parameters)
-    }
 }
 
 fn clip(

@@ -19,6 +19,7 @@ use crate::pictures::template::{write_pictures, write_textures};
 use crate::place;
 use crate::progress::Reporter;
 use crate::report::template::template_page;
+use crate::stdout::to_stdout;
 pub use args::TemplateArgs;
 use dsfms::geometry::Isometry;
 use dsfms::io::mesh::MeshFile;
@@ -110,10 +111,10 @@ pub fn run(args: &TemplateArgs, global: &Global, reporter: &Reporter) -> anyhow:
     if !global.quiet {
         super::inspect::print(&template)?;
         if let Some(precision) = &precision {
-            super::to_stdout(&precision_row(precision, template.unit))?;
+            to_stdout(&precision_row(precision, template.unit))?;
         }
         if let Some(peak) = peak_mb() {
-            super::to_stdout(&format!("{:<14}{peak:.0} MB\n", "peak memory"))?;
+            to_stdout(&format!("{:<14}{peak:.0} MB\n", "peak memory"))?;
         }
     }
     Ok(if complete { Outcome::Ok } else { Outcome::Degraded })

@@ -8,6 +8,7 @@ mod organ;
 use crate::exit::Outcome;
 use crate::report::embed::escape;
 use crate::report::folder::PathContent;
+use crate::stdout::to_stdout;
 use anyhow::Context;
 use clap::Args;
 use http::{Answer, PATIENCE, Request};
@@ -61,7 +62,7 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<Outcome> {
     PathContent::of(&args.path)?.html()?;
     let (listener, root) = bound(args.port, "--port")?;
     let url = format!("http://{}{root}", listener.local_addr()?);
-    super::to_stdout(&format!("{url}\nCtrl-C stops it\n"))?;
+    to_stdout(&format!("{url}\nCtrl-C stops it\n"))?;
     std::io::stdout().flush()?;
     crate::interrupt::advise("the page is no longer served");
     if !args.no_open {

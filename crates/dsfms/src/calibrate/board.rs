@@ -1,9 +1,9 @@
 //! The board in one image: coarse to fine until the whole grid is there, then sub-pixel corners.
 
-use super::Board;
 use super::grid::{Lattice, largest_grid, plus, predict};
 use super::saddle::{Saddle, saddles};
 use super::subpixel::Gradients;
+use super::target::Board;
 use crate::geometry::{Point2, Vector2};
 use crate::image::Plane;
 use crate::image::filter::halve;
@@ -17,6 +17,11 @@ pub struct BoardCorner {
     pub grid: [usize; 2],
     /// Position, px, pixel centres at integers.
     pub pixel: Point2,
+}
+
+/// The place of a corner on the board, mm.
+pub(super) fn on_board(corner: &BoardCorner, board: &Board) -> Point2 {
+    Point2::new(corner.grid[0] as f64 * board.square, corner.grid[1] as f64 * board.square)
 }
 
 /// Why an image has no board.

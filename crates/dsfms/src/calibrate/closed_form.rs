@@ -1,7 +1,8 @@
 //! Intrinsics and poses without a guess, from homographies (Zhang 2000, §3.1), no distortion yet.
 
+use super::board::{BoardCorner, on_board};
 use super::homography::homography;
-use super::{Board, BoardCorner, on_board};
+use super::target::Board;
 use crate::camera::{BrownConrady, Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3, Vector2, Vector3};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SymmetricEigen, Translation3, UnitQuaternion};

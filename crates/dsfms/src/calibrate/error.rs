@@ -1,8 +1,11 @@
 //! Why there is no calibration.
 
 use super::board::Rejection;
-use super::{Board, MIN_VIEWS};
+use super::target::Board;
 use crate::image::Frame;
+
+/// Images needed: three planes fix five intrinsics with one to spare.
+pub const MIN_VIEWS: usize = 3;
 
 /// Why the camera could not be calibrated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

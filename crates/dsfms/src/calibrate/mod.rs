@@ -13,73 +13,25 @@ mod closed_form;
 mod error;
 mod grid;
 mod homography;
+mod options;
 mod refine;
 mod saddle;
 mod subpixel;
+mod target;
 #[cfg(test)]
 mod test_scene;
 
 pub use board::{BoardCorner, Rejection, find_board};
-pub use error::CalibrateError;
+pub use error::{CalibrateError, MIN_VIEWS};
+pub use options::CalibrateOptions;
+pub use refine::Estimate;
+pub use target::Board;
 
 use crate::camera::CameraModel;
-use crate::geometry::{Isometry, Point2, Point3, Vector2};
+use crate::geometry::{Isometry, Vector2};
 use crate::image::Frame;
 use crate::solver::Summary;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-
-/// A chessboard: corners where four squares meet, counted along both sides, and the length of a
-/// square's side.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Board {
-    /// Inner corners along the two sides, each at least 3.
-    pub corners: [usize; 2],
-    /// Side of a square, mm.
-    pub square: f64,
-}
-
-impl Board {
-    /// Check corners and square.
-    ///
-    /// # Errors
-    /// Fewer than 3 corners along a side, or a square without a length.
-    pub fn validate(&self) -> Result<(), CalibrateError> {
-        if self.corners.iter().any(|&n| n < 3) {
-            return Err(CalibrateError::Board { corners: self.corners });
-        }
-        match self.square.is_finite() && self.square > 0.0 {
-            true => Ok(()),
-            false => Err(CalibrateError::Square(self.square)),
-        }
-    }
-
-    /// Every corner, mm: x along the first side, y along the second, z 0.
-    pub fn points(&self) -> Vec<Point3> {
-        let [columns, rows] = self.corners;
-        let at = |k: usize| [k % columns, k / columns].map(|n| n as f64 * self.square);
-        (0..columns * rows).map(at).map(|[x, y]| Point3::new(x, y, 0.0)).collect()
-    }
-}
-
-/// What is estimated.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct CalibrateOptions {
-    /// Estimate k3 too; it needs corners out to the rim of the image.
-    pub third_radial: bool,
-    /// Estimate p1 and p2.
-    pub tangential: bool,
-    /// Accept boards of which a part is hidden or outside the image, from 4x4 corners on.
-    pub partial: bool,
-}
-
-impl Default for CalibrateOptions {
-    fn default() -> Self {
-        Self { third_radial: false, tangential: true, partial: false }
-    }
-}
 
 /// One image of the board.
 #[derive(Clone, Debug, PartialEq)]
@@ -92,17 +44,6 @@ pub struct BoardView {
     pub pose: Isometry,
     /// Corner minus projection, px, in the order of `corners`.
     pub residuals: Vec<Vector2>,
-}
-
-/// An intrinsic and how well the images determine it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Estimate {
-    /// `fx`, `k1`, …
-    pub name: &'static str,
-    /// Its value; px for focal lengths and the principal point.
-    pub value: f64,
-    /// Standard deviation from the residuals; 0 where it was held fixed.
-    pub deviation: f64,
 }
 
 /// What calibration returns.
@@ -142,9 +83,6 @@ impl Calibration {
         (all().map(|r| r.norm_squared()).sum::<f64>() / all().count().max(1) as f64).sqrt()
     }
 }
-
-/// Images needed: three planes fix five intrinsics with one to spare.
-pub const MIN_VIEWS: usize = 3;
 
 /// Calibrate a camera from frames of one size that show the board in different positions.
 ///
@@ -211,6 +149,22 @@ fn from_corners(
     })
 }
 
+impl Board {
+    /// Check corners and square.
+    ///
+    /// # Errors
+    /// Fewer than 3 corners along a side, or a square without a length.
+    pub fn validate(&self) -> Result<(), CalibrateError> {
+        if self.corners.iter().any(|&n| n < 3) {
+            return Err(CalibrateError::Board { corners: self.corners });
+        }
+        match self.square.is_finite() && self.square > 0.0 {
+            true => Ok(()),
+            false => Err(CalibrateError::Square(self.square)),
+        }
+    }
+}
+
 fn check(frames: &[Frame], board: &Board) -> Result<(), CalibrateError> {
     board.validate()?;
     match frames.iter().find(|f| f.size != frames[0].size) {
@@ -224,16 +178,12 @@ fn check(frames: &[Frame], board: &Board) -> Result<(), CalibrateError> {
     }
 }
 
-/// The place of a corner on the board, mm.
-fn on_board(corner: &BoardCorner, board: &Board) -> Point2 {
-    Point2::new(corner.grid[0] as f64 * board.square, corner.grid[1] as f64 * board.square)
-}
-
 #[cfg(test)]
 mod tests {
     use super::test_scene::{board, camera, picture, poses};
     use super::*;
     use crate::camera::Camera;
+    use crate::geometry::Point3;
     use crate::synth::random::{Random, normal};
 
     fn frames() -> Vec<Frame> {

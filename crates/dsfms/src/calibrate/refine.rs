@@ -3,16 +3,31 @@
 //! The poses are eliminated view by view (Schur complement); what is left is one small system in
 //! the intrinsics, whose inverse is their covariance.
 
+use super::board::{BoardCorner, on_board};
 use super::closed_form::StartingCamera;
-use super::{Board, BoardCorner, CalibrateError, CalibrateOptions, Estimate, on_board};
+use super::error::CalibrateError;
+use super::options::CalibrateOptions;
+use super::target::Board;
 use crate::camera::{BrownConrady, Camera, CameraModel};
 use crate::geometry::{Isometry, Point3, Vector2, Vector3};
 use crate::solver::Summary;
 use crate::solver::levenberg_marquardt::{Options, Problem, Step, minimize};
 use nalgebra::{DMatrix, DVector, Matrix2x3, Matrix6, SMatrix, UnitQuaternion, Vector6};
+use serde::Serialize;
 
 /// fx fy cx cy k1 k2 p1 p2 k3.
 const NAMES: [&str; 9] = ["fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"];
+
+/// An intrinsic and how well the images determine it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    /// `fx`, `k1`, …
+    pub name: &'static str,
+    /// Its value; px for focal lengths and the principal point.
+    pub value: f64,
+    /// Standard deviation from the residuals; 0 where it was held fixed.
+    pub deviation: f64,
+}
 
 /// What refinement returns, one entry a view where there are several.
 pub(super) struct SolvedCamera {

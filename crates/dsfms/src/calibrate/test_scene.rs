@@ -1,6 +1,6 @@
 //! Pictures of a chessboard for the tests of this stage.
 
-use super::Board;
+use super::target::Board;
 use crate::camera::{Camera, CameraModel, Lens};
 use crate::geometry::{Isometry, Point2, Vector3};
 use crate::image::Plane;

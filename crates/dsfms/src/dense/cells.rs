@@ -1,8 +1,8 @@
 //! What the labelling of the organ reads of one frame, on a coarse grid of its depth map.
 
+use super::depth_map::{DepthMap, SAME_SURFACE, tolerance};
 use super::seeds::Seeds;
-use super::{DepthMap, PosedFrame, tolerance};
-use crate::camera::Camera;
+use crate::camera::{Camera, PosedFrame};
 use crate::geometry::{Point2, Point3, Vector3};
 use crate::image::{Mask, nearest_pixel};
 
@@ -136,7 +136,7 @@ impl<'a> Grid<'a> {
         let p = self.map.pose * point;
         let node = self.node(self.map.pixel(&p)?);
         let z = self.cells[node].point?.z;
-        ((z - p.z).abs() < super::SAME_SURFACE * p.z).then_some(node)
+        ((z - p.z).abs() < SAME_SURFACE * p.z).then_some(node)
     }
 
     /// Let the nodes about what is known of single places hold it; where masks and seeds differ the
@@ -151,7 +151,7 @@ impl<'a> Grid<'a> {
             for v in y.saturating_sub(1)..(y + 2).min(h) {
                 for u in x.saturating_sub(1)..(x + 2).min(w) {
                     let cell = &mut self.cells[v * w + u];
-                    let same = |p: Point3| (p.z - z).abs() < super::SAME_SURFACE * z;
+                    let same = |p: Point3| (p.z - z).abs() < SAME_SURFACE * z;
                     if cell.point.is_some_and(same) {
                         cell.given.get_or_insert(label);
                     }
@@ -171,7 +171,7 @@ impl<'a> Grid<'a> {
             let (x, y) = (node % w, node / w);
             for v in y.saturating_sub(reach)..(y + reach + 1).min(h) {
                 for u in x.saturating_sub(reach)..(x + reach + 1).min(w) {
-                    let near = |p: Point3| (p.z - z).abs() < super::SAME_SURFACE * 3.0 * z;
+                    let near = |p: Point3| (p.z - z).abs() < SAME_SURFACE * 3.0 * z;
                     if self.cells[v * w + u].point.is_some_and(near) {
                         let sum = &mut sums[v * w + u];
                         *sum = [sum[0] + value, sum[1] + 1.0];

@@ -6,8 +6,8 @@
 //! well outside, the outline runs along the strongest edge. Both sides go on at the price of the
 //! edges they cross (shortest paths), and the outline is where they meet.
 
-use super::{DepthMap, PosedFrame};
-use crate::camera::Camera;
+use super::depth_map::DepthMap;
+use crate::camera::{Camera, PosedFrame};
 use crate::geometry::Point2;
 use crate::image::{Frame, Mask};
 use rayon::prelude::*;

@@ -19,9 +19,10 @@
 //! give).
 
 use super::cells::{Colours, Grid, GridNode, NODES, NodePair};
+use super::depth_map::DepthMap;
 use super::looks::LogRatio;
 use super::seeds::Seeds;
-use super::{DepthMap, PosedFrame};
+use crate::camera::PosedFrame;
 use crate::geometry::{DisjointSets, Point2, Point3, Vector3};
 use crate::image::{Mask, cut::Graph};
 use rayon::prelude::*;

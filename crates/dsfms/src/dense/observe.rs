@@ -1,7 +1,7 @@
 //! What the frames say of a point of the grid.
 
-use super::{DepthMap, PosedFrame};
-use crate::camera::Camera;
+use super::depth_map::DepthMap;
+use crate::camera::{Camera, PosedFrame};
 use crate::geometry::Point3;
 use crate::image::{Plane, distance::distance_to, within_centres};
 

@@ -1,7 +1,9 @@
 //! A bright plate before a dark wall, for tests.
 
-use super::{DepthMap, Labelling, Parting, PosedFrame, Seeds};
-use crate::camera::{CameraModel, Lens};
+use super::depth_map::DepthMap;
+use super::labels::{Labelling, Parting};
+use super::seeds::Seeds;
+use crate::camera::{CameraModel, Lens, PosedFrame};
 use crate::geometry::Isometry;
 use crate::image::Frame;
 

@@ -2,8 +2,9 @@
 //! grazing angle, is peeled off the surface from outside, along a smooth line.
 
 use super::clean::grown;
+use super::depth_map::{DepthMap, GRAZING, SAME_SURFACE, Said};
 use super::tetrahedra::Triangles;
-use super::{DepthMap, GRAZING, PosedFrame, SAME_SURFACE, Said};
+use crate::camera::PosedFrame;
 use crate::geometry::{Point3, Vector3};
 use crate::mesh::Topology;
 use crate::mesh::faces::{boundary_edges, edge_list};

@@ -1,7 +1,7 @@
 //! From planes to a depth map: trusted pixels smoothed by their variance, gaps filled with care.
 
-use super::DepthMap;
 use super::consistency::correlates;
+use super::depth_map::DepthMap;
 use super::options::DenseOptions;
 use super::plane::{Field, InversePlane};
 use super::view::StereoPyramid;

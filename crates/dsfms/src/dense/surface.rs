@@ -1,10 +1,12 @@
 //! From depth maps to the mesh of what was seen.
 
+use super::depth_map::{DepthMap, Said};
+use super::error::DenseError;
+use super::options::DenseOptions;
 use super::tetrahedra::{Triangles, extract};
 use super::volume::DistanceVolume;
-use super::{
-    DenseError, DenseOptions, DepthMap, PosedFrame, Said, clean, fit, handles, holes, rim,
-};
+use super::{clean, fit, handles, holes, rim};
+use crate::camera::PosedFrame;
 use crate::geometry::Point3;
 use crate::mesh::Mesh;
 use rayon::prelude::*;

@@ -1,6 +1,7 @@
 //! One small scene through the whole stage: a textured bump seen by five cameras.
 
 use super::*;
+use crate::camera::CameraModel;
 use crate::geometry::Vector3;
 use crate::image::Frame;
 

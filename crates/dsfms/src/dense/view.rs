@@ -1,7 +1,7 @@
 //! What stereo sees of a frame: undistorted grey pyramids on pinhole grids.
 
-use super::{DenseError, PosedFrame};
-use crate::camera::{Camera, CameraModel, Lens};
+use super::error::DenseError;
+use crate::camera::{Camera, CameraModel, Lens, PosedFrame};
 use crate::geometry::{Point2, Point3};
 use crate::image::exposure::SATURATED;
 use crate::image::{Frame, Mask};

@@ -4,10 +4,11 @@
 //! within the truncation distance of its plane, and, with less weight, about the free space before
 //! it; never about what lies behind.
 
+use super::depth_map::DepthMap;
 use super::grid::{self, BLOCK, EDGE};
 use super::observe::{DistanceEvidence, ObservedView, average};
-use super::options::MOST_VERTICES;
-use super::{DenseOptions, DepthMap, PosedFrame};
+use super::options::{DenseOptions, MOST_VERTICES};
+use crate::camera::PosedFrame;
 use crate::geometry::{Point3, median};
 use rayon::prelude::*;
 

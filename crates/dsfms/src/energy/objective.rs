@@ -1,24 +1,17 @@
 //! A sum of weighted, robustified terms over the vertices of one mesh and a few globals.
 
 mod known;
+mod unknowns;
 mod weighted;
 
 use super::EnergyTerm;
-use crate::geometry::{Point3, Vector3};
+use crate::geometry::Vector3;
 use crate::solver::normal_equations::Accumulator;
 use crate::solver::{Loss, NormalEquations, Options, Pattern, Problem, Step, Summary, minimize};
 use known::KnownSlots;
 use rayon::prelude::*;
+pub use unknowns::Unknowns;
 use weighted::{Weighted, WeightedTerm};
-
-/// What is solved for.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Unknowns {
-    /// Vertex positions in camera axes.
-    pub vertices: Vec<Point3>,
-    /// Global unknowns; their meaning is the objective's.
-    pub globals: Vec<f64>,
-}
 
 /// Partial sums per linearisation: fixed, so that the reduction order does not depend on threads.
 const STRIPES: usize = 2;

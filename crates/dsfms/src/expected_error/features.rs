@@ -1,6 +1,6 @@
 //! What tells how far off a vertex may be. Lengths are relative to the visible radius `R`.
 
-use super::Solved;
+use super::solved::Solved;
 use crate::camera::Camera;
 use crate::energy::Brightness;
 use crate::geometry::{Point3, Vector3, align_rigid_robust, median};

@@ -7,29 +7,12 @@
 
 pub mod features;
 pub mod model;
+mod solved;
 
-use crate::geometry::Point3;
-use crate::refine::{Photograph, RefineOptions};
-use crate::register::{Match, Scene};
+use crate::refine::Photograph;
 pub use features::{COUNT, ErrorFeatures, NAMES, features};
 pub use model::Model;
-
-/// A reconstructed frame and what it was made from.
-#[derive(Clone, Copy)]
-pub struct Solved<'a> {
-    /// The frame with the rest shape posed rigidly.
-    pub scene: &'a Scene<'a>,
-    /// Vertices in camera axes.
-    pub vertices: &'a [Point3],
-    /// Vertices the camera sees, not covered by an instrument.
-    pub visible: &'a [bool],
-    /// Matches, with `true` for those that were kept.
-    pub matches: &'a [(Match, bool)],
-    /// The image and albedo, where the template has one; motion alone is judged by them too.
-    pub photo: Option<&'a Photograph<'a>>,
-    /// Which brightness can be used; of eq. 4 for every method, as the model was fitted.
-    pub refine: &'a RefineOptions,
-}
+pub use solved::Solved;
 
 /// Expected error of every vertex.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,6 +1,6 @@
 //! The fitted weights.
 
-use super::COUNT;
+use super::features::COUNT;
 
 /// Which weights apply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -15,6 +15,7 @@ pub use robust::Loss;
 pub use sets::DisjointSets;
 pub(crate) use statistics::scatter;
 pub use statistics::{SIGMA_OVER_MAD, centre_and_spread, median};
+pub(crate) use triangle::signed_area;
 pub use triangle::{area, area_normal, barycentric, normal, point_at};
 
 /// Vertices, edges or faces that one task of a parallel loop takes at least: the work on fewer is

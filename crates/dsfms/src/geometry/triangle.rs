@@ -1,6 +1,6 @@
 //! One triangle: area, normal, barycentric coordinates.
 
-use super::{Point3, Vector3};
+use super::{Point2, Point3, Vector3};
 
 /// `(b − a) × (c − a)`: twice the area along the outward normal of a counter-clockwise triangle.
 pub fn area_normal(a: &Point3, b: &Point3, c: &Point3) -> Vector3 {
@@ -15,6 +15,12 @@ pub fn normal(a: &Point3, b: &Point3, c: &Point3) -> Option<Vector3> {
 /// Area in squared length units.
 pub fn area(a: &Point3, b: &Point3, c: &Point3) -> f64 {
     0.5 * area_normal(a, b, c).norm()
+}
+
+/// Area of a triangle of the plane, positive if counter-clockwise.
+pub(crate) fn signed_area(uv: &[Point2; 3]) -> f64 {
+    let (p, q) = (uv[1] - uv[0], uv[2] - uv[0]);
+    0.5 * (p.x * q.y - p.y * q.x)
 }
 
 /// The point `w₀a + w₁b + w₂c`.

@@ -1,6 +1,7 @@
 //! Saturated pixels and the haloes around them, judged on encoded values.
 
-use super::{Frame, Mask};
+use super::Mask;
+use super::frame::Frame;
 
 /// Encoded value from which a channel counts as saturated. Not 255: lossy coding and the limited
 /// range of video spread a clipped 255 over a few values below it.

@@ -2,7 +2,8 @@
 
 use super::distance::distance_to;
 use super::exposure::SATURATED;
-use super::{ColorImage, Frame, LUMA, Mask, ToneCurve, saturation};
+use super::frame::{Frame, LUMA};
+use super::{ColorImage, Mask, ToneCurve, saturation};
 
 /// Linear light of a frame, and where it is not to be believed.
 #[derive(Clone, Debug)]

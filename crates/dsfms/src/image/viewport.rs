@@ -1,7 +1,8 @@
 //! The bright disc in which a laparoscope shows its image on a near-black surround.
 
 use super::filter::blur;
-use super::{Frame, Mask, Plane};
+use super::frame::Frame;
+use super::{Mask, Plane};
 use crate::geometry::Loss;
 use rayon::prelude::*;
 

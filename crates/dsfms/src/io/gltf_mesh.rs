@@ -12,21 +12,11 @@ mod document;
 
 use super::raw_mesh::{FormatError, MeshUnit, RawMesh};
 use crate::geometry::{Point2, Point3};
-use accessor::Arrays;
-use document::{Primitive, SceneNode};
+use accessor::{Arrays, MOST};
+pub(super) use document::VERTEX;
+use document::{Primitive, SceneNode, malformed};
 use nalgebra::{Matrix4, Quaternion, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
-
-/// Attribute of our own files: the template's vertex.
-pub(super) const VERTEX: &str = "_VERTEX";
-
-/// Most vertices and most faces of all primitives together, each as often as nodes place it.
-const MOST: usize = 5_000_000;
-
-/// A finding about the file.
-fn malformed(reason: impl Into<String>) -> FormatError {
-    FormatError::Malformed(reason.into())
-}
 
 pub(super) fn read(bytes: &[u8], path: &Path) -> Result<RawMesh, FormatError> {
     let (document, chunk) = document::parse(bytes)?;

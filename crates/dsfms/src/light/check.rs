@@ -1,7 +1,11 @@
 //! The check every light passes: both derivatives against central differences.
 
-use super::coat::WET_TISSUE;
-use super::{Coat, Coated, Light, LightModel, PointLight, RingLight, Spot, specular_angle};
+use super::coat::{Coat, Coated, WET_TISSUE};
+use super::model::LightModel;
+use super::point::PointLight;
+use super::ring::RingLight;
+use super::spot::Spot;
+use super::{Light, specular_angle};
 use crate::geometry::{Point3, Vector3};
 
 const WET: Coat = Coat { refractive_index: WET_TISSUE, ambient: 0.05, vignetting: 0.0 };

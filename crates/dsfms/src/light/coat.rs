@@ -10,8 +10,10 @@
 //! camera. `a` is the light that the surroundings throw back, in units of the shading. `V` is the
 //! vignetting of the lens ([`vignetting`]).
 
+use super::cosine::Cosine;
+use super::model::LightModel;
 use super::vignetting::{BOUNDS, vignetting};
-use super::{Cosine, Light, LightModel, Shade};
+use super::{Light, Shade};
 use crate::geometry::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 

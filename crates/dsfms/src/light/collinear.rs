@@ -1,7 +1,8 @@
 //! The paper's light: distant, along the optical axis, `s = max(0, −N_z)`; it does not depend on
 //! the point.
 
-use super::{LightError, LightSource, Shade};
+use super::error::LightError;
+use super::{LightSource, Shade};
 use crate::geometry::{Point3, Vector3};
 
 /// The light of the paper; nothing about it is free.

@@ -1,7 +1,12 @@
 //! The lights a camera file can name.
 
 use super::collinear::Collinear;
-use super::{Cosine, Light, LightError, LightSource, PointLight, RingLight, Shade, Spot};
+use super::cosine::Cosine;
+use super::error::LightError;
+use super::point::PointLight;
+use super::ring::RingLight;
+use super::spot::Spot;
+use super::{Light, LightSource, Shade};
 use crate::geometry::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 

@@ -4,7 +4,9 @@
 //! s = mean over sources of  max(0, −N·l) · (D0/r)² · spot(φ),   l = (x − p)/r,   cos φ = l_z
 //! ```
 
-use super::{LightError, Shade, Spot};
+use super::Shade;
+use super::error::LightError;
+use super::spot::Spot;
 use crate::geometry::{Point3, Vector3};
 
 /// Reference distance of a near light whose file gives none: 50 length units, a usual working

@@ -1,6 +1,8 @@
 //! One or several point lights around the optics.
 
-use super::{LightError, LightSource, Shade, Spot, near};
+use super::error::LightError;
+use super::spot::Spot;
+use super::{LightSource, Shade, near};
 use crate::geometry::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 

@@ -4,7 +4,9 @@
 //! distance of the surface that is exact to 1e-9, since the trapezoidal rule on a circle converges
 //! exponentially.
 
-use super::{LightError, LightSource, Shade, Spot, near};
+use super::error::LightError;
+use super::spot::Spot;
+use super::{LightSource, Shade, near};
 use crate::geometry::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_SQRT_2;

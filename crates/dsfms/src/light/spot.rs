@@ -1,6 +1,6 @@
 //! How a near light spreads its rays about the optical axis.
 
-use super::LightError;
+use super::error::LightError;
 use serde::{Deserialize, Serialize};
 
 /// Angular profile of a light about its axis.

@@ -6,15 +6,17 @@ mod diagonals;
 mod outline;
 mod passes;
 mod sizing;
+mod working;
 
 use super::surface_points::ClosestPoints;
-use super::{Mesh, Topology, TopologyError};
+use super::{Mesh, TopologyError};
 use crate::geometry::Point3;
 use crate::options::{OptionError, check};
 pub use diagonals::fit_diagonals;
 use outline::FixedEdges;
 use serde::{Deserialize, Serialize};
 use sizing::Sizing;
+use working::WorkingMesh;
 
 /// How a surface is remeshed. Measured: `adaptive` (`docs/results/template.md`); other values of
 /// `corner_deg` are not.
@@ -81,27 +83,6 @@ const MAX_COLLAPSING: usize = 16;
 
 /// As many as an icosahedron: fewer make no closed surface of nearly equilateral faces.
 const LEAST_VERTICES: usize = 12;
-
-/// The surface as it is being changed.
-struct WorkingMesh {
-    positions: Vec<Point3>,
-    faces: Vec<[u32; 3]>,
-    /// Corners of the boundary, which never move or vanish.
-    fixed: Vec<bool>,
-    /// Edge length wanted at each vertex over the mean.
-    size: Vec<f64>,
-}
-
-impl WorkingMesh {
-    fn topology(&self) -> Topology {
-        Topology::from_checked(self.positions.len(), self.faces.clone())
-    }
-
-    /// Length wanted of an edge over the mean: that of its more demanding end.
-    fn edge_size(&self, a: u32, b: u32) -> f64 {
-        self.size[a as usize].min(self.size[b as usize])
-    }
-}
 
 /// A mesh of nearly equilateral faces, of one size unless [`RemeshOptions::adaptive`], with about
 /// `target_vertices` vertices (within 5 % unless the shape forbids it) on the input's surface.

@@ -124,6 +124,6 @@ pub(crate) const FRAME_TABLES: [Documented; 11] = [
     ("joint.prior", include_str!("../register/options.rs"), "PriorWeights"),
     ("joint.image", include_str!("../refine/photometric_model.rs"), "PhotometricModel"),
     ("joint.exposure_unknown", include_str!("../refine/joint_options.rs"), "ExposureUnknown"),
-    ("sfs", include_str!("../sfs/mod.rs"), "SfsOptions"),
+    ("sfs", include_str!("../sfs/options.rs"), "SfsOptions"),
     ("verdict", include_str!("../verdict/thresholds.rs"), "Thresholds"),
 ];

@@ -5,8 +5,10 @@
 //! matches is off by that much of the distance. Where the camera's pose is known, all that the
 //! matches share is motion of the tissue.
 
+use super::correspondence::Match;
+use super::error::RegisterError;
 use super::pose::{count_within, median_of, residuals, rest_point};
-use super::{CameraMotion, Match, Posed, RegisterError, RegisterOptions};
+use super::{CameraMotion, Posed, RegisterOptions};
 use crate::camera::CameraModel;
 use crate::geometry::{Isometry, Point2, Point3};
 use crate::mesh::Mesh;

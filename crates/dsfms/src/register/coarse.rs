@@ -1,7 +1,8 @@
 //! Coarser meshes of a template, for a start of eq. 3.
 
+use super::Scene;
+use super::correspondence::Match;
 use super::pose::rest_point;
-use super::{Match, Scene};
 use crate::energy::Workspace;
 use crate::mesh::Mesh;
 use crate::mesh::decimate::{Decimated, decimate};

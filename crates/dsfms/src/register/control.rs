@@ -5,10 +5,11 @@
 //! the displacement of a face and its gradient, [`Decimated::prolong`]), and what it has beyond the
 //! control mesh, its finer relief, is carried along ([`Lift`](crate::energy::Lift)).
 
+use super::correspondence::Match;
 use super::fineness::fineness;
 use super::pose::rest_point;
 use super::scene::visibility;
-use super::{Match, Scene, Volume};
+use super::{Scene, Volume};
 use crate::camera::Camera;
 use crate::geometry::Point3;
 use crate::mesh::Mesh;

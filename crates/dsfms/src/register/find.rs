@@ -1,6 +1,8 @@
 //! Automatic matches: the frame's features against the template's, cleaned by geometry.
 
-use super::{Match, RegisterError, RegisterOptions};
+use super::RegisterOptions;
+use super::correspondence::Match;
+use super::error::RegisterError;
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Neighbours, Point2, Point3, Vector2, median, point_at};
 use crate::mesh::Mesh;

@@ -20,7 +20,8 @@
 //! λₕ = `prior.hidden`, h = `depth_hold`. The
 //! isometric and as-rigid-as-possible priors take the place of shearing, anisotropy and stretch.
 
-use super::{Match, Prior, RegisterOptions, Scene};
+use super::correspondence::Match;
+use super::{Prior, RegisterOptions, Scene};
 use crate::energy::{Anisotropy, Isometric, Objective, Shearing, Smoothing, Stretch, Unknowns};
 use crate::geometry::Point3;
 use crate::solver::Loss::{self, GemanMcClure, Huber, Squared};

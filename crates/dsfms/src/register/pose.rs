@@ -1,6 +1,8 @@
 //! The rigid pose of the rest shape, robust against matches on tissue that moved.
 
-use super::{Match, RegisterError, RegisterOptions};
+use super::RegisterOptions;
+use super::correspondence::Match;
+use super::error::RegisterError;
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Neighbours, Point2, Point3, Vector2, median, point_at};
 use crate::mesh::Mesh;

@@ -12,9 +12,10 @@
 //! need: motion in standard deviations of a match, faces and vertices by their share of the visible
 //! area.
 
+use super::correspondence::Match;
 use super::objective::hold;
 use super::solve::{STEPS, TOLERANCE, expected_displacement};
-use super::{Match, Posed, RegisterOptions, Registered, Scene};
+use super::{Posed, RegisterOptions, Registered, Scene};
 use crate::energy::{Anisotropy, Objective, Shearing, Smoothing, Unknowns};
 use crate::solver::Loss::{Norm, Squared};
 use crate::solver::Options;

@@ -1,6 +1,6 @@
 //! What eqs. 3 and 4 share about one frame: the posed rest shape, what of it is seen, and scales.
 
-use super::Match;
+use super::correspondence::Match;
 use crate::camera::CameraModel;
 use crate::energy::RestFaces;
 use crate::geometry::{Point3, Vector3, align_rigid_robust};

@@ -2,8 +2,9 @@
 //! coarse start.
 
 use super::coarse::{RegisterMemory, coarser, on_coarser};
+use super::correspondence::Match;
 use super::objective::{MotionProblem, hold};
-use super::{Match, Posed, RegisterOptions, Scene};
+use super::{Posed, RegisterOptions, Scene};
 use crate::camera::Camera;
 use crate::energy::{Unknowns, Workspace};
 use crate::geometry::{Point3, median};

@@ -7,10 +7,11 @@
 //! with few matches there is one start.
 
 use super::coarse::RegisterMemory;
+use super::correspondence::Match;
 use super::objective::{MotionProblem, hold};
 use super::pose::rest_point;
 use super::solve::{expected_displacement, in_rounds, losses_from, register_in};
-use super::{Match, Posed, RegisterOptions, Registered, Scene};
+use super::{Posed, RegisterOptions, Registered, Scene};
 use crate::geometry::{Isometry, Point2, Point3, Vector3, scatter};
 use crate::sfm::resection::refine_pose;
 use crate::solver::Loss;

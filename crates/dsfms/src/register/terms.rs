@@ -1,6 +1,7 @@
 //! The terms of eqs. 3 and 4 and of the joint problem that are made of one scene.
 
-use super::{Match, Prior, Scene};
+use super::correspondence::Match;
+use super::{Prior, Scene};
 use crate::camera::CameraModel;
 use crate::energy::{AnchorPrior, Arap, Boundary, Motion};
 use crate::geometry::Point3;

@@ -15,13 +15,6 @@ use crate::image::Plane;
 use extrema::Extremum;
 use rayon::prelude::*;
 
-/// Layers of an octave that are searched.
-const LAYERS: usize = 3;
-/// Standard deviation of the first layer, px of the octave.
-const SIGMA: f64 = 1.6;
-/// Blur that the image itself is taken to have, px.
-const CAMERA_BLUR: f64 = 0.5;
-
 /// One keypoint with its descriptor.
 #[derive(Clone, Debug)]
 pub(super) struct Keypoint {

@@ -1,7 +1,7 @@
 //! From the depth map to the vertices of the template.
 
-use super::SfsInput;
 use super::grid::PixelGrid;
+use super::input::SfsInput;
 use crate::camera::Camera;
 use crate::geometry::{Point3, Vector3};
 

@@ -1,7 +1,7 @@
 //! The depth map by Levenberg–Marquardt on ln depth.
 
-use super::SfsOptions;
 use super::grid::{PixelCell, PixelGrid};
+use super::options::SfsOptions;
 use super::rows::{ShadingRow, step};
 use crate::geometry::{Point3, area_normal};
 use crate::light::{Light, LightModel};

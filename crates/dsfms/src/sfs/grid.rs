@@ -1,6 +1,8 @@
 //! The nodes of the depth map: a coarse pixel lattice over the organ.
 
-use super::{SfsError, SfsInput, SfsOptions};
+use super::error::SfsError;
+use super::input::SfsInput;
+use super::options::SfsOptions;
 use crate::camera::Camera;
 use crate::geometry::{Point2, Point3, Vector3, area_normal, median};
 use crate::image::{Mask, Plane, distance::distance_to, filter::blur_masked};

@@ -15,94 +15,19 @@
 
 mod carry;
 mod depth_map;
+mod error;
 mod grid;
+mod input;
+mod options;
 mod rows;
 
-use crate::camera::CameraModel;
-use crate::geometry::{Isometry, Point3};
-use crate::image::{Mask, Plane};
-use crate::light::LightModel;
-use crate::mesh::Mesh;
-use crate::options::{OptionError, check, from_zero, positive};
+pub use error::SfsError;
+pub use input::SfsInput;
+pub use options::SfsOptions;
+
+use crate::geometry::Point3;
 use crate::raster::{rasterize, visible_vertices};
 use crate::solver::Summary;
-use crate::template::SurfaceTexels;
-use serde::{Deserialize, Serialize};
-
-/// What shape from shading sees of one frame.
-#[derive(Clone, Copy, Debug)]
-pub struct SfsInput<'a> {
-    /// Rest surface in the template frame.
-    pub mesh: &'a Mesh,
-    /// `camera_from_template` of the rigid registration.
-    pub pose: Isometry,
-    /// Camera of the frame.
-    pub camera: &'a CameraModel,
-    /// The frame, linear grey in `[0, 1]`.
-    pub grey: &'a Plane,
-    /// `true` where the organ may be seen (no instrument, inside the organ's outline).
-    pub usable: &'a Mask,
-    /// `true` where the frame is saturated.
-    pub saturated: &'a Mask,
-    /// The template's albedo; `None` = the same everywhere.
-    pub albedo: Option<&'a SurfaceTexels>,
-    /// The light; a near one is moved to the camera's centre.
-    pub light: &'a LightModel,
-}
-
-/// Options of [`shape_from_shading`]. Other values are not measured: it is here to compare with.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct SfsOptions {
-    /// Nodes of the depth map along the longer side of the organ's bounding box, `8..=200`.
-    pub nodes_across: usize,
-    /// Noise of the brightness relative to its median.
-    pub relative_noise: f64,
-    /// Expected curvature of the surface times its distance.
-    pub curvature: f64,
-    /// Expected deviation of ln depth at the border from the mean.
-    pub border_sigma: f64,
-    /// Saturated pixels are grown by this, px.
-    pub halo_px: f64,
-    /// Depth of the bulge it starts from, relative to the distance.
-    pub start_bulge: f64,
-    /// Most steps of the solver.
-    pub max_iterations: usize,
-}
-
-impl Default for SfsOptions {
-    fn default() -> Self {
-        Self {
-            nodes_across: 72,
-            relative_noise: 0.05,
-            curvature: 3.0,
-            border_sigma: 0.1,
-            halo_px: 12.0,
-            start_bulge: 0.1,
-            max_iterations: 40,
-        }
-    }
-}
-
-impl SfsOptions {
-    /// Check every field against its bounds.
-    ///
-    /// # Errors
-    /// The first field out of them.
-    pub fn validate(&self) -> Result<(), OptionError> {
-        check(&[
-            ("sfs.nodes_across", (8..=200).contains(&self.nodes_across), "from 8 to 200"),
-            (
-                "sfs.relative_noise, curvature, border_sigma",
-                positive(&[self.relative_noise, self.curvature, self.border_sigma]),
-                "positive",
-            ),
-            ("sfs.halo_px", from_zero(&[self.halo_px]), "0 or more"),
-            ("sfs.start_bulge", (-1.0..1.0).contains(&self.start_bulge), "from -1 to below 1"),
-            ("sfs.max_iterations", self.max_iterations >= 1, "at least 1"),
-        ])
-    }
-}
 
 /// What [`shape_from_shading`] found.
 #[derive(Clone, Debug)]
@@ -113,35 +38,6 @@ pub struct SfsResult {
     pub gain: f64,
     /// The solve of the depth map.
     pub summary: Summary,
-}
-
-/// Why there is no depth map.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum SfsError {
-    /// An option out of its bounds.
-    #[error(transparent)]
-    Options(#[from] OptionError),
-    /// Frame, masks and camera differ.
-    #[error(
-        "the frame or a mask is {found:?} px but the camera says {expected:?}; use the camera of this resolution"
-    )]
-    SizeMismatch {
-        /// Size of the frame or mask.
-        found: [usize; 2],
-        /// Size in the camera.
-        expected: [usize; 2],
-    },
-    /// Nothing to solve.
-    #[error(
-        "only {found} nodes of the depth map see the organ, at least {needed} are needed; check the pose and the masks"
-    )]
-    TooSmall {
-        /// Usable nodes.
-        found: usize,
-        /// Fewest that make sense.
-        needed: usize,
-    },
 }
 
 /// Depth from the shading of one frame; deterministic.
@@ -173,8 +69,11 @@ pub fn shape_from_shading(input: &SfsInput, options: &SfsOptions) -> Result<SfsR
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Vector3;
-    use crate::light::{Light, PointLight, Spot};
+    use crate::camera::CameraModel;
+    use crate::geometry::{Isometry, Vector3};
+    use crate::image::{Mask, Plane};
+    use crate::light::{Light, LightModel, PointLight, Spot};
+    use crate::mesh::Mesh;
     use crate::mesh::normals::vertex_normals;
 
     const SIZE: [usize; 2] = [80, 80];

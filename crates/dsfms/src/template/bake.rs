@@ -1,8 +1,7 @@
 //! Between surface texels and the outside: UV images, values per vertex.
 
-use super::flatten::signed_area;
 use super::{Flattening, SurfaceTexels};
-use crate::geometry::{Point2, Vector2};
+use crate::geometry::{Point2, Vector2, signed_area};
 use crate::image::{ColorImage, Mask};
 use crate::mesh::Mesh;
 use rayon::prelude::*;

@@ -8,7 +8,7 @@ mod pack;
 mod spectral;
 
 use super::Flattening;
-use crate::geometry::{Point2, Vector2, area};
+use crate::geometry::{Point2, Vector2, area, signed_area};
 use crate::mesh::Mesh;
 use crate::mesh::boundary::boundary_loops;
 use crate::mesh::components::components;
@@ -220,12 +220,6 @@ fn ratio_of_singular_values(uv: &[Point2; 3], mesh: &Mesh, face: usize) -> f64 {
         Vector2::new(map.m11 - map.m22, map.m21 + map.m12).norm(),
     );
     (sum + difference) / (sum - difference).abs().max(1e-300)
-}
-
-/// Area of a UV triangle, positive if counter-clockwise.
-pub(super) fn signed_area(uv: &[Point2; 3]) -> f64 {
-    let (p, q) = (uv[1] - uv[0], uv[2] - uv[0]);
-    0.5 * (p.x * q.y - p.y * q.x)
 }
 
 impl Flattening {

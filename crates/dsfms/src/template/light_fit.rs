@@ -7,119 +7,21 @@
 //! information criterion is kept. Vignetting and the spot of a light at the camera do nearly the
 //! same; which of them is named then matters to neither albedo nor prediction.
 
+mod candidate;
+mod options;
 mod parametric;
 
 use super::albedo::{AlbedoError, check_views};
 use super::known_light::centred_gains;
 use super::log_linear::{LogFit, LogLinear};
-use super::photometric::{AlbedoView, ObservationBounds, SpotObservation, VALID_BOUNDS};
+use super::photometric::{AlbedoView, SpotObservation};
 use super::spots::{observe_spots, prepare, repeated, smoothed_normals};
 use crate::geometry::median;
-use crate::light::coat::{PLAUSIBLE, WET_TISSUE};
-use crate::light::{Coat, LightModel};
+use crate::light::LightModel;
 use crate::mesh::Mesh;
-use crate::options::{OptionError, check, positive};
+pub use candidate::LightCandidate;
+pub use options::{LightFitOptions, Vignetting};
 use parametric::{ParametricLight, models};
-use serde::{Deserialize, Serialize};
-
-/// Options of [`fit_light`]. Other values than the defaults are not measured; what they reach is in
-/// `docs/results/template.md` (albedo).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct LightFitOptions {
-    /// Which observations count.
-    pub bounds: ObservationBounds,
-    /// Rounds of one-ring averaging of the vertex normals.
-    pub normal_smoothing: usize,
-    /// Number of surface spots tried, at least 100.
-    pub spots: usize,
-    /// Prior standard deviation of a frame's log gain; small where the exposure is fixed.
-    pub gain_sigma: f64,
-    /// Whether light reflected from all around is estimated too.
-    pub ambient: bool,
-    /// Prior standard deviation of the light's offset from its initial place, relative to the
-    /// median distance of the surface.
-    pub offset_sigma: f64,
-    /// Refractive index of the wet film on the organ, at least 1 (1 = Lambert without a film);
-    /// default that of wet tissue.
-    pub refractive_index: f64,
-    /// Vignetting of the lens.
-    pub vignetting: Vignetting,
-}
-
-/// What is known of the vignetting `1 + a r²`, r in focal lengths from the principal point.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Vignetting {
-    /// `a`, e.g. of a picture of an evenly lit wall; 0 = none.
-    Known(f64),
-    /// Nothing: every light is tried without it and with an `a` of its own.
-    Estimated,
-}
-
-impl Default for Vignetting {
-    fn default() -> Self {
-        Self::Known(0.0)
-    }
-}
-
-impl Default for LightFitOptions {
-    fn default() -> Self {
-        Self {
-            bounds: ObservationBounds::default(),
-            normal_smoothing: 1,
-            spots: 3000,
-            gain_sigma: 0.3,
-            ambient: true,
-            offset_sigma: 0.1,
-            refractive_index: WET_TISSUE,
-            vignetting: Vignetting::default(),
-        }
-    }
-}
-
-impl LightFitOptions {
-    /// Check every field against its bounds.
-    ///
-    /// # Errors
-    /// The first field out of them.
-    pub fn validate(&self) -> Result<(), OptionError> {
-        let vignetting = match self.vignetting {
-            Vignetting::Known(a) => a,
-            Vignetting::Estimated => 0.0,
-        };
-        let coat = Coat { refractive_index: self.refractive_index, ambient: 0.0, vignetting };
-        check(&[
-            ("light.bounds", self.bounds.are_valid(), VALID_BOUNDS),
-            ("light.spots", self.spots >= 100, "at least 100"),
-            (
-                "light.gain_sigma, offset_sigma",
-                positive(&[self.gain_sigma, self.offset_sigma]),
-                "positive",
-            ),
-            ("light.refractive_index, vignetting", coat.is_plausible(), PLAUSIBLE),
-        ])
-    }
-}
-
-/// One model that was tried.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct LightCandidate {
-    /// What was free: `given`, `collinear`, `offset + linear spot`, ...
-    pub name: String,
-    /// The light at its optimum.
-    pub light: LightModel,
-    /// Light from all around that the surface reflects, in units of the shading.
-    pub ambient: f64,
-    /// Vignetting `a` of the lens.
-    pub vignetting: f64,
-    /// Robust relative standard deviation of one observation.
-    pub relative_residual: f64,
-    /// Free parameters, gains not counted.
-    pub parameters: usize,
-    /// Bayesian information criterion up to a constant; smaller is better.
-    pub bic: f64,
-}
 
 /// What [`fit_light`] found.
 #[derive(Clone, Debug)]

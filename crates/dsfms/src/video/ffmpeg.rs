@@ -1,9 +1,10 @@
 //! Any other video, through an installed `ffmpeg` that writes PPM pictures into a pipe.
 
+use super::error::VideoError;
+use super::frame::DecodedPicture;
 use super::passthrough::passthrough;
 use super::ppm::{Ended, pictures};
 use super::watched::Watched;
-use super::{DecodedPicture, VideoError};
 use std::io::BufReader;
 use std::path::Path;
 use std::process::{Command, Stdio};

@@ -1,6 +1,6 @@
 //! Pictures that are lost one after the other, and how many of them a video may have.
 
-use super::VideoFrame;
+use super::frame::VideoFrame;
 
 /// Most pictures in a row that are lost one by one, two minutes at 25 a second. Longer damage is
 /// told once: a file of 16 bytes a picture states millions of them, each of which would be a file

@@ -4,147 +4,32 @@
 //! `ffmpeg`. Frames are looked at one by one; only the candidates are kept in memory.
 
 mod colour;
+mod error;
 mod ffmpeg;
+mod frame;
 mod losses;
 pub mod mjpeg;
 pub mod motion;
 mod mp4;
+mod options;
 pub mod passthrough;
 pub mod ppm;
 mod select;
 pub mod watched;
 
+pub use error::VideoError;
+pub use frame::{VideoFrame, frame_name};
+pub use options::SelectOptions;
+
 use crate::guard;
 use crate::image::Frame;
-use crate::options::{OptionError, check};
-use losses::{Losses, MOST_LOST};
-use serde::{Deserialize, Serialize};
+use losses::Losses;
 use std::io::BufReader;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Extensions of files that are taken for videos, in any case.
 pub const EXTENSIONS: [&str; 10] =
     ["mp4", "m4v", "mov", "mkv", "avi", "webm", "mpg", "mpeg", "wmv", "ts"];
-
-/// How frames are chosen. Other values are not measured.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SelectOptions {
-    /// Frames to choose, at most; at least 1. The video is cut into as many windows, of each of
-    /// which the sharpest frame is a candidate. Default 48: ten seconds of exploration at about
-    /// five frames a second.
-    pub max_frames: usize,
-    /// Length of a window in frames; `None` = the length of the video over `max_frames`.
-    pub stride: Option<usize>,
-    /// A candidate must have moved by this much from the frame chosen before it: mean
-    /// displacement of its image blocks as a fraction of the image's width, in `[0, 1)`. Default
-    /// 0.004 (5 px of 1280): matches that moved less hardly triangulate.
-    pub min_motion: f64,
-}
-
-impl Default for SelectOptions {
-    fn default() -> Self {
-        Self { max_frames: 48, stride: None, min_motion: 0.004 }
-    }
-}
-
-impl SelectOptions {
-    /// Check every bound.
-    ///
-    /// # Errors
-    /// The first option out of range, by name.
-    pub fn validate(&self) -> Result<(), OptionError> {
-        check(&[
-            ("video.max_frames", self.max_frames >= 1, "at least 1"),
-            ("video.stride", self.stride != Some(0), "at least 1"),
-            ("video.min_motion", (0.0..1.0).contains(&self.min_motion), "from 0 to below 1"),
-        ])
-    }
-}
-
-/// Why a video gave no frames.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum VideoError {
-    /// An option out of its bounds.
-    #[error(transparent)]
-    Options(#[from] OptionError),
-    /// The file cannot be read.
-    #[error("{}: cannot be read: {source}", path.display())]
-    Read {
-        /// The video.
-        path: PathBuf,
-        /// The system's reason.
-        source: std::io::Error,
-    },
-    /// Not a video, or a damaged one.
-    #[error("{}: cannot be decoded: {reason}", path.display())]
-    Damaged {
-        /// The video.
-        path: PathBuf,
-        /// The decoder's reason.
-        reason: String,
-    },
-    /// More pictures in a row are lost than in a video that is damaged here and there.
-    #[error(
-        "{}: more than {MOST_LOST} pictures in a row cannot be decoded, the first because of this: {reason}; is it a whole video?",
-        path.display()
-    )]
-    Lost {
-        /// The video.
-        path: PathBuf,
-        /// Why the first of them cannot be decoded.
-        reason: String,
-    },
-    /// Not H.264 in mp4, and no `ffmpeg` to fall back on.
-    #[error(
-        "{}: {reason}; only H.264 in mp4 is decoded directly: install ffmpeg, or convert with `ffmpeg -i INPUT -c:v libx264 -pix_fmt yuv420p OUTPUT.mp4`, or extract PNG frames",
-        path.display()
-    )]
-    Unsupported {
-        /// The video.
-        path: PathBuf,
-        /// What it holds instead.
-        reason: String,
-    },
-    /// The video has no picture.
-    #[error("{}: the video holds no frame", path.display())]
-    Empty {
-        /// The video.
-        path: PathBuf,
-    },
-}
-
-/// One decoded picture.
-struct DecodedPicture {
-    size: [usize; 2],
-    rgb: Vec<[u8; 3]>,
-}
-
-impl DecodedPicture {
-    fn into_frame(self, number: usize) -> Frame {
-        Frame { name: frame_name(number), size: self.size, rgb: self.rgb }
-    }
-}
-
-/// A frame of a video, or its loss.
-#[derive(Clone, Debug)]
-pub struct VideoFrame {
-    /// Place in the video by the container's time stamps, from 0.
-    pub number: usize,
-    /// Frames of the video, where the container says so.
-    pub total: Option<usize>,
-    /// The picture under [`frame_name`], or why it is lost.
-    pub content: Result<Frame, String>,
-    /// A lost frame from which this one is predicted, directly or through others: parts of it may
-    /// show what was before the loss.
-    pub rests_on: Option<usize>,
-}
-
-/// The name of a frame of a video: `frame_NNN` by its 0-based number.
-pub fn frame_name(number: usize) -> String {
-    format!("frame_{number:03}")
-}
 
 /// Whether a path is a video by its extension.
 pub fn is_video(path: &Path) -> bool {

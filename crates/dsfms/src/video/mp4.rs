@@ -12,33 +12,15 @@ mod order;
 mod samples;
 mod track;
 
-use super::DecodedPicture;
 use coded::Coded;
+pub(super) use coded::DecodeStop;
 use order::Order;
+pub(super) use order::ShownPicture;
 use std::io::{Read, Seek};
 use track::{Track, read_at};
 
 /// Most bytes of one coded picture.
 const MOST_PICTURE: u32 = 64 << 20;
-
-/// Why nothing more is decoded.
-#[derive(Debug)]
-pub(super) enum DecodeStop {
-    /// A stream that another decoder may read.
-    Unsupported(String),
-    /// Broken from the start.
-    Damaged(String),
-}
-
-/// A picture of the stream, in display order.
-pub(super) struct ShownPicture {
-    /// The picture, or why it is lost.
-    pub(super) content: Result<DecodedPicture, String>,
-    /// From 0.
-    pub(super) number: usize,
-    /// A lost picture from which this one was predicted, directly or by others.
-    pub(super) rests_on: Option<usize>,
-}
 
 /// The video track of a file.
 pub(super) struct Stream<R> {

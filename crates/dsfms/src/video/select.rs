@@ -1,7 +1,7 @@
 //! The sharpest frame of every window, then those that moved.
 
-use super::SelectOptions;
 use super::motion::{Thumbnail, displacement};
+use super::options::SelectOptions;
 use crate::image::Frame;
 use crate::image::filter::{halve, laplacian_variance};
 
@@ -84,7 +84,7 @@ impl Candidates {
 
 #[cfg(test)]
 mod tests {
-    use super::super::frame_name;
+    use super::super::frame::frame_name;
     use super::*;
 
     /// A moving texture; every frame but each `sharp`th is blurred to a low contrast.

@@ -1,27 +1,28 @@
 //! `dsfms experiment`: the paper's experiment on synthetic cases (§8.1).
 
 pub mod pace;
+mod place_args;
 pub mod series;
 mod table1;
 
 use crate::args::Global;
 use crate::exit::{Outcome, Usage};
-use crate::inputs;
 use crate::interrupt;
-use crate::outputs::{check_folder, write_bytes, write_text};
-use crate::place::mark;
+use crate::outputs::{write_bytes, write_text};
 use crate::progress::Reporter;
 use crate::report::experiment::{error_chart, experiment_page};
 use crate::sheet::{pdf, svg};
+use crate::stdout::to_stdout;
 use clap::{Args, Subcommand};
 use dsfms::experiment::{
     Arm, Metric, Plan, Row, ablation, arms_of, markdown, run as run_plan, summarise, table_csv,
     times_csv,
 };
-use dsfms::pipeline::{Method, Progress, ReconstructOptions};
+use dsfms::pipeline::{Method, Progress};
 use pace::Paced;
+use place_args::PlaceArgs;
 use series::SeriesArgs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -86,20 +87,6 @@ struct AblationArgs {
     place: PlaceArgs,
 }
 
-/// Where results go, and with which options the methods run.
-#[derive(Debug, Args)]
-struct PlaceArgs {
-    /// Weights and thresholds of the methods, as `dsfms reconstruct --options` takes them.
-    #[arg(long, value_name = "FILE")]
-    options: Option<PathBuf>,
-    /// Folder for the results.
-    #[arg(short, long, value_name = "OUT")]
-    output: PathBuf,
-    /// Drop the results that are already there.
-    #[arg(long)]
-    restart: bool,
-}
-
 /// What the series leave but plots.
 const FILES: [&str; 7] = [
     "cases.csv",
@@ -120,22 +107,6 @@ fn of_series(name: &str) -> bool {
         Some(rest.is_empty() || noise.is_some_and(|noise| noise.is_ok()))
     };
     FILES.contains(&name) || Metric::ALL.into_iter().any(|metric| plot(metric).unwrap_or(false))
-}
-
-impl PlaceArgs {
-    /// Refuse a folder with files of others that have our names; else mark it, and with --restart
-    /// remove what an older run left.
-    fn take(&self, ours: fn(&str) -> bool) -> anyhow::Result<()> {
-        mark::check_names(&self.output, &["experiment"], "-o", ours)?;
-        check_folder(&self.output)?;
-        mark::claim(&self.output, "experiment")?;
-        if self.restart { mark::remove(&self.output, ours) } else { Ok(()) }
-    }
-
-    fn options(&self) -> anyhow::Result<ReconstructOptions> {
-        let Some(path) = &self.options else { return Ok(ReconstructOptions::default()) };
-        inputs::options(path, ReconstructOptions::from_toml)
-    }
 }
 
 /// Run the command.
@@ -166,8 +137,8 @@ fn ext(args: &ExtArgs, global: &Global, reporter: &Reporter) -> anyhow::Result<O
     write_plots(out, &plan, &rows)?;
     experiment_page(&plan, &args.series.organ()?, &rows)?.write(&out.join("report.html"))?;
     reporter.finish();
-    super::to_stdout(&text)?;
-    super::to_stdout(&format!("\nTime on one thread:\n{}", times_csv(&rows)))?;
+    to_stdout(&text)?;
+    to_stdout(&format!("\nTime on one thread:\n{}", times_csv(&rows)))?;
     Ok(outcome(&rows))
 }
 
@@ -180,7 +151,7 @@ fn ablate(args: &AblationArgs, global: &Global, reporter: &Reporter) -> anyhow::
     write_text(&out.join("ablation.csv"), &table_csv(&rows))?;
     experiment_page(&plan, &args.series.organ()?, &rows)?.write(&out.join("report.html"))?;
     reporter.finish();
-    super::to_stdout(&text)?;
+    to_stdout(&text)?;
     Ok(outcome(&rows))
 }
 

@@ -1,6 +1,6 @@
 //! `dsfms experiment table1`: the methods side by side (the paper's Table 1, with the truth).
 
-use super::PlaceArgs;
+use super::place_args::PlaceArgs;
 use super::series::{SeriesArgs, percent};
 use crate::args::Global;
 use crate::draw::overlay::overlay;
@@ -11,6 +11,7 @@ use crate::progress::Reporter;
 use crate::report::experiment::case_page;
 use crate::sheet::legend::ColourBar;
 use crate::sheet::{Anchor, Sheet, raster};
+use crate::stdout::to_stdout;
 use clap::Args;
 use dsfms::camera::CameraModel;
 use dsfms::experiment::{arms_of, measure, surface};
@@ -81,7 +82,7 @@ pub fn run(args: &Table1Args, global: &Global, reporter: &Reporter) -> anyhow::R
         global.seed()
     );
     write_text(&args.place.output.join("table1.md"), &text)?;
-    super::super::to_stdout(&text)?;
+    to_stdout(&text)?;
     Ok(Outcome::Ok)
 }
 

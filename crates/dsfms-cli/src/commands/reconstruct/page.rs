@@ -1,6 +1,6 @@
 //! What a run leaves for the viewer.
 
-use super::Job;
+use super::job::Job;
 use crate::inputs::Source;
 use crate::outputs::FrameReport;
 use crate::report::data::ShownFrame;

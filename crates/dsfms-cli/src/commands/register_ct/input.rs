@@ -1,6 +1,6 @@
 //! What `register-ct` reads, all lengths of the CT in mm.
 
-use super::RegisterCtArgs;
+use super::args::RegisterCtArgs;
 use crate::commands::template::mesh::{MeshReading, open_mesh};
 use crate::exit::Usage;
 use crate::progress::Reporter;

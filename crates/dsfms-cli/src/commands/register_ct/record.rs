@@ -1,7 +1,8 @@
 //! `registration.json`.
 
+use super::args::RegisterCtArgs;
+use super::carried::Carried;
 use super::input::LoadedCt;
-use super::{Carried, RegisterCtArgs};
 use dsfms::geometry::{Point3, Similarity};
 use dsfms::preoperative::{Alternative, Doubt, Preoperative, PreoperativeError, Residual};
 use dsfms::template::Template;

@@ -1,13 +1,14 @@
 //! `dsfms synth --chessboard`: pictures to calibrate with, and the camera that took them.
 
+use super::claim::Claim;
 use crate::args::Global;
 use crate::commands::experiment::pace::Paced;
-use crate::commands::to_stdout;
 use crate::draw::picture;
 use crate::exit::{Outcome, Usage};
 use crate::outputs::{prepare_folder, write_json, write_png};
 use crate::poses::ImagePose;
 use crate::progress::Reporter;
+use crate::stdout::to_stdout;
 use dsfms::camera::CameraModel;
 use dsfms::image::ToneCurve;
 use dsfms::io::camera::{CameraFile, write_camera};
@@ -33,7 +34,7 @@ pub fn make(
         "pictures": options.pictures,
         "seed": options.seed,
     });
-    let board = super::Claim { name: "board.json", parameters, other: "other pictures" };
+    let board = Claim { name: "board.json", parameters, other: "other pictures" };
     let numbered = |name: &str| name.starts_with("board_") && name.ends_with(".png");
     board.take(folder, |name| name == "truth" || numbered(name))?;
     prepare_folder(&truth)?;

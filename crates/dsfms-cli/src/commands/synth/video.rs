@@ -1,5 +1,6 @@
 //! `dsfms synth --video`: a clip of known truth, and the template to track it with.
 
+use super::claim::Claim;
 use crate::args::Global;
 use crate::commands::experiment::pace::Paced;
 use crate::draw::picture;
@@ -119,7 +120,7 @@ fn claim(args: &VideoArgs) -> anyhow::Result<()> {
         "format": if args.format == FrameFormat::Png { "png" } else { "jpeg" },
         "frames_a_second": RATE,
     });
-    let clip = super::Claim { name: "clip.json", parameters, other: "another clip" };
+    let clip = Claim { name: "clip.json", parameters, other: "another clip" };
     clip.take(args.folder, |name| OWN.contains(&name))
 }
 

@@ -1,6 +1,6 @@
 //! Frames and masks of an exploration.
 
-use super::TemplateArgs;
+use super::args::TemplateArgs;
 use crate::args::Global;
 use crate::exit::Usage;
 use crate::inputs::{self, CameraInput, Source};

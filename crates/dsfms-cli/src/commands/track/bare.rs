@@ -1,6 +1,6 @@
 //! What `track` follows: a template, or a mesh that frames of known pose give the organ's look.
 
-use super::TrackArgs;
+use super::args::TrackArgs;
 use crate::args::Global;
 use crate::commands::template::mesh::{MeshReading, open_mesh, unit};
 use crate::exit::Usage;

@@ -1,7 +1,7 @@
 //! The frames of a run, one after the other, and everything that they leave.
 
-use super::TrackArgs;
 use super::again::Plan;
+use super::args::TrackArgs;
 use super::input::is_address;
 use super::item::{Content, FrameItem, Ready};
 use super::link::Link;

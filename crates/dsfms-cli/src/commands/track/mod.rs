@@ -24,6 +24,7 @@ use crate::interrupt;
 use crate::place;
 use crate::progress::Reporter;
 use crate::report::track::TrackReport;
+use crate::stdout::to_stdout;
 use crate::structures::Structures;
 use crate::volume::CarriedVolume;
 pub use again::Again;
@@ -200,7 +201,7 @@ fn watch(args: &TrackArgs, live: bool) -> anyhow::Result<()> {
     match live {
         // Standard output holds results.
         true => eprint!("{text}"),
-        false => super::to_stdout(&text)?,
+        false => to_stdout(&text)?,
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! What a run was: `OUT/run.json`, by which `dsfms replay` does it again.
 
-use super::TrackArgs;
+use super::args::TrackArgs;
 use crate::args::VERSION;
 use crate::inputs;
 use crate::outputs::write_json;

@@ -1,8 +1,8 @@
 //! The sections of the template and of every frame.
 
 use super::super::scene::DeformedFrame;
+use super::results::{FrameResult, Report};
 use super::tables::error_table;
-use super::{FrameResult, Report};
 use crate::demo::METHODS;
 use crate::draw::{self, SideView};
 use crate::report::embed::{escape, jpeg};

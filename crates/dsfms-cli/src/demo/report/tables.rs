@@ -1,7 +1,7 @@
 //! Errors by method and part of the surface: tables and plots.
 
 use super::super::scene::{DeformedFrame, Scene};
-use super::{FrameResult, Report};
+use super::results::{FrameResult, Report};
 use crate::chart::{Bar, Plot, Series, bars, lines};
 use crate::demo::METHODS;
 use crate::report::frames::short;

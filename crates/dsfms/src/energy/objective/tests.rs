@@ -3,7 +3,7 @@ use crate::camera::CameraModel;
 use crate::energy::Jacobian;
 use crate::energy::check::bent_patch;
 use crate::energy::{GlobalsPrior, Motion, RestFaces, Shearing, Smoothing, Stretch};
-use crate::geometry::Point2;
+use crate::geometry::{Point2, Point3};
 use crate::mesh::laplacian::Laplacian;
 use crate::mesh::{Mesh, shapes};
 use nalgebra::SMatrix;

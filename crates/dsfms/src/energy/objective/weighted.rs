@@ -1,7 +1,7 @@
 //! One weighted, robustified term: its cost, and its part of gradient and normal matrix.
 
-use super::Unknowns;
 use super::known::{KnownSlots, Slots};
+use super::unknowns::Unknowns;
 use crate::energy::{EnergyTerm, Jacobian};
 use crate::geometry::{Point3, Vector3};
 use crate::solver::normal_equations::Accumulator;

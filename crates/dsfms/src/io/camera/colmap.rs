@@ -4,7 +4,7 @@
 use super::super::colmap::{ColmapCamera, ColmapImage, file_in, read_cameras, read_images};
 use super::super::error::InputError;
 use super::super::poses::position_of;
-use super::CameraFile;
+use super::file::CameraFile;
 use crate::camera::CameraModel;
 use std::path::Path;
 

@@ -2,7 +2,9 @@
 
 use super::super::error::InputError;
 use super::fields::{Fields, flat_numbers};
-use super::{CameraFile, lens_kind, light, tone};
+use super::file::CameraFile;
+use super::lens::lens_kind;
+use super::{light, tone};
 use crate::camera::{CameraModel, Lens, LensKind};
 use serde_json::{Map, Value, json};
 use std::path::Path;

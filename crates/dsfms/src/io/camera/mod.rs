@@ -10,7 +10,9 @@
 
 mod colmap;
 mod fields;
+mod file;
 mod json;
+mod lens;
 mod light;
 mod nerfstudio;
 mod opencv;
@@ -19,33 +21,15 @@ mod xml;
 
 use super::colmap::{file_in, is_binary};
 use super::error::{InputError, parse_json, read_text, write_text};
-use crate::camera::{CameraModel, Lens, LensKind};
-use crate::image::ToneCurve;
-use crate::light::{LightModel, vignetting};
+use crate::light::vignetting;
 use serde_json::Value;
 use std::path::Path;
 
 /// Most bytes of a camera file; its values take thirty times as much in memory.
 const MOST_TEXT: usize = 16 << 20;
 
-/// The lens of coefficients that come without a name.
-const USUAL_LENS: &str = "brown_conrady";
-
 pub use colmap::{ImageCameras, read_image_cameras};
-
-/// What a camera file says.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CameraFile {
-    /// Intrinsics and lens; pixel centres at integers whatever the file's convention.
-    pub camera: CameraModel,
-    /// Tone curve, where the file names one.
-    pub tone: Option<ToneCurve>,
-    /// Light, where the file names one.
-    pub light: Option<LightModel>,
-    /// Vignetting `a` of the lens, `1 + a r²` with r in focal lengths from the principal point,
-    /// where the file names one; negative where corners are dark, at least -2.
-    pub vignetting: Option<f64>,
-}
+pub use file::CameraFile;
 
 /// Read a camera file; the format is told from its content. A folder is taken for a COLMAP model.
 /// Everything is validated.
@@ -131,22 +115,6 @@ pub fn write_camera(path: &Path, file: &CameraFile) -> Result<(), InputError> {
     let text = serde_json::to_string_pretty(&json::write(file))
         .map_err(|error| InputError::format(path, error.to_string()))?;
     write_text(path, &(text + "\n"))
-}
-
-/// The kind of lens that a field such as `distortion_model` names; Brown-Conrady when there is
-/// none.
-fn lens_kind(
-    path: &Path,
-    field: &str,
-    value: Option<&Value>,
-) -> Result<&'static LensKind, InputError> {
-    let value = value.filter(|v| !v.is_null());
-    let text = value.map_or(Some(USUAL_LENS), Value::as_str).unwrap_or_default();
-    LensKind::told(text).ok_or_else(|| {
-        let known: Vec<&str> = Lens::KINDS.iter().map(|kind| kind.name).collect();
-        let problem = format!("{text:?} is not known; expected one of {}", known.join(", "));
-        InputError::field(path, field, problem)
-    })
 }
 
 #[cfg(test)]

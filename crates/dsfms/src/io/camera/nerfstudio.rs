@@ -4,7 +4,8 @@
 
 use super::super::error::InputError;
 use super::fields::Fields;
-use super::{CameraFile, lens_kind};
+use super::file::CameraFile;
+use super::lens::lens_kind;
 use crate::camera::CameraModel;
 use serde_json::Value;
 use std::path::Path;

@@ -3,7 +3,8 @@
 
 use super::super::error::InputError;
 use super::fields::{Fields, flat_numbers};
-use super::{CameraFile, lens_kind};
+use super::file::CameraFile;
+use super::lens::lens_kind;
 use crate::camera::{CameraModel, Lens, LensKind};
 use serde_json::Value;
 use std::path::Path;

@@ -1,6 +1,8 @@
 use super::*;
+use crate::camera::{CameraModel, Lens};
 use crate::geometry::Point3;
-use crate::light::{PointLight, REFERENCE_DISTANCE, RingLight, Spot};
+use crate::image::ToneCurve;
+use crate::light::{LightModel, PointLight, REFERENCE_DISTANCE, RingLight, Spot};
 
 fn read(name: &str, text: &str) -> Result<CameraFile, String> {
     let dir = tempfile::tempdir().unwrap();

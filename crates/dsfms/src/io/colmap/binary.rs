@@ -2,7 +2,8 @@
 
 use super::super::atomic::{WriteError, write_atomic};
 use super::super::error::InputError;
-use super::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint, camera, text};
+use super::model::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
+use super::{camera, text};
 use crate::geometry::{Point2, Point3};
 use std::io::{self, Write};
 use std::path::Path;

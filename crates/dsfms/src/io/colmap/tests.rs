@@ -1,6 +1,6 @@
 use super::*;
-use crate::camera::Lens;
-use crate::geometry::Vector3;
+use crate::camera::{CameraModel, Lens};
+use crate::geometry::{Isometry, Point2, Point3, Vector3};
 
 fn model() -> ColmapModel {
     let lenses = [

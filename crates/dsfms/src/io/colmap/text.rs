@@ -2,7 +2,8 @@
 
 use super::super::atomic::{WriteError, write_atomic};
 use super::super::error::{InputError, read_text};
-use super::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint, camera};
+use super::camera;
+use super::model::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
 use crate::geometry::{Isometry, Point2, Point3};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use std::path::Path;

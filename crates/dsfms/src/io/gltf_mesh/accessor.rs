@@ -2,11 +2,13 @@
 
 use super::super::base64::from_base64;
 use super::super::raw_mesh::FormatError;
-use super::document::{Accessor, Document, SparsePart};
-use super::malformed;
+use super::document::{Accessor, Document, SparsePart, malformed};
 use crate::guard;
 use std::borrow::Cow;
 use std::path::{Component, Path};
+
+/// Most vertices and most faces of all primitives together, each as often as nodes place it.
+pub(super) const MOST: usize = 5_000_000;
 
 /// The arrays of a document.
 pub(super) struct Arrays<'a> {
@@ -129,7 +131,7 @@ impl<'a> Arrays<'a> {
                 steps.each(size).map(&value).collect()
             }
             // Without a view all are zero, and only what follows gives values.
-            None => vec![value(&vec![0; size]); accessor.count.min(super::MOST)],
+            None => vec![value(&vec![0; size]); accessor.count.min(MOST)],
         };
         let Some(sparse) = &accessor.sparse else {
             return match accessor.buffer_view {

@@ -1,12 +1,19 @@
 //! The JSON of a glTF file, and the container of a `.glb`.
 
 use super::super::raw_mesh::{FormatError, MeshUnit};
-use super::{VERTEX, malformed};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
+/// Attribute of our own files: the template's vertex.
+pub(in crate::io) const VERTEX: &str = "_VERTEX";
+
 /// Most bytes of JSON: numbers belong in buffers.
 const MOST_JSON: usize = 64 << 20;
+
+/// A finding about the file.
+pub(super) fn malformed(reason: impl Into<String>) -> FormatError {
+    FormatError::Malformed(reason.into())
+}
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", default)]

@@ -1,7 +1,8 @@
 //! Landmarks of one surface as other programs save them.
 
+use super::super::error::{InputError, parse_json, read_text};
+use super::mark::{Mark, MarkPlace};
 use super::table::{finite, marks};
-use super::{InputError, Mark, MarkPlace, parse_json, read_text};
 use crate::geometry::Point3;
 use serde_json::Value;
 use std::path::Path;

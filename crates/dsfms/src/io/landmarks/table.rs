@@ -1,6 +1,7 @@
 //! Landmarks as CSV with a header, columns found by name.
 
-use super::{InputError, Mark, MarkPlace, PickedPair};
+use super::super::error::InputError;
+use super::mark::{Mark, MarkPlace, PickedPair};
 use crate::geometry::Point3;
 use std::path::Path;
 

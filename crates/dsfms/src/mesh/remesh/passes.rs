@@ -1,7 +1,8 @@
 //! The four passes of a remeshing round. Each works on the adjacency at its start and leaves alone
 //! what it has already touched, so the order of the edges alone decides the result.
 
-use super::{FixedEdges, WorkingMesh};
+use super::outline::FixedEdges;
+use super::working::WorkingMesh;
 use crate::geometry::{Point3, Vector3, area_normal};
 use crate::mesh::Topology;
 use crate::mesh::normals::vertex_normals;

@@ -4,7 +4,7 @@
 //! others are off is motion, and the parting of organ and wall learns which of the two it belongs
 //! to.
 
-use super::Exploration;
+use super::exploration::Exploration;
 use crate::geometry::{Point2, Point3, median};
 use crate::sfm::random::Random;
 use crate::sfm::{

@@ -1,6 +1,6 @@
 //! The organ as clicked on a frame.
 
-use super::TemplateError;
+use super::error::TemplateError;
 use crate::camera::{Camera, CameraModel};
 use crate::dense::DepthMap;
 use crate::geometry::{Isometry, Point2, Point3};

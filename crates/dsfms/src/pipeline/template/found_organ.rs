@@ -1,10 +1,13 @@
 //! Which part of the frames is the organ: what is taken, and what else may be meant.
 
+use super::also;
+use super::click::OrganClick;
+use super::error::TemplateError;
 use super::guess::{OrganGuess, guess_of};
+use super::organ::Organ;
 use super::organ_scene::OrganScene;
 use super::registered::RegisteredFrames;
-use super::strokes::seeds;
-use super::{Organ, OrganClick, OrganStroke, TemplateError, also};
+use super::strokes::{OrganStroke, seeds};
 use crate::dense::{
     DenseError, DenseOptions, DepthMap, Labelling, Parting, PosedFrame, Seeds, overlap, surface,
 };

@@ -1,8 +1,11 @@
 //! Templates on a mesh that is given.
 
+use super::BuiltTemplate;
+use super::error::TemplateError;
+use super::exploration::Exploration;
 use super::masks::{usable_masks, valid_masks};
-use super::views::Views;
-use super::{BuiltTemplate, Exploration, TemplateError, TemplateOptions, try_flatten};
+use super::options::TemplateOptions;
+use super::views::{Views, try_flatten};
 use crate::geometry::Isometry;
 use crate::image::ToneCurve;
 use crate::light::Coat;

@@ -1,6 +1,6 @@
 //! A part of the frames that may be the organ, as outlines.
 
-use super::OrganClick;
+use super::click::OrganClick;
 use crate::camera::PosedFrame;
 use crate::dense::{Border, DepthMap, Labelling, outlines};
 use crate::image::Mask;

@@ -1,6 +1,7 @@
 //! What the kept values of the stages depend on, and whether they are whole.
 
-use super::{Exploration, TemplateOptions};
+use super::exploration::Exploration;
+use super::options::TemplateOptions;
 use crate::checkpoint::Digest;
 use crate::dense::DepthMap;
 use crate::image::{Frame, Mask};

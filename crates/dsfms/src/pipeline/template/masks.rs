@@ -1,6 +1,6 @@
 //! Which pixels of the exploration may be used.
 
-use super::Exploration;
+use super::exploration::Exploration;
 use crate::image::{Mask, viewport};
 use crate::sfm::{SfmError, SfmOptions, check_sizes};
 

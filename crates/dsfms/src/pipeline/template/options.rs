@@ -1,6 +1,8 @@
 //! Options of template building.
 
-use super::{Organ, OrganStroke, TemplateError};
+use super::error::TemplateError;
+use super::organ::Organ;
+use super::strokes::OrganStroke;
 use crate::dense::DenseOptions;
 use crate::mesh::remesh::RemeshOptions;
 use crate::options::{Documented, Moved, check, commented, read};
@@ -116,13 +118,13 @@ const MOVED: [Moved; 4] = [
 const TABLES: [Documented; 13] = [
     ("", include_str!("options.rs"), "TemplateOptions"),
     ("organ", include_str!("organ.rs"), "OrganOptions"),
-    ("video", include_str!("../../video/mod.rs"), "SelectOptions"),
+    ("video", include_str!("../../video/options.rs"), "SelectOptions"),
     ("sfm", include_str!("../../sfm/options.rs"), "SfmOptions"),
     ("sfm.refine", include_str!("../../sfm/intrinsics.rs"), "RefineIntrinsics"),
     ("dense", include_str!("../../dense/options.rs"), "DenseOptions"),
     ("remesh", include_str!("../../mesh/remesh.rs"), "RemeshOptions"),
     ("flatten", include_str!("../../template/flatten.rs"), "FlattenOptions"),
-    ("light", include_str!("../../template/light_fit.rs"), "LightFitOptions"),
+    ("light", include_str!("../../template/light_fit/options.rs"), "LightFitOptions"),
     ("light.bounds", include_str!("../../template/photometric.rs"), "ObservationBounds"),
     ("albedo", include_str!("../../template/albedo_options.rs"), "AlbedoOptions"),
     ("albedo.bounds", include_str!("../../template/photometric.rs"), "ObservationBounds"),

@@ -1,6 +1,8 @@
 //! What the organ is, as the user says it.
 
-use super::{OrganClick, OrganOutline, OrganStroke};
+use super::click::OrganClick;
+use super::outline::OrganOutline;
+use super::strokes::OrganStroke;
 use serde::{Deserialize, Serialize};
 
 /// Which part of the frames is the organ. Masks of frames ([`super::Exploration::organ`]) hold

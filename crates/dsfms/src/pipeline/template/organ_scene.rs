@@ -1,6 +1,6 @@
 //! What tells the organ from the rest, kept: other strokes give another part without stereo.
 
-use super::TemplateError;
+use super::error::TemplateError;
 use super::guess::{OrganGuess, guess_of};
 use super::strokes::{OrganStroke, seeds};
 use crate::camera::CameraModel;

@@ -1,6 +1,6 @@
 //! The organ as outlined by hand on a frame.
 
-use super::TemplateError;
+use super::error::TemplateError;
 use crate::camera::{Camera, CameraModel};
 use crate::geometry::{Isometry, Point2, Point3};
 use crate::image::Mask;

@@ -1,9 +1,13 @@
 //! The registered frames, and stereo on them.
 
-use super::{Exploration, TemplateError, TemplateOptions, click};
+use super::click;
+use super::error::TemplateError;
+use super::exploration::Exploration;
+use super::options::TemplateOptions;
 use crate::camera::CameraModel;
 use crate::dense::{DenseError, DenseOptions, DepthMap, PosedFrame, depth_maps};
 use crate::geometry::{Isometry, Point3};
+use crate::image::Frame;
 use crate::mesh::Mesh;
 use crate::pipeline::Progress;
 use crate::sfm::SparseReconstruction;
@@ -54,4 +58,12 @@ pub(super) fn posed<'a>(
         })
     };
     poses.iter().enumerate().filter_map(one).collect()
+}
+
+/// Name and pose of every registered frame.
+pub(super) fn named<'a>(
+    frames: &'a [Frame],
+    poses: &[Option<Isometry>],
+) -> Vec<(&'a str, Isometry)> {
+    frames.iter().zip(poses).filter_map(|(f, p)| Some((f.name.as_str(), (*p)?))).collect()
 }

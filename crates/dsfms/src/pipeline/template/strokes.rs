@@ -1,7 +1,7 @@
 //! The organ, and what is not, as drawn on frames.
 
-use super::TemplateError;
 use super::click::{OrganClick, frame_named, shown_at};
+use super::error::TemplateError;
 use crate::camera::CameraModel;
 use crate::dense::{DepthMap, Seeds};
 use crate::geometry::{Isometry, Point2};

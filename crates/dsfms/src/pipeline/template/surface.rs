@@ -1,8 +1,11 @@
 //! The surface that stereo saw, as the template's mesh.
 
-use super::found_organ::ToldOrgan;
-use super::registered::{RegisteredFrames, posed};
-use super::{Exploration, FoundOrgan, TemplateError, TemplateOptions, kept, named, outline};
+use super::error::TemplateError;
+use super::exploration::Exploration;
+use super::found_organ::{FoundOrgan, ToldOrgan};
+use super::options::TemplateOptions;
+use super::registered::{RegisteredFrames, named, posed};
+use super::{kept, outline};
 use crate::checkpoint::Keep;
 use crate::dense::{DenseOptions, DenseSurface, DepthMap, PosedFrame, surface, worthwhile};
 use crate::geometry::Point3;

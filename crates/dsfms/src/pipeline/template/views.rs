@@ -1,6 +1,9 @@
 //! Everything on the surface that comes from the registered frames.
 
-use super::{Exploration, FoundOrgan, TemplateError, TemplateOptions, try_flatten};
+use super::error::TemplateError;
+use super::exploration::Exploration;
+use super::found_organ::FoundOrgan;
+use super::options::TemplateOptions;
 use crate::camera::{Camera, PosedFrame};
 use crate::geometry::{Isometry, Point3};
 use crate::image::Mask;
@@ -10,9 +13,10 @@ use crate::raster::{OCCLUSION_TOLERANCE, rasterize, visible_vertices};
 use crate::sfm::Features2d;
 use crate::template::albedo::{AlbedoOptions, estimate_albedo, refine_by_shading};
 use crate::template::anchor::{AnchorOptions, FeatureView, anchor_features};
+use crate::template::flatten::flatten;
 use crate::template::light_fit::{LightFit, LightFitOptions, Vignetting, fit_light};
 use crate::template::photometric::AlbedoView;
-use crate::template::{LengthUnit, Surroundings, Template, TemplateView};
+use crate::template::{Flattening, LengthUnit, Surroundings, Template, TemplateView};
 use rayon::prelude::*;
 
 /// Registered frames, with all that is measured in them. One entry per frame in every list.
@@ -192,4 +196,16 @@ impl Views<'_> {
 fn seen_counts(topology: &Topology, visible: &[Vec<bool>]) -> Vec<u32> {
     let count = |v: usize| visible.iter().filter(|view| view[v]).count() as u32;
     (0..topology.vertex_count).map(count).collect()
+}
+
+/// The flattening, or a warning.
+pub(super) fn try_flatten(
+    mesh: &Mesh,
+    options: &TemplateOptions,
+    progress: &dyn Progress,
+) -> Option<Flattening> {
+    progress.step("flattening", 0, 1);
+    let result = flatten(mesh, &options.flatten);
+    progress.step("flattening", 1, 1);
+    result.map_err(|error| progress.warn(&format!("the template has no flattening: {error}"))).ok()
 }

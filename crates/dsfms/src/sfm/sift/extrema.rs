@@ -1,7 +1,6 @@
 //! Extrema of the differences of Gaussians over place and scale.
 
-use super::scale_space::Octave;
-use super::{LAYERS, SIGMA};
+use super::scale_space::{LAYERS, Octave, SIGMA};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 

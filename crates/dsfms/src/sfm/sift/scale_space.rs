@@ -1,9 +1,14 @@
 //! Octaves of ever more blurred images.
 
-use super::{CAMERA_BLUR, LAYERS, SIGMA};
 use crate::image::Plane;
 use rayon::prelude::*;
 
+/// Layers of an octave that are searched.
+pub(super) const LAYERS: usize = 3;
+/// Standard deviation of the first layer, px of the octave.
+pub(super) const SIGMA: f64 = 1.6;
+/// Blur that the image itself is taken to have, px.
+const CAMERA_BLUR: f64 = 0.5;
 /// Smallest side of an octave, px.
 const SMALLEST: usize = 16;
 /// Rows that one task blurs.

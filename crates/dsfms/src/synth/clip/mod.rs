@@ -27,13 +27,11 @@ use crate::mesh::boundary::boundary_loops;
 use crate::mesh::normals::vertex_normals;
 use crate::raster::{rasterize, visible_vertices};
 use instrument::Instrument;
+pub use path::RATE;
 use path::{CameraPath, smooth};
 use photo::{Conditions, Set, photograph};
 use serde::{Deserialize, Serialize};
 use tissue::{Palette, TissueTexture};
-
-/// Frames a second.
-pub const RATE: f64 = 25.0;
 
 /// Frames of the exploration, which see the organ at rest.
 pub const EXPLORATION: usize = 24;

@@ -4,6 +4,9 @@ use crate::geometry::{Isometry, Point3, Vector3};
 use crate::synth::random::{Random, uniform};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
+/// Frames a second.
+pub const RATE: f64 = 25.0;
+
 /// `3t² − 2t³` of `t` held to `[0, 1]`.
 pub(super) fn smooth(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
@@ -81,7 +84,7 @@ impl CameraPath {
 
     /// `camera_from_template` at frame `k`.
     pub(super) fn pose(&self, k: usize) -> Isometry {
-        let t = k as f64 / super::RATE;
+        let t = k as f64 / RATE;
         let [yaw, tilt, distance, roll, x, y] = std::array::from_fn(|i| self.waves[i].at(t));
         // A hand trembles at 8 to 10 Hz.
         let [shake_x, shake_y] = std::array::from_fn(|i| self.tremor[i].at(60.0 * t));

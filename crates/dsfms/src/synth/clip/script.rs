@@ -1,6 +1,6 @@
 //! What happens in a clip, and when: everything scales with its length.
 
-use super::path::{Wave, smooth};
+use super::path::{RATE, Wave, smooth};
 use crate::geometry::Point3;
 use crate::synth::random::{Random, uniform};
 use serde::Serialize;
@@ -163,9 +163,9 @@ impl Script {
 
     /// Exposure gain of frame `k`.
     pub fn gain(&self, k: usize) -> f64 {
-        let slow = (0.12 * self.exposure.at(k as f64 / super::RATE)).exp();
+        let slow = (0.12 * self.exposure.at(k as f64 / RATE)).exp();
         let jump = |&(first, factor): &(usize, f64)| match k.checked_sub(first) {
-            Some(since) => 1.0 + (factor - 1.0) * (1.0 - smooth(since as f64 / super::RATE)),
+            Some(since) => 1.0 + (factor - 1.0) * (1.0 - smooth(since as f64 / RATE)),
             None => 1.0,
         };
         let after = if k >= self.cut { 1.12 } else { 1.0 };
@@ -201,7 +201,7 @@ impl Script {
         events.extend(spans(EventKind::Occlusion, &|k| self.covered(k)));
         events.extend(spans(EventKind::Cut, &|k| k == self.cut));
         for (first, _) in self.jumps {
-            let second = super::RATE as usize;
+            let second = RATE as usize;
             events.extend(spans(EventKind::Exposure, &|k| (first..first + second).contains(&k)));
         }
         events.sort_by_key(|e| (e.first, e.last));

@@ -2,7 +2,7 @@
 //! (Lévy et al. 2002 and Desbrun et al. 2002, in the form of Mullen et al. 2008).
 
 use super::conformal::Cotan;
-use crate::geometry::Point2;
+use crate::geometry::{Point2, signed_area};
 use crate::mesh::Mesh;
 
 /// Lower triangle of `M` in `E = ½ uᵀMu`, `u = (x₀, y₀, x₁, y₁, …)`: positive semi-definite, with
@@ -37,7 +37,7 @@ pub(super) fn matrix(mesh: &Mesh) -> Vec<(usize, usize, f64)> {
 pub(super) fn layout(mesh: &Mesh, u: &[f64]) -> Option<Vec<Point2>> {
     let uv: Vec<Point2> = u.chunks(2).map(|p| Point2::new(p[0], p[1])).collect();
     let faces = mesh.topology.faces.iter();
-    let mapped: f64 = faces.map(|face| super::signed_area(&face.map(|v| uv[v as usize]))).sum();
+    let mapped: f64 = faces.map(|face| signed_area(&face.map(|v| uv[v as usize]))).sum();
     let scale = (mesh.face_areas().iter().sum::<f64>() / mapped).sqrt();
     (scale.is_finite() && scale > 0.0).then(|| uv.iter().map(|p| p * scale).collect())
 }

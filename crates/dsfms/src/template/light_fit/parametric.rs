@@ -2,7 +2,8 @@
 
 use super::super::log_linear::{LogFit, ShadingModel};
 use super::super::photometric::SpotObservation;
-use super::{LightCandidate, LightFitOptions, Vignetting};
+use super::candidate::LightCandidate;
+use super::options::{LightFitOptions, Vignetting};
 use crate::geometry::Point3;
 use crate::light::{Coat, LightModel, PointLight, Spot, vignetting};
 

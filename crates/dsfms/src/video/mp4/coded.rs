@@ -1,6 +1,5 @@
 //! The decoder, fed sample by sample; what fails costs its own sample.
 
-use super::DecodeStop;
 use super::lists::Lists;
 use crate::guard::caught;
 use rust_h264::decoder::{Decoder, Frame};
@@ -12,6 +11,15 @@ const MOST_BLOCKS: u64 = 36_864;
 
 /// Samples with what the decoder does not know after which another decoder is asked.
 const MOST_UNKNOWN: usize = 50;
+
+/// Why nothing more is decoded.
+#[derive(Debug)]
+pub(in crate::video) enum DecodeStop {
+    /// A stream that another decoder may read.
+    Unsupported(String),
+    /// Broken from the start.
+    Damaged(String),
+}
 
 /// What became of a sample.
 pub(super) enum Outcome {

@@ -1,8 +1,7 @@
 //! From decoding order to that of the time stamps.
 
-use super::super::DecodedPicture;
 use super::super::colour::Coding;
-use super::ShownPicture;
+use super::super::frame::DecodedPicture;
 use super::coded::Outcome;
 use super::track::Track;
 use rust_h264::decoder::{ChromaFormat, Frame};
@@ -10,6 +9,16 @@ use std::collections::BTreeMap;
 
 /// Pictures that wait for one that is shown before them; H.264 allows 16.
 const MOST_WAITING: usize = 17;
+
+/// A picture of the stream, in display order.
+pub(in crate::video) struct ShownPicture {
+    /// The picture, or why it is lost.
+    pub(in crate::video) content: Result<DecodedPicture, String>,
+    /// From 0.
+    pub(in crate::video) number: usize,
+    /// A lost picture from which this one was predicted, directly or by others.
+    pub(in crate::video) rests_on: Option<usize>,
+}
 
 /// Brings samples from decoding order to that of their time stamps.
 pub(super) struct Order<'a> {

@@ -1,8 +1,8 @@
 //! What is told of a frame.
 
-use super::Picture;
 use crate::commands::track::outputs;
 use crate::reasons::joined;
+use clap::ValueEnum;
 use dsfms::camera::CameraModel;
 use dsfms::geometry::Point3;
 use dsfms::image::Frame;
@@ -31,6 +31,17 @@ pub mod device {
 
 /// The picture lies so many radii of the template before the camera: behind the organ, mostly.
 const PICTURE_RADII: f64 = 4.0;
+
+/// What is sent as IMAGE.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Picture {
+    /// The frame as it came.
+    Frame,
+    /// The frame with the surface.
+    Overlay,
+    /// Nothing.
+    None,
+}
 
 /// One frame, on its way to the thread that writes messages.
 pub struct Snapshot {

@@ -8,7 +8,7 @@ use super::queue::{Full, Queue};
 use crate::exit::Usage;
 use crate::progress::Reporter;
 use anyhow::Context;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use clients::Clients;
 pub use clients::reach;
 use dsfms::camera::CameraModel;
@@ -16,6 +16,7 @@ use dsfms::geometry::Point3;
 use dsfms::image::Frame;
 use dsfms::pipeline::Progress;
 use dsfms::template::Template;
+pub use messages::Picture;
 use messages::{Messages, Snapshot};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
 use std::sync::Arc;
@@ -38,17 +39,6 @@ pub struct LinkArgs {
     /// The picture that OpenIGTLink sends.
     #[arg(long, value_enum, default_value_t = Picture::Frame, value_name = "PICTURE", requires = "link")]
     pub igtl_image: Picture,
-}
-
-/// What is sent as IMAGE.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Picture {
-    /// The frame as it came.
-    Frame,
-    /// The frame with the surface.
-    Overlay,
-    /// Nothing.
-    None,
 }
 
 /// `18944`, `0.0.0.0:18944`, `localhost:18944`.
