@@ -1,6 +1,6 @@
 //! A small synthetic clip, what `dsfms track` makes of its files, and the program as it runs.
 
-#![allow(dead_code)]
+#![allow(dead_code, reason = "no test file needs all of it")]
 
 use assert_cmd::Command as Assert;
 use dsfms::image::Frame;

@@ -76,7 +76,7 @@ impl CameraModel {
         self.lens.undistort(&Vector2::new(x, y))
     }
 
-    /// The camera of the image halved by [`crate::image::filter::halve`]: the centre of a small
+    /// The camera of the image halved by `image::filter::halve`: the centre of a small
     /// pixel lies between four centres of the large image.
     pub fn halved(&self) -> Self {
         Self {

@@ -231,7 +231,7 @@ impl PolishWindow {
         let mut sums = [[0.0; LANES]; SUMS];
         for g in 0..self.count.div_ceil(LANES) {
             let samples = Samples::new(view.image, warp, &self.x[g], &self.y[g]);
-            #[allow(clippy::needless_range_loop)] // One lane of every array.
+            #[allow(clippy::needless_range_loop, reason = "one lane of every array")]
             for l in 0..LANES {
                 let usable = !samples.value(l).is_nan();
                 let or_zero = |v: f32| if usable { v } else { 0.0 };

@@ -158,7 +158,7 @@ impl WindowPatch {
         let mut sums = [[0.0f32; LANES]; 6];
         for g in 0..self.count.div_ceil(LANES) {
             let source = Samples::new(image, warp, &self.x[g], &self.y[g]);
-            #[allow(clippy::needless_range_loop)] // One lane of every array.
+            #[allow(clippy::needless_range_loop, reason = "one lane of every array")]
             for l in 0..LANES {
                 let value = source.value(l);
                 let usable = !value.is_nan();

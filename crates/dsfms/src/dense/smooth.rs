@@ -1,7 +1,7 @@
 //! From planes to a depth map: trusted pixels smoothed by their variance, gaps filled with care.
 
 use super::consistency::correlates;
-use super::depth_map::DepthMap;
+use super::depth_map::{self, DepthMap};
 use super::options::DenseOptions;
 use super::plane::{Field, InversePlane};
 use super::view::StereoPyramid;
@@ -12,9 +12,11 @@ use rayon::prelude::*;
 const RADIUS: i32 = 3;
 /// Neighbours whose plane misses the pixel by more than this fraction of depth (seen from the
 /// front) are another surface.
-const SAME_SURFACE: f32 = 0.01;
+const SAME_SURFACE: f32 = depth_map::SAME_SURFACE as f32;
+/// Cosine to the sightline below which that fraction grows no further.
+const GRAZING: f32 = depth_map::GRAZING as f32;
 /// Cosine to the sightline (83 degrees) below which the slope of a surface is not believed.
-const GRAZING: f32 = 0.12;
+const LEAST_FACING: f32 = 0.12;
 /// Trust in a filled pixel, at most.
 const FILLED: f32 = 0.1;
 /// Trust in a pixel that no other frame confirms, at most.
@@ -57,7 +59,7 @@ pub(super) fn depth_map(
     for (i, estimate) in rows.iter().enumerate() {
         let Some(e) = estimate else { continue };
         let (u, v) = ((i % w) as f32, (i / w) as f32);
-        if e.plane.w <= 0.0 || e.plane.facing(k, u, v) < GRAZING {
+        if e.plane.w <= 0.0 || e.plane.facing(k, u, v) < LEAST_FACING {
             continue;
         }
         map.depth[i] = 1.0 / e.plane.w;
@@ -124,7 +126,7 @@ fn continued(
             let miss = (own.at(dx as f32, dy as f32) - other.w)
                 .abs()
                 .max((other.at(-dx as f32, -dy as f32) - own.w).abs());
-            if facing > GRAZING && miss < 0.5 * SAME_SURFACE * other.w / facing.max(0.25) {
+            if facing > LEAST_FACING && miss < 0.5 * SAME_SURFACE * other.w / facing.max(GRAZING) {
                 reached[n] = true;
                 queue.push(n);
             }
@@ -200,7 +202,7 @@ impl TrustedGrid<'_> {
     fn smoothed(&self, at: [i32; 2], centre: usize) -> Option<DepthEstimate> {
         let own = self.field.planes[centre];
         let [u, v] = at.map(|c| c as f32);
-        let tolerance = SAME_SURFACE * own.w / own.facing(self.k, u, v).max(0.25);
+        let tolerance = SAME_SURFACE * own.w / own.facing(self.k, u, v).max(GRAZING);
         let mut fit = PlaneFit::default();
         for (offset, i) in self.around(at, RADIUS) {
             let plane = self.field.planes[i];

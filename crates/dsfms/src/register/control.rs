@@ -2,7 +2,7 @@
 //!
 //! What one frame tells of a surface does not grow with its vertices, so eqs. 3 and 4 and the joint
 //! problem are solved on a decimated mesh. The full mesh follows by fixed weights (every vertex by
-//! the displacement of a face and its gradient, [`Decimated::prolong`]), and what it has beyond the
+//! the displacement of a face and its gradient, `Decimated::prolong`), and what it has beyond the
 //! control mesh, its finer relief, is carried along ([`Lift`](crate::energy::Lift)).
 
 use super::correspondence::Match;

@@ -93,7 +93,7 @@ impl TwoBest {
         if !(0..LANES).fold(false, |any, l| any | (values[l] > self.second[l])) {
             return;
         }
-        #[allow(clippy::needless_range_loop)] // One lane of every array.
+        #[allow(clippy::needless_range_loop, reason = "one lane of every array")]
         for l in 0..LANES {
             let (v, best) = (values[l], self.best[l]);
             let less = if v > best { best } else { v };

@@ -3,7 +3,7 @@
 //! Stages gather [`Evidence`], [`judge`] holds it against [`Thresholds`] and names every
 //! [`Reason`]. What is not known (`None`) does not speak. The reasons are figures, and print as
 //! sentences. Four questions: what the matches leave open ([`observability`]), whether the image
-//! shows what the surface predicts ([`look()`]), of which parts nothing is known ([`mod@regions`]),
+//! shows what the surface predicts (`look`), of which parts nothing is known ([`mod@regions`]),
 //! and whether the camera is the template's ([`intrinsics`]).
 
 pub mod evidence;

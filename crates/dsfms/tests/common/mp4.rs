@@ -1,7 +1,7 @@
 //! A small H.264 encoder (every macroblock uncompressed) and mp4 writer: videos for tests, of any
 //! content, whose bytes a test can damage where it wants.
 
-#![allow(dead_code)]
+#![allow(dead_code, reason = "no test file needs all of it")]
 
 /// One coded picture.
 pub enum Coded<'a> {

@@ -1,7 +1,7 @@
 //! A procedural organ with a known preoperative state: closed, lobed, without symmetry; and what an
 //! exploration shows of it after it has bent and been moved.
 
-#![allow(dead_code)]
+#![allow(dead_code, reason = "no test file needs all of it")]
 
 use dsfms::Mesh;
 use dsfms::geometry::{Point3, Similarity, Vector3};

@@ -2,7 +2,7 @@
 //! and what the targets in `fuzz/` run. An input is accepted or refused; what is accepted must be
 //! sound.
 
-#![allow(dead_code)]
+#![allow(dead_code, reason = "no test file needs all of it")]
 
 #[path = "mp4.rs"]
 pub mod mp4;
