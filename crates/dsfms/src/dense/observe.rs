@@ -5,14 +5,13 @@ use crate::camera::{Camera, PosedFrame};
 use crate::geometry::Point3;
 use crate::image::{Plane, distance::distance_to, within_centres};
 
+/// Weight of free space against that of the surface itself.
+const FREE_SPACE: f64 = 0.2;
 /// A pixel says nothing about points farther behind it than this many truncation distances, however
 /// grazing its plane.
 const MAX_BEHIND: f64 = 4.0;
 /// Distances that differ by no more, in truncation distances, are of one surface.
 const SAME_LAYER: f64 = 0.5;
-/// Least trust in what four pixels say together: a lone pixel among such that no other frame
-/// confirms (trust of 0.15 at most) is one of them. From 0.16 to 0.3 it is the same.
-const LEAST_TRUST: f64 = 0.2;
 /// An outline is believed to this many px.
 const OUTLINE_PX: f64 = 1.0;
 /// Distance, in truncation distances, from which on a point lies in free space.
@@ -107,16 +106,18 @@ impl PlaneDistance {
         self.behind += share * other.behind;
     }
 
-    /// Divide by the share of pixels that had depth; `None` for points far before the surface and
-    /// for those that it hides. That space before a surface is free is true of a right depth alone:
-    /// where several are wrong, it digs pits (`docs/results/template.md`).
+    /// Divide by the share of pixels that had depth; `None` for points hidden by the surface.
     fn truncated(self, share: f64, truncation: f64) -> Option<Self> {
         let [distance, weight, support, behind] =
             [self.distance, self.weight, self.support, self.behind].map(|v| v / share);
         let distance = distance / truncation;
-        let near = distance.abs() <= 1.0 && behind <= MAX_BEHIND * truncation;
-        let weight = if support < LEAST_TRUST { 0.0 } else { weight };
-        near.then_some(Self { distance, weight, support, behind })
+        if distance < -1.0 || behind > MAX_BEHIND * truncation {
+            return None;
+        }
+        if distance > 1.0 {
+            return Some(Self { distance: 1.0, weight: FREE_SPACE * weight, support: 0.0, behind });
+        }
+        Some(Self { distance, weight, support, behind })
     }
 }
 
@@ -250,8 +251,10 @@ mod tests {
             assert!((f64::from(found.distance) - distance).abs() < 1e-5, "{found:?}");
             assert!(!found.bound && (support - 0.5).abs() < 1e-6);
         }
-        // Far before it, hidden, beside the picture, behind the camera: nothing is said.
-        for point in [[0.0, 0.0, 30.0], [0.0, 0.0, 53.0], [60.0, 0.0, 50.0], [0.0, 0.0, -50.0]] {
+        let (free, support) = said(&[50.0], None, Point3::new(0.0, 0.0, 30.0));
+        assert!(free.bound && free.distance == 1.0 && free.weight > 0.0 && support == 0.0);
+        // Hidden, beside the picture, behind the camera: nothing is said.
+        for point in [[0.0, 0.0, 53.0], [60.0, 0.0, 50.0], [0.0, 0.0, -50.0]] {
             let (nothing, _) = said(&[50.0], None, Point3::from(point));
             assert_eq!((nothing.distance, nothing.weight), (1.0, 0.0), "{point:?}");
         }
@@ -262,23 +265,6 @@ mod tests {
         let (found, _) = said(&[50.0, 50.2, 51.9], None, Point3::new(0.0, 0.0, 50.0));
         // (0 + 0.1) / 2: the third lies nearly a truncation distance off.
         assert!((found.distance - 0.05).abs() < 1e-5, "{found:?}");
-    }
-
-    #[test]
-    fn what_no_other_frame_confirms_says_nothing() {
-        let (frame, camera) = (frame(), camera());
-        let (organ, valid, pose) = (None, None, Isometry::identity());
-        let posed = PosedFrame { frame: &frame, camera: &camera, pose, valid, organ };
-        let n = SIZE[0] * SIZE[1];
-        let alone = DepthMap { confidence: vec![0.15; n], ..wall(51.0) };
-        let at = Point3::new(0.0, 0.0, 50.0);
-        let of = |maps: &[DepthMap]| {
-            let views: Vec<_> = maps.iter().map(|map| ObservedView::new(&posed, map)).collect();
-            average(&views, &at, T, &mut Vec::new()).0
-        };
-        assert_eq!(of(std::slice::from_ref(&alone)).weight, 0.0);
-        let (sure, both) = (of(&[wall(50.0)]), of(&[wall(50.0), alone]));
-        assert_eq!((sure.distance, sure.weight), (both.distance, both.weight));
     }
 
     #[test]
