@@ -74,13 +74,12 @@ fn follow(
     let record = |folder: &PathBuf| Recording::start(folder, args.realtime);
     let recording = args.record.as_ref().map(record).transpose()?;
     let sources = if live { Vec::new() } else { inputs::look(&args.input)? };
-    let template = bare::template(args, global, reporter)?;
-    let input = inputs::frame_camera(args.frames.camera.as_deref(), global, &template)?;
+    let (template, input) = known(args, global, reporter)?;
     let camera = &input.file.camera;
     check_files(args, &sources, camera)?;
     let run = run_file(args, global, again)?;
-    let (method, options) = (Method::from(args.method), run.options.clone());
-    let mut tracker = Tracker::of_camera(&template, &input, method, options)?;
+    let options = run.options.clone();
+    let mut tracker = Tracker::of_camera(&template, &input, args.method.into(), options)?;
     let searcher = tracker.searcher();
     let structures = Structures::read(&args.frames.structures, &template, reporter)?;
     let volume = CarriedVolume::read(&args.volume, &template, reporter)?;
@@ -95,7 +94,7 @@ fn follow(
     place::renew(&args.output, "track")?;
     run.write(&args.output)?;
     let shapes = shape_file(&args.output, &template)?;
-    let report = report(args, &template, camera, method)?;
+    let report = report(args, &template, camera)?;
     watch(args, live)?;
     let job = TrackJob {
         args,
@@ -153,14 +152,25 @@ fn report<'a>(
     args: &TrackArgs,
     template: &'a Template,
     camera: &'a CameraModel,
-    method: Method,
 ) -> anyhow::Result<Option<TrackReport<'a>>> {
     if args.no_report {
         return Ok(None);
     }
     let name = args.template.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let page = args.output.join("report.html");
-    Ok(Some(TrackReport::new(page, name, template, camera, method.name())?))
+    let method = Method::from(args.method).name();
+    Ok(Some(TrackReport::new(page, name, template, camera, method)?))
+}
+
+/// The template, and the camera of the frames.
+fn known(
+    args: &TrackArgs,
+    global: &Global,
+    reporter: &Reporter,
+) -> anyhow::Result<(Template, inputs::CameraInput)> {
+    let template = bare::template(args, global, reporter)?;
+    let camera = inputs::frame_camera(args.frames.camera.as_deref(), global, &template)?;
+    Ok((template, camera))
 }
 
 /// Refuse files that cannot be tracked, before anything is written.
