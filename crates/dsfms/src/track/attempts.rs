@@ -1,11 +1,12 @@
 //! How a frame gets its surface: followed from the last one, found again, or both.
 
-use super::beside::{Beside, Need};
+use super::beside::{Beside, Effort, Need};
 use super::candidate::{Candidate, Last};
 use super::clock::Clock;
 use super::follow::FollowedMatches;
 use super::places::FollowedPlace;
 use super::prepare::View;
+use super::search_times::merely_hidden;
 use super::tracker::Tracker;
 use super::{Origin, TrackStatus};
 use crate::geometry::Isometry;
@@ -16,6 +17,8 @@ use crate::verdict::intrinsics::other_camera;
 
 /// Features of a frame that are looked up at most; more tell little.
 const MOST_FEATURES: usize = 2000;
+/// And by a hasty search: it takes less than half as long (`docs/performance.md`).
+const HASTY_FEATURES: usize = 800;
 
 impl Tracker<'_> {
     /// Follow, and find where that is not good enough; the better of both.
@@ -45,7 +48,7 @@ impl Tracker<'_> {
             self.search_times.asked(self.count);
         }
         let found = match self.beside.take() {
-            None => need.search.then(|| self.sought(frame, view, clock)),
+            None => need.search.then(|| self.sought(frame, view, Effort::Full, clock)),
             Some(beside) => self.sought_beside(beside, &need, frame, view, clock),
         };
         let Some(found) = found else {
@@ -83,15 +86,20 @@ impl Tracker<'_> {
         &mut self,
         frame: &Frame,
         view: &View,
+        effort: Effort,
         clock: &mut Clock,
     ) -> Result<Candidate, NoSurface> {
         let seed = self.options.reconstruct.seed;
         let matches = clock.time("find", || {
-            let seen = view.seen.features(frame, &self.working, MOST_FEATURES);
+            let most = match effort {
+                Effort::Full => MOST_FEATURES,
+                Effort::Hasty => HASTY_FEATURES,
+            };
+            let seen = view.seen.features(frame, &self.working, most);
             let options = &self.options.reconstruct.register;
             self.search.matches(self.camera, &seen, options, seed)
         });
-        self.found(view, matches?, clock)
+        self.found(view, matches?, effort, clock)
     }
 
     /// The surface where the template was found: bent as it was last, or from nothing.
@@ -99,6 +107,7 @@ impl Tracker<'_> {
         &mut self,
         view: &View,
         matches: Vec<Match>,
+        effort: Effort,
         clock: &mut Clock,
     ) -> Result<Candidate, NoSurface> {
         let options = &self.options.reconstruct;
@@ -112,10 +121,18 @@ impl Tracker<'_> {
             let found = self.judged(view, draft, Origin::Found, clock);
             self.with_places(view, found)
         });
+        let enough = |c: &Candidate| {
+            let usable = c.verdict.level < TrackStatus::Lost && merely_hidden(&c.verdict.reasons);
+            effort == Effort::Hasty && usable
+        };
+        let again = match again {
+            Some(again) if enough(&again) => return Ok(again),
+            again => again,
+        };
         let anew = self.anew(view, matches, clock).map(|draft| {
             let first = self.judged(view, draft, Origin::Found, clock);
             let first = self.with_places(view, first);
-            self.followed_at_once(view, first, clock)
+            if enough(&first) { first } else { self.followed_at_once(view, first, clock) }
         });
         match (again, anew) {
             (Some(again), Ok(anew)) if anew.beats(&again) => Ok(anew),

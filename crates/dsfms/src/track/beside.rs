@@ -18,6 +18,16 @@ pub(super) struct Question {
     pub(super) known: KnownBefore,
     /// Nothing is followed meanwhile.
     pub(super) alone: bool,
+    pub(super) effort: Effort,
+}
+
+/// How far a search goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Effort {
+    /// All features and starts, the better surface.
+    Full,
+    /// The strongest features, the first surface that is good.
+    Hasty,
 }
 
 /// What a search builds on.
@@ -54,6 +64,10 @@ pub(super) struct Beside {
     pub(super) pending: bool,
     /// Nothing is followed until its answer is there.
     alone: bool,
+    /// Of the question that is out.
+    effort: Effort,
+    /// The last search alone was hasty, and found nothing.
+    in_vain: bool,
     /// The threads that the search leaves for the frames.
     pool: Option<Arc<ThreadPool>>,
     /// Whether the answer is taken in this frame, as in an earlier run; `None`: when it is there.
@@ -76,6 +90,8 @@ impl Beside {
             answers: Mutex::new(answers),
             pending: false,
             alone: false,
+            effort: Effort::Full,
+            in_vain: false,
             pool: pool(left).map(Arc::new),
             as_before: None,
         }
@@ -101,10 +117,23 @@ impl Beside {
 
     /// Ask about a frame.
     pub(super) fn ask(&mut self, question: Question) -> Result<(), Gone> {
-        let alone = question.alone;
+        let (alone, effort) = (question.alone, question.effort);
         self.ask.send(question).map_err(|_| Gone)?;
-        (self.pending, self.alone) = (true, alone);
+        (self.pending, self.alone, self.effort) = (true, alone, effort);
         Ok(())
+    }
+
+    /// How far the next search is to go. Where nothing is followed the soonest surface is the best
+    /// one, as the frames after it improve it; what a hasty search does not find a full one may.
+    pub(super) fn next_effort(&self, alone: bool) -> Effort {
+        if alone && !self.in_vain { Effort::Hasty } else { Effort::Full }
+    }
+
+    /// Whether the answer gave a surface.
+    pub(super) fn answered(&mut self, surface: bool) {
+        if self.alone {
+            self.in_vain = self.effort == Effort::Hasty && !surface;
+        }
     }
 
     /// The answer, where it is there.
@@ -122,5 +151,31 @@ impl Beside {
         };
         self.pending = false;
         Ok(Some(answer))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::channel;
+
+    #[test]
+    fn after_a_hasty_search_in_vain_comes_a_full_one() {
+        let ((ask, _questions), (_answers, answered)) = (channel(), channel());
+        let mut beside = Beside::new(ask, answered);
+        let efforts = |beside: &Beside| [true, false].map(|alone| beside.next_effort(alone));
+        assert_eq!(efforts(&beside), [Effort::Hasty, Effort::Full]);
+        (beside.alone, beside.effort) = (true, Effort::Hasty);
+        beside.answered(false);
+        assert_eq!(efforts(&beside), [Effort::Full, Effort::Full]);
+        // A search beside a followed surface tells nothing of a hasty one.
+        beside.alone = false;
+        beside.answered(true);
+        assert_eq!(efforts(&beside), [Effort::Full, Effort::Full]);
+        for found in [false, true] {
+            (beside.alone, beside.effort) = (true, Effort::Full);
+            beside.answered(found);
+            assert_eq!(efforts(&beside), [Effort::Hasty, Effort::Full]);
+        }
     }
 }

@@ -31,13 +31,20 @@ fn veils(reason: &Reason) -> bool {
     matches!(reason, Reason::RegionContradicted(_) | Reason::Faint { .. })
 }
 
+fn covers(reason: &Reason) -> bool {
+    matches!(reason, Reason::Covered { .. })
+}
+
+/// Whether nothing but what lies before a surface speaks against it.
+pub(super) fn merely_hidden(reasons: &[Reason]) -> bool {
+    reasons.iter().all(|r| covers(r) || veils(r))
+}
+
 impl SearchTimes {
     /// Remember what is wrong with the surface that was followed into frame `now`, if one was.
     pub(super) fn followed(&mut self, now: usize, reasons: Option<&[Reason]>) {
-        let covers = |r: &Reason| matches!(r, Reason::Covered { .. });
-        let covered = reasons.is_some_and(|reasons| {
-            reasons.iter().any(covers) && reasons.iter().all(|r| covers(r) || veils(r))
-        });
+        let covered =
+            reasons.is_some_and(|reasons| reasons.iter().any(covers) && merely_hidden(reasons));
         self.covered = covered.then(|| self.covered.unwrap_or(now));
     }
 

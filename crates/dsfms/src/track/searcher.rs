@@ -1,7 +1,7 @@
 //! The search by descriptors on a thread of its own: the video goes on, and the late answer is
 //! followed from the frame that was searched into the one at hand.
 
-use super::beside::{Answer, Beside, Gone, KnownBefore, Need, Question, pool};
+use super::beside::{Answer, Beside, Effort, Gone, KnownBefore, Need, Question, pool};
 use super::candidate::Candidate;
 use super::clock::Clock;
 use super::prepare::View;
@@ -55,7 +55,7 @@ impl Searcher<'_> {
         let tracker = &mut self.tracker;
         (tracker.count, tracker.last) = (known.count, known.last.clone());
         (tracker.usual, tracker.exposed) = (known.usual.clone(), known.exposed.clone());
-        let found = tracker.sought(frame, view, &mut Clock::default());
+        let found = tracker.sought(frame, view, question.effort, &mut Clock::default());
         let outcome = found.map(|found| {
             let last = tracker.as_last(view, &found);
             (found, last)
@@ -95,7 +95,7 @@ impl<'a> Tracker<'a> {
                 self.beside = Some(beside);
                 found
             }
-            Err(Gone) => need.search.then(|| self.sought(frame, view, clock)),
+            Err(Gone) => need.search.then(|| self.sought(frame, view, Effort::Full, clock)),
         }
     }
 
@@ -112,6 +112,9 @@ impl<'a> Tracker<'a> {
         self.answered = answer.is_some();
         let found = answer.filter(|_| !need.held).map(|answer| self.caught_up(view, answer, clock));
         let settled = matches!(&found, Some(Ok(c)) if c.verdict.level < TrackStatus::Lost);
+        if self.answered {
+            beside.answered(settled);
+        }
         if !need.search || settled || beside.pending {
             return Ok(found);
         }
@@ -122,7 +125,8 @@ impl<'a> Tracker<'a> {
             exposed: self.exposed.clone(),
         };
         let alone = need.level == TrackStatus::Lost;
-        let question = Question { frame: frame.clone(), view: view.clone(), known, alone };
+        let effort = beside.next_effort(alone);
+        let question = Question { frame: frame.clone(), view: view.clone(), known, alone, effort };
         beside.ask(question)?;
         Ok(found)
     }

@@ -17,7 +17,7 @@ pub struct Meter {
     residuals: [Vec<f64>; 2],
     status: [usize; 3],
     found: usize,
-    /// Resident memory after every twentieth part of the run, MiB.
+    /// Resident memory after every twentieth part of the run, less these figures, MiB.
     memory: Vec<f64>,
     count: usize,
     wall: f64,
@@ -69,8 +69,16 @@ impl Meter {
             );
         }
         if self.latency_ms.len().is_multiple_of((self.count / 20).max(1)) {
-            self.memory.push(memory_mib("VmRSS:"));
+            self.memory.push(memory_mib("VmRSS:") - self.own_mib());
         }
+    }
+
+    /// What these figures themselves take, MiB.
+    fn own_mib(&self) -> f64 {
+        let stages = self.stages.values().chain(self.others.values());
+        let all = [&self.latency_ms, &self.solve_ms, &self.followed_ms].into_iter();
+        let all = all.chain(&self.residuals).chain(stages);
+        all.map(Vec::len).sum::<usize>() as f64 * 8.0 / (1 << 20) as f64
     }
 
     pub fn finish(&mut self, wall: f64, cpu: f64) {
