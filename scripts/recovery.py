@@ -6,7 +6,7 @@
 Two stretches of the frames in turn, six times, each followed by 15 black frames, go through `dsfms track --realtime
 --rate 25`. For every return of the picture: the frame that has a surface again, counted from 1; those at the end of the
 clip that never do are `-`. Those found at once were followed across the gap. The first figure is the start of the video.
-Needs pillow.
+What it does not know goes to `dsfms track`, `--no-report` for one. Needs pillow.
 """
 import argparse
 import csv
@@ -56,7 +56,7 @@ def main():
     parser.add_argument("--camera", help="of the frames, where it is not the template's")
     parser.add_argument("--first", type=stretch, default="0:20", metavar="A:B")
     parser.add_argument("--then", type=stretch, default="60:85", metavar="A:B")
-    args = parser.parse_args()
+    args, more = parser.parse_known_args()
     frames = sorted(p for p in args.frames.iterdir() if p.suffix.lower() in (".png", ".jpg", ".jpeg"))
     with tempfile.TemporaryDirectory() as folder:
         seen = make(frames, [args.first, args.then], Path(folder))
@@ -64,7 +64,7 @@ def main():
             out = Path(folder) / f"out{run}"
             command = [program, "track", args.template, f"{folder}/frames", "--realtime", "--rate", "25", "-q"]
             command += ["--camera", args.camera] if args.camera else []
-            subprocess.run([*command, "-o", out], check=False)
+            subprocess.run([*command, *more, "-o", out], check=False)
             print(f"{program}: {found_after(out / 'summary.csv', seen)}", flush=True)
 
 
