@@ -50,8 +50,9 @@ pub(super) fn look_at<'a>(
     FrameLook::new(photo, rest, shape, look_options(photo, options))
 }
 
-/// What is seen with the surface at `shape` (camera axes) and with shading as it is at the vertices,
-/// not blurred as the image is: the weights of the expected error are fitted to such residuals.
+/// What is seen with the surface at `shape` (camera axes) and with shading as it is at the
+/// vertices, not blurred as the image is: the weights of the expected error are fitted to such
+/// residuals.
 pub(crate) fn gather_pointwise(
     photo: &Photograph,
     rest: &Mesh,

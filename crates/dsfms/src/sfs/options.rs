@@ -3,7 +3,8 @@
 use crate::options::{OptionError, check, from_zero, positive};
 use serde::{Deserialize, Serialize};
 
-/// Options of [`super::shape_from_shading`]. Other values are not measured: it is here to compare with.
+/// Options of [`super::shape_from_shading`]. Other values are not measured: it is here to compare
+/// with.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SfsOptions {

@@ -6,8 +6,8 @@ use crate::light::coat::{PLAUSIBLE, WET_TISSUE};
 use crate::options::{OptionError, check, positive};
 use serde::{Deserialize, Serialize};
 
-/// Options of [`super::fit_light`]. Other values than the defaults are not measured; what they reach is in
-/// `docs/results/template.md` (albedo).
+/// Options of [`super::fit_light`]. Other values than the defaults are not measured; what they
+/// reach is in `docs/results/template.md` (albedo).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LightFitOptions {
