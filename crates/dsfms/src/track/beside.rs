@@ -129,8 +129,10 @@ impl Beside {
         if alone && !self.in_vain { Effort::Hasty } else { Effort::Full }
     }
 
-    /// Whether the answer gave a surface.
-    pub(super) fn answered(&mut self, surface: bool) {
+    /// The answer is there, and may hold a surface of its frame; whether that can be followed into
+    /// the frame at hand is another matter, and the sooner the next answer comes, the better.
+    fn answered(&mut self, surface: bool) {
+        self.pending = false;
         if self.alone {
             self.in_vain = self.effort == Effort::Hasty && !surface;
         }
@@ -149,7 +151,8 @@ impl Beside {
                 Err(TryRecvError::Disconnected) => return Err(Gone),
             },
         };
-        self.pending = false;
+        let surface = |(c, _): &(Candidate, Last)| c.verdict.level < TrackStatus::Lost;
+        self.answered(answer.outcome.as_ref().is_ok_and(surface));
         Ok(Some(answer))
     }
 }

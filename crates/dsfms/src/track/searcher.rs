@@ -112,9 +112,6 @@ impl<'a> Tracker<'a> {
         self.answered = answer.is_some();
         let found = answer.filter(|_| !need.held).map(|answer| self.caught_up(view, answer, clock));
         let settled = matches!(&found, Some(Ok(c)) if c.verdict.level < TrackStatus::Lost);
-        if self.answered {
-            beside.answered(settled);
-        }
         if !need.search || settled || beside.pending {
             return Ok(found);
         }
