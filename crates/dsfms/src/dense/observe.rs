@@ -7,12 +7,13 @@ use crate::image::{Plane, distance::distance_to, within_centres};
 
 /// Weight of free space against that of the surface itself.
 const FREE_SPACE: f64 = 0.2;
-/// One in this many pictures that hold a point must see the space there as free: wrong depths on
-/// bare tissue agree in a few frames, and dig pits. From one in five to two in three the surface is
-/// much the same (`docs/results/template.md`); of fewer pictures than this one says it.
+/// One in this many pictures that hold a point, rounded down, must see the space there as free:
+/// wrong depths on bare tissue agree in a few frames, and dig pits. From one in five to two in
+/// three a faintly textured scene is much the same (`docs/results/template.md`); of fewer than
+/// twice as many pictures one is enough.
 const FREE_ONE_IN: usize = 4;
 /// Least trust in what four pixels say together: a lone pixel among such that no other frame
-/// confirms (trust of 0.15 at most) is one of them. From 0.16 to 0.3 it is the same.
+/// confirms (trust of 0.15 at most) is one of them. From 0.16 to 0.3 two scenes are the same.
 const LEAST_TRUST: f64 = 0.2;
 /// A pixel says nothing about points farther behind it than this many truncation distances, however
 /// grazing its plane.
@@ -116,6 +117,7 @@ impl PlaneDistance {
         self.behind += share * other.behind;
     }
 
+    /// The point lies before the surface by a truncation distance or more.
     fn is_free(&self) -> bool {
         self.distance >= 1.0
     }
@@ -163,13 +165,7 @@ pub(super) fn average(
 ) -> (DistanceEvidence, f32) {
     seen.clear();
     seen.extend(views.iter().filter_map(|v| v.observe(point, truncation)));
-    let free = seen.iter().filter(|s| s.weight > 0.0 && s.is_free()).count();
-    if free > 0 {
-        let pictures = views.iter().filter(|v| v.on_map(&(v.map.pose * point)).is_some()).count();
-        if free < pictures / FREE_ONE_IN {
-            seen.retain(|s| !s.is_free());
-        }
-    }
+    forget_doubtful_space(views, point, seen);
     let support: f64 = seen.iter().map(|s| s.support).sum();
     let outside = outside(views, point) / truncation;
     let found = robust_distance(seen);
@@ -183,6 +179,19 @@ pub(super) fn average(
     }
     let bound = distance > FREE;
     (DistanceEvidence { distance: distance as f32, weight: weight as f32, bound }, support as f32)
+}
+
+/// Leave out that space is free where too few of the pictures that hold the point see it so.
+fn forget_doubtful_space(views: &[ObservedView], point: &Point3, seen: &mut Vec<PlaneDistance>) {
+    let free = seen.iter().filter(|s| s.weight > 0.0 && s.is_free()).count();
+    // Most space is seen as free by enough of all pictures, and which ones hold it does not matter.
+    if free == 0 || free >= views.len() / FREE_ONE_IN {
+        return;
+    }
+    let pictures = views.iter().filter(|v| v.on_map(&(v.map.pose * point)).is_some()).count();
+    if free < pictures / FREE_ONE_IN {
+        seen.retain(|s| !s.is_free());
+    }
 }
 
 /// How far the point lies outside the organ's outline: the second largest distance from the cones

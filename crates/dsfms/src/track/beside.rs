@@ -18,6 +18,7 @@ pub(super) struct Question {
     pub(super) known: KnownBefore,
     /// Nothing is followed meanwhile.
     pub(super) alone: bool,
+    /// How far the search goes.
     pub(super) effort: Effort,
 }
 
