@@ -18,7 +18,7 @@ const FOLDER: &str = "view";
 /// Frames that a page has from the start: they say which layers there are and how far values reach.
 const HERE: usize = 8;
 /// Longest side of an image, px.
-const LONGEST_SIDE: u32 = 640;
+const LONGEST_SIDE: usize = 640;
 /// Frames that wait to be written; then who brings more waits too.
 const WAITING: usize = 8;
 
@@ -41,8 +41,7 @@ impl Writer {
         let (send, receive) = sync_channel::<(Frame, ShownFrame)>(WAITING);
         let thread = std::thread::spawn(move || {
             for (frame, mut shown) in receive {
-                let picture = crate::draw::picture(&frame);
-                shown.image = Some(embed::thumbnail(picture, LONGEST_SIDE)?);
+                shown.image = Some(embed::thumbnail(&frame, LONGEST_SIDE)?);
                 write(&output, &shown)?;
             }
             Ok(())

@@ -88,30 +88,47 @@ pub fn flags(values: &[bool]) -> String {
 
 /// A frame as a data URI, made smaller where it is large.
 pub fn photograph(frame: &Frame) -> anyhow::Result<String> {
-    photograph_within(crate::draw::picture(frame), LONGEST_SIDE)
-}
-
-/// A picture as a data URI, made smaller where a side is longer than `side` px.
-pub fn photograph_within(picture: RgbImage, side: u32) -> anyhow::Result<String> {
+    let picture = crate::draw::picture(frame);
     let (w, h) = picture.dimensions();
     let longest = w.max(h);
-    if longest <= side {
+    if longest <= LONGEST_SIDE {
         return jpeg(&picture);
     }
-    let scaled = |n: u32| (n * side / longest).max(1);
+    let scaled = |n: u32| (n * LONGEST_SIDE / longest).max(1);
     let filter = image::imageops::FilterType::Triangle;
     jpeg(&image::imageops::resize(&picture, scaled(w), scaled(h), filter))
 }
 
-/// Like [`photograph_within`] by means of whole pixels: faster.
-pub fn thumbnail(picture: RgbImage, side: u32) -> anyhow::Result<String> {
-    let (w, h) = picture.dimensions();
-    let longest = w.max(h);
-    if longest <= side {
-        return jpeg(&picture);
+/// Like [`photograph`], no side longer than `side` px, for pictures of a running report: by means of
+/// whole pixels, which cost less than a filter.
+pub fn thumbnail(frame: &Frame, side: usize) -> anyhow::Result<String> {
+    let longest = frame.size[0].max(frame.size[1]);
+    match longest.div_ceil(side) {
+        0 | 1 => jpeg(&crate::draw::picture(frame)),
+        by => jpeg(&block_means(frame, by)),
     }
-    let scaled = |n: u32| (n * side / longest).max(1);
-    jpeg(&image::imageops::thumbnail(&picture, scaled(w), scaled(h)))
+}
+
+/// Means of blocks of `by` times `by` pixels; what is left at the right and at the bottom is cut
+/// off.
+fn block_means(frame: &Frame, by: usize) -> RgbImage {
+    let [w, h] = frame.size.map(|n| (n / by).max(1));
+    let mut bytes = Vec::with_capacity(3 * w * h);
+    let mut sums = vec![[0_u32; 3]; w];
+    for rows in frame.rgb.chunks(frame.size[0] * by).take(h) {
+        sums.fill([0; 3]);
+        let mut count = 0;
+        for row in rows.chunks_exact(frame.size[0]) {
+            count += by.min(frame.size[0]) as u32;
+            for (sum, block) in sums.iter_mut().zip(row.chunks(by)) {
+                for pixel in block {
+                    (0..3).for_each(|c| sum[c] += u32::from(pixel[c]));
+                }
+            }
+        }
+        bytes.extend(sums.iter().flatten().map(|sum| ((sum + count / 2) / count) as u8));
+    }
+    RgbImage::from_raw(w as u32, h as u32, bytes).expect("three bytes for every block")
 }
 
 /// A picture as a data URI.
@@ -162,6 +179,18 @@ mod tests {
     #[test]
     fn text_cannot_break_the_page() {
         assert_eq!(escape("<a href=\"x\">&"), "&lt;a href=&quot;x&quot;&gt;&amp;");
+    }
+
+    #[test]
+    fn a_block_is_the_mean_of_its_pixels() {
+        let rgb = (0..35).map(|i| [i as u8, 100, (i % 7) as u8]).collect();
+        let frame = Frame { name: "f".into(), size: [7, 5], rgb };
+        let small = block_means(&frame, 2);
+        assert_eq!(small.dimensions(), (3, 2));
+        // Of 0, 1, 7, 8 and of 18, 19, 25, 26.
+        assert_eq!((small.get_pixel(0, 0).0, small.get_pixel(2, 1).0), ([4, 100, 1], [22, 100, 5]));
+        let narrow = Frame { size: [1, 35], ..frame };
+        assert_eq!(block_means(&narrow, 5).get_pixel(0, 1).0[0], 7);
     }
 
     #[test]
