@@ -187,9 +187,23 @@ impl<'a> FrameLook<'a> {
         lit.filter(|_| mean > 0.0).map_or(0.0, |lit| lit.0 / mean - shade)
     }
 
-    /// What the channels say of a point; `None` where it is hidden, grazing, near a contour, or
-    /// where most of the blur is of pixels that do not count.
+    /// What the channels say of a point; `None` where it is not looked at.
     pub(super) fn at(&self, point: &Point3, pixel: &Point2, normal: &Vector3) -> Option<Channels> {
+        let here = self.seen(point, pixel, normal)?;
+        let shade = self.photo.light.shade(point, normal).value;
+        let albedo = self.albedo.sampled(pixel)?;
+        Some(Channels {
+            image: self.image.sampled(pixel)?,
+            albedo,
+            shade,
+            added_shade: self.added_shade(pixel, &albedo, shade),
+            maybe_glare: self.mirrors(point, normal) || self.in_halo(here),
+        })
+    }
+
+    /// The pixel in which a point is looked at, by its index; `None` where it is hidden, grazing,
+    /// near a contour, or where most of the blur is of pixels that do not count.
+    pub(super) fn seen(&self, point: &Point3, pixel: &Point2, normal: &Vector3) -> Option<usize> {
         let [w, h] = self.image.size;
         let (x, y) = (pixel.x.round(), pixel.y.round());
         if !(x >= 0.0 && y >= 0.0 && x < w as f64 && y < h as f64) {
@@ -198,18 +212,8 @@ impl<'a> FrameLook<'a> {
         let i = y as usize * w + x as usize;
         let occluded = self.raster.depth[i] < point.z - self.tolerance;
         let grazing = -normal.dot(&point.coords.normalize()) < self.options.grazing;
-        if occluded || grazing || self.at_contour.data[i] || self.support.data[i] < 0.5 {
-            return None;
-        }
-        let shade = self.photo.light.shade(point, normal).value;
-        let albedo = self.albedo.sampled(pixel)?;
-        Some(Channels {
-            image: self.image.sampled(pixel)?,
-            albedo,
-            shade,
-            added_shade: self.added_shade(pixel, &albedo, shade),
-            maybe_glare: self.mirrors(point, normal) || self.in_halo(i),
-        })
+        let left_out = occluded || grazing || self.at_contour.data[i] || self.support.data[i] < 0.5;
+        (!left_out).then_some(i)
     }
 }
 

@@ -7,7 +7,7 @@ use super::joint_options::JointOptions;
 use super::look::FrameLook;
 use crate::energy::photometric::{Gain, Sample};
 use crate::energy::{Brightness, Lift};
-use crate::geometry::{GRAIN, Point3, Vector3, turn_between};
+use crate::geometry::{GRAIN, Point2, Point3, Vector3, turn_between};
 use crate::image::{ColorImage, diagonal};
 use crate::mesh::Mesh;
 use crate::mesh::normals::vertex_normals;
@@ -110,11 +110,13 @@ fn at_vertices(
     let topology = &body.scene().rest.topology;
     let normals = vertex_normals(topology, shape);
     let seen = |v: usize| {
-        let point = look.shape[v];
-        Some((v, look.at(&point, &look.project(&point)?, &look.normals[v])?))
+        let pixel = look.project(&look.shape[v])?;
+        look.seen(&look.shape[v], &pixel, &look.normals[v])?;
+        Some((v, pixel))
     };
-    let placed = |&(v, channels): &(usize, Channels)| {
-        let (point, normal) = (look.shape[v], look.normals[v]);
+    let placed = |(v, pixel): &(usize, Point2)| {
+        let (v, point, normal) = (*v, look.shape[*v], look.normals[*v]);
+        let channels = look.at(&point, pixel, &normal)?;
         let (face, barycentric) = body.place(v)?;
         let corners = topology.faces[face as usize].map(|k| k as usize);
         let under: Vector3 = corners.iter().zip(barycentric).map(|(&k, b)| normals[k] * b).sum();
