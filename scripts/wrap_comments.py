@@ -4,7 +4,7 @@
 usage: wrap_comments.py [FILE...]      (without files: all that git tracks)
 
 A line that is too long is broken, and what is left over goes before the next line of its paragraph. Code blocks,
-tables, headings and lines without a blank to break at stay as they are.
+tables, headings and lines without a blank to break at stay as they are, and so do lines of a text that goes on.
 """
 import re
 import subprocess
@@ -39,7 +39,8 @@ def wrapped(lines):
     while k < len(lines):
         line = lines[k]
         k += 1
-        found = parts(line)
+        # After a line that ends with a backslash it is no comment but text.
+        found = parts(line) if k < 2 or not lines[k - 2].endswith("\\") else None
         if not found:
             fenced = None
             out.append(line)

@@ -99,8 +99,8 @@ pub fn photograph(frame: &Frame) -> anyhow::Result<String> {
     jpeg(&image::imageops::resize(&picture, scaled(w), scaled(h), filter))
 }
 
-/// Like [`photograph`], no side longer than `side` px, for pictures of a running report: by means of
-/// whole pixels, which cost less than a filter.
+/// Like [`photograph`], no side longer than `side` px, for pictures of a running report: by means
+/// of whole pixels, which cost less than a filter.
 pub fn thumbnail(frame: &Frame, side: usize) -> anyhow::Result<String> {
     let longest = frame.size[0].max(frame.size[1]);
     match longest.div_ceil(side) {
