@@ -1,9 +1,9 @@
 """How far a template's surface is from the true one. usage: surface.py SCENE TEMPLATE [TEMPLATE ...]
 
 The similarity that brings the camera centres onto the true ones is taken out. Prints, in mm: what it leaves of the
-centres (root mean square); distances of the template's vertices from the nearest of 400,000 points of the true
-surface; the share of true vertices that two frames or more see within 0.5 mm of the template's surface; the share of
-the template's vertices that no depth map vouches for.
+centres (root mean square); distances of the template's vertices from the true surface; the share of true vertices that
+two frames or more see within 0.5 mm of the template's surface; the share of the template's vertices that no depth map
+vouches for.
 """
 
 import json
@@ -12,9 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from scipy.spatial import cKDTree
 
-POINTS = 400_000
+from measure import Surface
 
 
 def centre(rotation, translation):
@@ -64,7 +63,7 @@ def main() -> None:
     scene = Path(sys.argv[1])
     true = true_centres(scene)
     rest = trimesh.load(scene / "ground_truth" / "rest_world.ply", process=False)
-    near = cKDTree(trimesh.sample.sample_surface(rest, POINTS, seed=1)[0])
+    near = Surface(rest.vertices, rest.faces)
     seen = rest.vertices[np.load(scene / "ground_truth" / "rest_vertex_seen_count.npy") >= 2]
     print("| template | cameras | median | rms | 95th percentile | worst | complete | unmeasured |\n" + "| --- " * 8 + "|")
     for template in map(Path, sys.argv[2:]):
@@ -74,14 +73,13 @@ def main() -> None:
         align = similarity(found, wanted)
         off = np.sqrt(((align(found) - wanted) ** 2).sum(1).mean())
         mesh = trimesh.load(template / "template.ply", process=False)
-        d, _ = near.query(align(mesh.vertices))
-        mesh.vertices = align(mesh.vertices)
-        surface = cKDTree(trimesh.sample.sample_surface(mesh, POINTS, seed=1)[0])
-        complete = (surface.query(seen)[0] < 0.5).mean()
+        vertices = align(mesh.vertices)
+        d = near.closest(vertices)[0]
+        complete = (Surface(vertices, mesh.faces).closest(seen)[0] < 0.5).mean()
         sigma = np.load(template / "sigma.npz")
         open_share = (~np.isfinite(sigma[sigma.files[0]])).mean()
         figures = [off, np.median(d), np.sqrt((d**2).mean()), np.percentile(d, 95), d.max()]
-        print(f"| {template.stem} | " + " | ".join(f"{x:.2f}" for x in figures), end=" | ")
+        print(f"| {template.stem} | " + " | ".join(f"{x:.3f}" for x in figures), end=" | ")
         print(f"{100 * complete:.1f} % | {100 * open_share:.0f} % |")
 
 
