@@ -74,8 +74,8 @@ impl Clip {
         ]
     }
 
-    pub fn print_errors(&self, tracked: &[Option<Tracked>]) {
-        let shapes = tracked.iter().flatten().take(self.truth.len()).enumerate();
+    pub fn print_errors(&self, tracked: &[Tracked]) {
+        let shapes = tracked.iter().take(self.truth.len()).enumerate();
         let errors: Vec<[f64; 2]> = shapes
             .filter_map(|(k, t)| Some(self.errors(k, &t.surface.as_ref()?.vertices)))
             .collect();
@@ -96,9 +96,9 @@ impl Clip {
     }
 
     /// How far the kept matches lie from where the truth projects: `median / 90 % / mean offset`.
-    pub fn print_matches(&self, tracked: &[Option<Tracked>]) {
+    pub fn print_matches(&self, tracked: &[Tracked]) {
         let (mut distances, mut sum) = (Vec::new(), Vector2::zeros());
-        for (t, truth) in tracked.iter().flatten().zip(&self.truth) {
+        for (t, truth) in tracked.iter().zip(&self.truth) {
             let matches = t.surface.iter().flat_map(|s| &s.matches).filter(|m| m.1);
             for (m, _) in matches {
                 let face = self.template.mesh.topology.faces[m.face as usize];
@@ -114,7 +114,7 @@ impl Clip {
             println!(
                 "matches {}, a frame {:.0}: {:.2} px median, {:.2} px 90 %, offset {:.2} {:.2}",
                 n,
-                n as f64 / tracked.iter().flatten().count() as f64,
+                n as f64 / tracked.len() as f64,
                 distances[n / 2],
                 distances[n * 9 / 10],
                 sum.x / n as f64,
@@ -124,7 +124,7 @@ impl Clip {
     }
 
     /// Every so-manieth frame by itself, found and solved from nothing, beside the tracked one.
-    pub fn print_cold(&self, tracked: &[Option<Tracked>], method: Method, every: usize) {
+    pub fn print_cold(&self, tracked: &[Tracked], method: Method, every: usize) {
         let tone = self.template.tone.clone();
         let (mut sums, mut count) = ([0.0; 2], 0.0);
         for k in (0..self.truth.len()).step_by(every) {
@@ -132,7 +132,7 @@ impl Clip {
             let fresh = Tracker::new(&self.template, &self.camera, &tone, method, options);
             let alone = fresh.ok().and_then(|mut t| t.next(&self.frames[k], None).ok());
             let cold = alone.and_then(|t| t.surface);
-            let warm = tracked[k].as_ref().and_then(|t| t.surface.as_ref());
+            let warm = tracked[k].surface.as_ref();
             let (Some(cold), Some(warm)) = (cold, warm) else { continue };
             let errors = [&warm.vertices, &cold.vertices].map(|s| self.errors(k, s)[0]);
             println!("frame {k:4}: zone {:.3} mm tracked, {:.3} mm alone", errors[0], errors[1]);

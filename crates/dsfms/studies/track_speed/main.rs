@@ -113,8 +113,8 @@ fn forth_and_back(k: usize, n: usize) -> usize {
     if around < n { around } else { 2 * (n - 1) - around }
 }
 
-/// What was measured, and what was tracked where it is to be compared.
-type Run = (Meter, Vec<Option<Tracked>>);
+/// What was measured, and what was tracked first, through all frames once.
+type Run = (Meter, Vec<Tracked>);
 
 fn run(clip: &Clip, args: &Args, count: usize) -> Result<Run, Box<dyn std::error::Error>> {
     let options = args.options.clone();
@@ -150,7 +150,9 @@ fn run(clip: &Clip, args: &Args, count: usize) -> Result<Run, Box<dyn std::error
             let begun = Instant::now();
             let tracked = tracker.solve(&prepared);
             meter.add(given.elapsed(), begun.elapsed(), &tracked);
-            kept.push((kept.len() < clip.frames.len()).then_some(tracked));
+            if kept.len() < clip.frames.len() {
+                kept.push(tracked);
+            }
         }
     });
     meter.finish(start.elapsed().as_secs_f64(), cpu_seconds() - cpu);
