@@ -18,7 +18,7 @@ const FOLDER: &str = "view";
 /// Frames that a page has from the start: they say which layers there are and how far values reach.
 const HERE: usize = 8;
 /// Longest side of an image, px.
-const LONGEST_SIDE: usize = 640;
+const LONGEST_SIDE: u32 = 640;
 /// Frames that wait to be written; then who brings more waits too.
 const WAITING: usize = 8;
 

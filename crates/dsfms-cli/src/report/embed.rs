@@ -88,39 +88,45 @@ pub fn flags(values: &[bool]) -> String {
 
 /// A frame as a data URI, made smaller where it is large.
 pub fn photograph(frame: &Frame) -> anyhow::Result<String> {
+    jpeg(&filtered(frame, LONGEST_SIDE))
+}
+
+/// A frame as a data URI, no side longer than `side` px, for pictures of a running report: means of
+/// blocks of pixels where these make up the frame, which cost less than a filter.
+pub fn thumbnail(frame: &Frame, side: u32) -> anyhow::Result<String> {
+    jpeg(&reduced(frame, side))
+}
+
+fn reduced(frame: &Frame, side: u32) -> RgbImage {
+    let longest = frame.size[0].max(frame.size[1]);
+    let (side_px, by) = (side as usize, longest / side as usize);
+    let whole = by > 1 && by * side_px == longest && frame.size.iter().all(|n| n % by == 0);
+    if whole { block_means(frame, by) } else { filtered(frame, side) }
+}
+
+/// The frame, by a filter where a side is longer than `side` px.
+fn filtered(frame: &Frame, side: u32) -> RgbImage {
     let picture = crate::draw::picture(frame);
     let (w, h) = picture.dimensions();
     let longest = w.max(h);
-    if longest <= LONGEST_SIDE {
-        return jpeg(&picture);
+    if longest <= side {
+        return picture;
     }
-    let scaled = |n: u32| (n * LONGEST_SIDE / longest).max(1);
+    let scaled = |n: u32| (n * side / longest).max(1);
     let filter = image::imageops::FilterType::Triangle;
-    jpeg(&image::imageops::resize(&picture, scaled(w), scaled(h), filter))
+    image::imageops::resize(&picture, scaled(w), scaled(h), filter)
 }
 
-/// Like [`photograph`], no side longer than `side` px, for pictures of a running report: by means
-/// of whole pixels, which cost less than a filter.
-pub fn thumbnail(frame: &Frame, side: usize) -> anyhow::Result<String> {
-    let longest = frame.size[0].max(frame.size[1]);
-    match longest.div_ceil(side) {
-        0 | 1 => jpeg(&crate::draw::picture(frame)),
-        by => jpeg(&block_means(frame, by)),
-    }
-}
-
-/// Means of blocks of `by` times `by` pixels; what is left at the right and at the bottom is cut
-/// off.
+/// Means of blocks of `by` times `by` pixels, which divides both sides of the frame.
 fn block_means(frame: &Frame, by: usize) -> RgbImage {
-    let [w, h] = frame.size.map(|n| (n / by).max(1));
+    let [w, h] = frame.size.map(|n| n / by);
+    let count = (by * by) as u32;
     let mut bytes = Vec::with_capacity(3 * w * h);
     let mut sums = vec![[0_u32; 3]; w];
-    for rows in frame.rgb.chunks(frame.size[0] * by).take(h) {
+    for rows in frame.rgb.chunks_exact(by * frame.size[0]) {
         sums.fill([0; 3]);
-        let mut count = 0;
         for row in rows.chunks_exact(frame.size[0]) {
-            count += by.min(frame.size[0]) as u32;
-            for (sum, block) in sums.iter_mut().zip(row.chunks(by)) {
+            for (sum, block) in sums.iter_mut().zip(row.chunks_exact(by)) {
                 for pixel in block {
                     (0..3).for_each(|c| sum[c] += u32::from(pixel[c]));
                 }
@@ -181,16 +187,27 @@ mod tests {
         assert_eq!(escape("<a href=\"x\">&"), "&lt;a href=&quot;x&quot;&gt;&amp;");
     }
 
+    /// Red counts the pixels.
+    fn counted([w, h]: [usize; 2]) -> Frame {
+        let rgb = (0..w * h).map(|i| [i as u8, 100, (i % w) as u8]).collect();
+        Frame { name: "f".into(), size: [w, h], rgb }
+    }
+
     #[test]
     fn a_block_is_the_mean_of_its_pixels() {
-        let rgb = (0..35).map(|i| [i as u8, 100, (i % 7) as u8]).collect();
-        let frame = Frame { name: "f".into(), size: [7, 5], rgb };
-        let small = block_means(&frame, 2);
+        let small = reduced(&counted([6, 4]), 3);
         assert_eq!(small.dimensions(), (3, 2));
-        // Of 0, 1, 7, 8 and of 18, 19, 25, 26.
-        assert_eq!((small.get_pixel(0, 0).0, small.get_pixel(2, 1).0), ([4, 100, 1], [22, 100, 5]));
-        let narrow = Frame { size: [1, 35], ..frame };
-        assert_eq!(block_means(&narrow, 5).get_pixel(0, 1).0[0], 7);
+        // Of 0, 1, 6, 7 and of 16, 17, 22, 23.
+        assert_eq!((small.get_pixel(0, 0).0, small.get_pixel(2, 1).0), ([4, 100, 1], [20, 100, 5]));
+    }
+
+    #[test]
+    fn a_frame_that_blocks_do_not_make_up_keeps_its_longest_side() {
+        for (size, side, expected) in
+            [([720, 576], 640, (640, 512)), ([8, 3], 4, (4, 1)), ([5, 4], 5, (5, 4))]
+        {
+            assert_eq!(reduced(&counted(size), side).dimensions(), expected);
+        }
     }
 
     #[test]

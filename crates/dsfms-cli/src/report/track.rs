@@ -22,7 +22,7 @@ const MOST_FRAMES: usize = 96;
 /// Most bytes of frames in the page.
 const MOST_BYTES: usize = 11_000_000;
 /// Longest side of an image in the page, px.
-const LONGEST_SIDE: usize = 640;
+const LONGEST_SIDE: u32 = 640;
 /// Most runs of frames in the table of events.
 const MOST_EVENTS: usize = 100;
 /// Least time between two writings.

@@ -187,7 +187,7 @@ impl<'a> FrameLook<'a> {
         lit.filter(|_| mean > 0.0).map_or(0.0, |lit| lit.0 / mean - shade)
     }
 
-    /// What the channels say of a point; `None` where it is not looked at.
+    /// What the channels say of a point; `None` where it is not looked at: [`Self::seen`].
     pub(super) fn at(&self, point: &Point3, pixel: &Point2, normal: &Vector3) -> Option<Channels> {
         let here = self.seen(point, pixel, normal)?;
         let shade = self.photo.light.shade(point, normal).value;
